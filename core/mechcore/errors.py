@@ -1,0 +1,28 @@
+"""Errors that a user can act on: each names the item, the value and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Fault", "MechanismError"]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong: where (a dotted path such as ``pairs.C``), what, and what to do about it."""
+
+    path: str
+    message: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.message}" + (f" {self.remedy}" if self.remedy else "")
+
+
+class MechanismError(ValueError):
+    """A mechanism that cannot be built, assembled or solved as stated; carries every fault found, not only the first."""
+
+    def __init__(self, faults: Sequence[Fault] | Fault):
+        self.faults: tuple[Fault, ...] = (faults,) if isinstance(faults, Fault) else tuple(faults)
+        super().__init__("; ".join(map(str, self.faults)))

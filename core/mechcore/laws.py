@@ -1,0 +1,259 @@
+"""Laws of motion: a coordinate as a function of time with its exact first and second derivatives.
+
+A law is called with an array of times and returns three arrays. ``duration`` is the time that one cycle takes; laws that
+repeat are continued beyond it by adding ``advance`` (one turn, or nothing) for every cycle. At a time where the acceleration
+jumps, the value belongs to the piece that ends there (zones are half-open on the left, as in the contour-graph article).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["ConstantSpeed", "Law", "Oscillation", "Piecewise", "Table", "TableLaw", "polynomial_through", "zones"]
+
+Array = NDArray[np.float64]
+Triple = tuple[Array, Array, Array]
+
+
+class Law(Protocol):
+    """Any motion of a drive."""
+
+    @property
+    def duration(self) -> float:
+        """Time of one cycle [s]."""
+        ...
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times within a cycle at which the acceleration may jump [s]."""
+        ...
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        """Times (...) [s] -> position, velocity, acceleration, each (...) in rad or m per s^k."""
+        ...
+
+
+@dataclass(frozen=True)
+class ConstantSpeed:
+    """``start + speed t``; one cycle is one turn, or ``travel`` where that is given (sliding drives, limited ranges)."""
+
+    start: float
+    speed: float
+    travel: float = 2.0 * np.pi
+
+    @property
+    def duration(self) -> float:
+        return abs(self.travel / self.speed)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        t = np.asarray(t, float)
+        return self.start + self.speed * t, np.full_like(t, self.speed), np.zeros_like(t)
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """``centre + amplitude sin(2 pi frequency t + phase)``."""
+
+    centre: float
+    amplitude: float
+    frequency: float  # [Hz]
+    phase: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        return 1.0 / self.frequency
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        w = 2.0 * np.pi * self.frequency
+        x = w * np.asarray(t, float) + self.phase
+        s, c = self.amplitude * np.sin(x), self.amplitude * np.cos(x)
+        return self.centre + s, w * c, -w * w * s
+
+
+@dataclass(frozen=True, eq=False)
+class Piecewise:
+    """Polynomial pieces: on ``(knots[k], knots[k+1]]`` the value is ``sum_j coefficients[k][j] (t - knots[k])^j``.
+
+    Before the first and after the last knot the law either repeats (``advance`` is added per cycle) or is refused by the scene.
+    """
+
+    knots: tuple[float, ...]
+    coefficients: tuple[tuple[float, ...], ...]
+    advance: float = 0.0
+    _table: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        degree = max(map(len, self.coefficients))
+        table = np.zeros((degree, len(self.coefficients)))
+        for k, c in enumerate(self.coefficients):
+            table[: len(c), k] = c
+        object.__setattr__(self, "_table", table)
+
+    @property
+    def duration(self) -> float:
+        return self.knots[-1] - self.knots[0]
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(k - self.knots[0] for k in self.knots[1:-1])
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        t = np.asarray(t, float)
+        first = self.knots[0]
+        cycle = np.ceil((t - first) / self.duration) - 1.0  # half-open on the left: the end of a cycle belongs to it
+        cycle = np.maximum(cycle, 0.0)
+        local = t - cycle * self.duration
+        piece = np.clip(np.searchsorted(self.knots, local, side="left") - 1, 0, len(self.coefficients) - 1)
+        u = local - np.asarray(self.knots)[piece]
+        c = self._table[:, piece]
+        q, v, a = np.zeros_like(u), np.zeros_like(u), np.zeros_like(u)
+        for ck in c[::-1]:  # Horner, value and two derivatives at once
+            a = a * u + 2.0 * v
+            v = v * u + q
+            q = q * u + ck
+        return q + cycle * self.advance, v, a
+
+
+def zones(*, start: float, speed: float, run_up: float, steady: float, braking: float) -> Piecewise:
+    """Run-up from rest with uniform acceleration, steady running, uniform braking to rest, each over a stated range.
+
+    ``run_up``, ``steady``, ``braking`` are ranges of the coordinate (positive numbers, rad or m); the sign of ``speed`` is the
+    direction. Acceleration speed^2 / (2 range), as in the contour-graph article (`omega^2 = 2 eps (alpha - alpha_0)`).
+    A zone of range 0 is left out.
+    """
+    sign = 1.0 if speed > 0 else -1.0
+    pieces: list[tuple[float, float, float, float]] = []  # duration, q0, v0, acceleration
+    q = start
+    if run_up > 0:
+        pieces.append((2.0 * run_up / abs(speed), q, 0.0, sign * speed**2 / (2.0 * run_up)))
+        q += sign * run_up
+    if steady > 0:
+        pieces.append((steady / abs(speed), q, speed, 0.0))
+        q += sign * steady
+    if braking > 0:
+        pieces.append((2.0 * braking / abs(speed), q, speed, -sign * speed**2 / (2.0 * braking)))
+        q += sign * braking
+    knots = np.concatenate([[0.0], np.cumsum([p[0] for p in pieces])])
+    return Piecewise(
+        knots=tuple(map(float, knots)),
+        coefficients=tuple((q0, v0, 0.5 * a) for _, q0, v0, a in pieces),
+        advance=q - start,
+    )
+
+
+def polynomial_through(
+    t0: float, start: Sequence[float], t1: float, end: Sequence[float]
+) -> tuple[float, ...]:
+    """Coefficients in (t - t0) of the least-degree polynomial with the given value, velocity, acceleration ... at both ends.
+
+    ``start`` and ``end`` are (value, velocity, acceleration, ...) as far as they are prescribed; Hermite interpolation.
+    """
+    h = t1 - t0
+    n = len(start) + len(end)
+    rows, rhs = [], []
+    for conditions, x in ((start, 0.0), (end, 1.0)):  # unit interval: well conditioned, then scaled back
+        for k, value in enumerate(conditions):
+            row = np.zeros(n)
+            for j in range(k, n):
+                row[j] = float(np.prod(np.arange(j - k + 1, j + 1))) * x ** (j - k)
+            rows.append(row)
+            rhs.append(value * h**k)
+    scaled = np.linalg.solve(np.array(rows), np.array(rhs))
+    return tuple(float(c / h**j) for j, c in enumerate(scaled))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A smooth function through points: a cubic spline with two continuous derivatives, periodic where ``period`` is given.
+
+    Arguments outside the range of ``x`` of a table without a period take the end values.
+    """
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    period: float | None = None
+    smooth: bool = True  # False: straight lines between the points
+    _spline: object = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        from scipy.interpolate import CubicSpline, make_interp_spline
+
+        x, y = np.asarray(self.x, float), np.asarray(self.y, float)
+        if self.period is not None:
+            x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
+        if not self.smooth or len(x) < 3:
+            spline = make_interp_spline(x, y, k=1)
+        else:
+            spline = CubicSpline(x, y, bc_type="periodic" if self.period is not None else "not-a-knot")
+        object.__setattr__(self, "_spline", spline)
+
+    def __call__(self, x: ArrayLike, derivative: int = 0) -> Array:
+        """Argument (...) -> value (...) or its derivative."""
+        x = np.asarray(x, float)
+        if self.period is not None:
+            x = self.x[0] + np.mod(x - self.x[0], self.period)
+            return np.asarray(self._spline(x, derivative))  # type: ignore[operator]
+        inside = np.clip(x, self.x[0], self.x[-1])
+        value = np.asarray(self._spline(inside, derivative))  # type: ignore[operator]
+        return value if derivative == 0 else np.where(x == inside, value, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TableLaw:
+    """A drive given by a table of position against time: quintic spline, so that the acceleration is smooth too.
+
+    ``periodic``: the last row is the end of the cycle and continues smoothly into the next one, shifted by ``advance``.
+    """
+
+    t: tuple[float, ...]
+    q: tuple[float, ...]
+    periodic: bool = False
+    _spline: object = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        from scipy.interpolate import make_interp_spline
+
+        t, q = np.asarray(self.t, float), np.asarray(self.q, float)
+        degree = min(5, len(t) - 1)
+        if degree % 2 == 0:
+            degree -= 1
+        if self.periodic:
+            trend = self.advance * (t - t[0]) / (t[-1] - t[0])
+            spline = make_interp_spline(t, q - trend, k=degree, bc_type="periodic")
+        else:
+            spline = make_interp_spline(t, q, k=degree)
+        object.__setattr__(self, "_spline", spline)
+
+    @property
+    def advance(self) -> float:
+        return self.q[-1] - self.q[0]
+
+    @property
+    def duration(self) -> float:
+        return self.t[-1] - self.t[0]
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        t = np.asarray(t, float) + self.t[0]  # the run starts at t = 0
+        f = self._spline
+        if not self.periodic:
+            return tuple(np.asarray(f(t, k)) for k in range(3))  # type: ignore[operator, return-value]
+        rate = self.advance / self.duration
+        q, v, a = (np.asarray(f(self.t[0] + np.mod(t - self.t[0], self.duration), k)) for k in range(3))  # type: ignore[operator]
+        return q + rate * (t - self.t[0]), v + rate, a

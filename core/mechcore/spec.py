@@ -1,0 +1,134 @@
+"""What a mechanism is: frozen descriptions in SI units and radians, names instead of indices.
+
+A link is a rigid body with named points in its own frame. A pair joins one point of a first link to one point of a second.
+A drive prescribes the relative coordinate of a pair. A load acts on a link. Nothing here computes anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from .laws import Law, Table
+
+__all__ = [
+    "EFFECTS",
+    "Drive",
+    "Force",
+    "Link",
+    "Load",
+    "Mechanism",
+    "Pair",
+    "Prismatic",
+    "Revolute",
+    "Torque",
+    "Vec2",
+]
+
+Vec2 = tuple[float, float]
+
+EFFECTS: Mapping[str, str] = {
+    "inertia": "inertia forces -m a_S and moments -J_S alpha of the links that have a mass",
+    "gravity": "weight m g of the links that have a mass",
+}
+"""Effects that a scene can name, beside the loads that it lists one by one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """A rigid link. Its points and its centre of mass are given in the link's own frame."""
+
+    name: str
+    points: Mapping[str, Vec2]  # pin centres, guide points and traced points [m]
+    mass: float = 0.0  # [kg]
+    centre: Vec2 = (0.0, 0.0)  # centre of mass S [m]
+    inertia: float = 0.0  # J_S, about the centre of mass [kg m^2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revolute:
+    """A revolute pair: a pin through ``points[0]`` of ``links[0]`` and ``points[1]`` of ``links[1]``.
+
+    Its coordinate is the angle of the second link's frame minus that of the first's [rad].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prismatic:
+    """A prismatic pair: the point of one link slides along a straight guide on the other, without turning.
+
+    ``guide`` (0 or 1) says which of ``links`` carries the guide line, which passes through that link's point in the
+    direction ``along`` (in the frame of the guide's link; its length does not matter). The coordinate is the signed
+    distance along the guide from the guide's point to the other link's point [m]. ``angle`` is the constant angle of the
+    second link's frame minus that of the first's [rad].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    along: Vec2 = (1.0, 0.0)
+    guide: Literal[0, 1] = 0
+    angle: float = 0.0
+
+
+Pair = Revolute | Prismatic
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """The coordinate of a pair prescribed as a function of time: angle [rad] of a revolute, displacement [m] of a prismatic."""
+
+    pair: str
+    law: Law
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force:
+    """A force at a named point of a link: ``vector`` [N] times ``factor``, which may depend on a drive's position.
+
+    ``axes`` says whether the vector is fixed in the world or turns with the link.
+    """
+
+    name: str
+    link: str
+    point: str
+    vector: Vec2
+    axes: Literal["world", "link"] = "world"
+    factor: Table | None = None  # of the position of `drive`; None: constant 1
+    drive: str | None = None  # the driven pair whose coordinate is the table's argument; None: the first drive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Torque:
+    """A free moment [N m] on a link, counter-clockwise positive, times ``factor`` of a drive's position."""
+
+    name: str
+    link: str
+    moment: float
+    factor: Table | None = None
+    drive: str | None = None
+
+
+Load = Force | Torque
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """A whole mechanism. ``frame`` names the fixed link, whose frame is the world frame."""
+
+    name: str
+    frame: str
+    links: tuple[Link, ...]
+    pairs: tuple[Pair, ...]
+    drives: tuple[Drive, ...] = ()
+    loads: tuple[Load, ...] = ()
+    effects: tuple[str, ...] = ()  # names from EFFECTS; what is not named is not computed
+    gravity: Vec2 = (0.0, -9.81)  # [m/s^2], used only if the effect "gravity" is named
+    modes: Mapping[str, str] = field(default_factory=dict)  # pair -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
+    sketch: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> rough x, y, angle at the start
+    traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted

@@ -1,0 +1,1 @@
+"""mechviz: a desktop-free 3D inspector and recorder of mechanisms."""
