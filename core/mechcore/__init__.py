@@ -1,1 +1,23 @@
-"""The kinematic and kinetostatic core of mechviz: numpy and scipy only, no I/O, no pictures."""
+"""The kinematic and kinetostatic core of mechviz: numpy and scipy only, no I/O, no pictures.
+
+    compiled = compile_mechanism(mechanism)
+    motion = solve_motion(compiled, default_times(mechanism))
+    forces = solve_forces(motion)
+"""
+
+from .errors import Fault, MechanismError
+from .kinetostatics import Forces, solve_forces
+from .motion import Motion
+from .solve import Compiled, compile_mechanism, default_times, solve_motion
+
+__all__ = [
+    "Compiled",
+    "Fault",
+    "Forces",
+    "MechanismError",
+    "Motion",
+    "compile_mechanism",
+    "default_times",
+    "solve_forces",
+    "solve_motion",
+]

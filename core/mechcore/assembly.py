@@ -1,0 +1,365 @@
+"""Assembly modes: how each group is put together at the start. Stated in the mechanism or taken from its sketch, never guessed."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import blocks as bl
+from .blocks import State
+from .errors import Fault, MechanismError
+from .model import Block, Model
+from .positions import initial_state
+
+__all__ = ["Assembly", "assemble", "group_modes"]
+
+Array = Any
+TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
+WORDS = {"theta_theta": ("left", "right"), "theta_slide": ("ahead", "behind"), "arm_slide": ("ahead", "behind")}
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """``modes``: +1 or -1 for each block (0 where there is no choice). ``starts``: unknowns of general blocks at the start."""
+
+    modes: tuple[float, ...]
+    starts: dict[str, Array]
+    state: State  # positions at the start
+
+
+def assemble(model: Model, drives: Sequence[float]) -> Assembly:
+    """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show."""
+    m = model.mechanism
+    faults: list[Fault] = []
+    known_names = {b.name for b in model.blocks}
+    used: set[str] = set()
+    state = initial_state(model, [np.float64(q) for q in drives])
+    modes: list[float] = []
+    starts: dict[str, Array] = {}
+    for block in model.blocks:
+        pair = _stated_at(model, block)
+        if pair:
+            used.add(pair)
+        mode = 0.0
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            if block.kind in TWO_MODES:
+                miss = float(bl.gap(model, block, state))
+                if miss > 1e-14 * model.size:
+                    faults.append(_apart(model, block, miss))
+                    break
+                mode, fault = _mode(model, block, state, pair)
+                faults += fault
+                bl.place(model, block, state, mode)
+            elif block.kind == "general":
+                x, fault = _start_of_general(model, block, state)
+                faults += fault
+                if x is None:
+                    break
+                starts[block.name] = x
+                bl.place(model, block, state, 0.0, x)
+            else:
+                bl.place(model, block, state, 0.0)
+        modes.append(mode)
+    for pair in m.modes:
+        if pair not in used:
+            near = ", ".join(sorted(known_names)) or "none"
+            faults.append(
+                Fault(
+                    f"pairs.{pair}",
+                    f"an assembly mode ('{m.modes[pair]}') is stated here, but this pair decides nothing.",
+                    f"Pairs at which a group can be put together in two ways: {near}.",
+                )
+            )
+    if faults:
+        raise MechanismError(faults)
+    return Assembly(modes=tuple(modes), starts=starts, state=state)
+
+
+def _stated_at(model: Model, block: Block) -> str | None:
+    """The pair of a block at which the mechanism states a mode: its own, or any other pair between its unknown links."""
+    modes = model.mechanism.modes
+    if block.name in modes:
+        return block.name
+    inner = set(block.angles)
+    names = {b.name for b in model.blocks}
+    for j, (p, q) in enumerate(model.ends):
+        name = model.joints[j].name
+        if name not in modes or name in names:
+            continue
+        between = {model.angles.group[p], model.angles.group[q]}
+        if (between & inner) and (between <= inner or block.kind != "theta_theta"):
+            return name
+    return None
+
+
+def _apart(model: Model, block: Block, miss: float) -> Fault:
+    return Fault(
+        f"pairs.{block.name}",
+        f"cannot be assembled at the start: the links miss each other by {1e3 * miss:.6g} mm.",
+        "Change a length or the start of the drive.",
+    )
+
+
+def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[float, list[Fault]]:
+    """The sign of a block with two assembly modes."""
+    m = model.mechanism
+    words = WORDS[block.kind]
+    if pair is not None:
+        word = m.modes[pair]
+        if word in words:
+            sign = 1.0 if word == words[0] else -1.0
+            return (sign * _orientation(model, block, pair), [])
+        if word in ("open", "crossed") and block.kind == "theta_theta":
+            found = _open_mode(model, block, state)
+            if found is not None:
+                return (found if word == "open" else -found), []
+            message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
+        else:
+            message = f"'{word}' is not an assembly mode of this group."
+            remedy = f"Use {' or '.join(words)}."
+        return 1.0, [Fault(f"pairs.{pair}", message, remedy)]
+    sketched = _sketched_mode(model, block, state)
+    if sketched is not None:
+        return sketched, []
+    plus = _solution(model, block, state, 1.0)
+    minus = _solution(model, block, state, -1.0)
+    if all(abs(plus[k] - minus[k]) < 1e-12 for k in plus):
+        return 1.0, []
+    key = "side" if words[0] == "left" else "branch"
+    sign = _orientation(model, block, block.name)
+    where = {w: _place_of(model, block, state, s * sign) for w, s in zip(words, (1.0, -1.0), strict=True)}
+    options = ", or ".join(f'{key} = "{w}" (there {block.name} is at {where[w]})' for w in words)
+    return 1.0, [
+        Fault(
+            f"pairs.{block.name}",
+            "the assembly mode is not stated, and the group can be put together in two ways.",
+            f"Add {options}; or give a [sketch] of the start position.",
+        )
+    ]
+
+
+def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tuple[str, int], complex | float]:
+    """A block's unknowns (rotations and displacements) in one mode, without changing ``state``."""
+    trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bl.place(model, block, trial, mode)
+    out: dict[tuple[str, int], complex | float] = {
+        ("angle", g): complex(trial.rot[s] / state.delta[s])
+        for g in block.angles
+        for s in [model.angles.spin_group.index(g)]
+    }
+    out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
+    return out
+
+
+def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
+    """Where the block's pair is in one mode, in millimetres, for a message."""
+    trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bl.place(model, block, trial, mode)
+    j = model.joint_index[block.name]
+    joint = model.joints[j]
+    side = 1 if joint.slide is not None and joint.guide == 0 else 0
+    k = model.ends[j][side]
+    z = (joint.b if side else joint.a) * model.turn[k] * trial.rot[model.angles.spin[k]]
+    while k:
+        i, p = model.tree.joint[k], model.tree.parent[k]
+        tree_side = 1 if model.ends[i][1] == k else 0
+        for link, s, sign in ((k, tree_side, -1), (p, 1 - tree_side, 1)):
+            tj = model.joints[i]
+            vector = tj.b if s else tj.a
+            if tj.slide is not None and tj.guide == s:
+                vector = vector + trial.slide.get(i, 0.0) * tj.slide
+            rot = trial.rot[model.angles.spin[link]]
+            if rot is None:
+                return "a place that other groups decide"
+            z = z + sign * vector * model.turn[link] * rot
+        k = p
+    z = complex(z)
+    return f"x = {1e3 * z.real:.4g} mm, y = {1e3 * z.imag:.4g} mm"
+
+
+def _orientation(model: Model, block: Block, pair: str) -> float:
+    """+1 if the words stated at ``pair`` mean the closed form's +1 mode, -1 if its -1 mode.
+
+    'left': seen from the first link's other pin to the second link's other pin, the pair lies on the left. The closed form has its
+    first unknown group first. 'ahead': of the two displacements along the guide the larger one.
+    """
+    if block.kind == "theta_theta":
+        first = model.angles.group[model.ends[model.joint_index[pair]][0]]
+        return 1.0 if first == block.angles[0] else -1.0
+    # arm_slide: mode +1 has the larger displacement; theta_slide: the displacement is what the link leaves over, so it is smaller
+    return 1.0 if block.kind == "arm_slide" else -1.0
+
+
+def _open_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode in which a four-bar's links do not cross at the start."""
+    u, v = block.angles
+    pins = []
+    for g, other in ((u, v), (v, u)):
+        for j, (p, q) in enumerate(model.ends):
+            groups = (model.angles.group[p], model.angles.group[q])
+            if g in groups and other not in groups and model.joints[j].slide is None:
+                known = q if groups[0] == g else p
+                pins.append((j, known))
+                break
+    if len(pins) != 2:
+        return None
+    (jb, kb), (jd, kd) = pins
+    hinge = next((j for j, e in enumerate(model.ends) if set(e) == {kb, kd} and model.joints[j].slide is None), None)
+    if hinge is None:
+        return None
+    inner = model.joint_index[block.name]
+
+    def crossing(mode: float) -> bool:
+        trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bl.place(model, block, trial, mode)
+
+        def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
+            joint = model.joints[j]
+            base = model.joints[hinge]
+            p = joint.a if model.ends[j][0] == link else joint.b
+            h = base.a if model.ends[hinge][0] == link else base.b
+            return complex((p - h) * model.turn[link] * trial.rot[model.angles.spin[link]])
+
+        a, b, d = 0j, at(jb, kb), at(jd, kd)
+        coupler = next(k for k in model.ends[jb] if k != kb)
+        jc, jbt = model.joints[inner], model.joints[jb]
+        pc = jc.a if model.ends[inner][0] == coupler else jc.b
+        pb = jbt.a if model.ends[jb][0] == coupler else jbt.b
+        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.spin[coupler]])
+        return _segments_cross(a, b, c, d) or _segments_cross(b, c, d, a)
+
+    plus, minus = crossing(1.0), crossing(-1.0)
+    if plus == minus:
+        return None
+    return -1.0 if plus else 1.0
+
+
+def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
+    def turn(p: complex, q: complex, r: complex) -> float:
+        return ((q - p).conjugate() * (r - p)).imag
+
+    return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
+
+
+def _sketched_angle(model: Model, group: int, state: State) -> float | None:
+    """A group's sketched angle [rad], from any of its links in the sketch."""
+    turning = model.angles
+    for k, name in enumerate(model.links):
+        if turning.group[k] == group and name in model.mechanism.sketch:
+            extra = cmath.phase(complex(state.delta[turning.spin[k]]))
+            return model.mechanism.sketch[name][2] - turning.offset[k] - extra
+    return None
+
+
+def _sketched_slide(model: Model, j: int) -> float | None:
+    """A sliding pair's sketched displacement [m], where both links are in the sketch (the frame always is)."""
+    sketch, joint = dict(model.mechanism.sketch), model.joints[j]
+    sketch.setdefault(model.links[0], (0.0, 0.0, 0.0))
+    if any(k not in sketch for k in joint.links):
+        return None
+    at = []
+    for link, local in zip(joint.links, (joint.a, joint.b), strict=True):
+        x, y, angle = sketch[link]
+        at.append(x + 1j * y + local * cmath.exp(1j * angle))
+    d = joint.slide * cmath.exp(1j * sketch[joint.links[joint.guide]][2])
+    way = (at[1] - at[0]) if joint.guide == 0 else (at[0] - at[1])
+    return (way * d.conjugate()).real
+
+
+def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode nearest to the sketch, None where the sketch does not tell."""
+    errors = []
+    for mode in (1.0, -1.0):
+        error, told = 0.0, False
+        for (what, i), value in _solution(model, block, state, mode).items():
+            if what == "angle":
+                angle = _sketched_angle(model, i, state)
+                if angle is not None:
+                    error, told = error + abs(value - cmath.exp(1j * angle)), True
+            else:
+                slide = _sketched_slide(model, i)
+                if slide is not None:
+                    error, told = error + abs(value - slide) / model.size, True
+        if not told:
+            return None
+        errors.append(error)
+    if abs(errors[0] - errors[1]) < 1e-9:
+        return None
+    return 1.0 if errors[0] < errors[1] else -1.0
+
+
+def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array | None, list[Fault]]:
+    """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
+    angles = [_sketched_angle(model, g, state) for g in block.angles]
+    slides = [_sketched_slide(model, j) for j in block.slides]
+    found = group_modes(model, block, state)
+    if len(found) == 0:
+        return None, [
+            Fault(
+                f"pairs.{block.name}",
+                "cannot be assembled at the start: no position of its group closes the contours.",
+                "Change a length or the start of the drive.",
+            )
+        ]
+    if all(a is None for a in angles) and all(s is None for s in slides):
+        if len(found) == 1:
+            return found[0], []
+        listed = "; ".join(_describe(model, block, x) for x in found[:8])
+        return None, [
+            Fault(
+                f"pairs.{block.name}",
+                f"the assembly mode is not stated; this group has {len(found)} at the start.",
+                f"Add a [sketch] with rough angles of its links, near one of: {listed}.",
+            )
+        ]
+    guess = np.array([np.nan if a is None else a for a in angles] + [np.nan if s is None else s for s in slides])
+    n = len(block.angles)
+    error = np.abs(np.exp(1j * found[:, :n]) - np.exp(1j * guess[:n]))
+    error = np.nansum(error, axis=-1) + np.nansum(np.abs(found[:, n:] - guess[n:]), axis=-1) / model.size
+    best = np.argsort(error)
+    if len(best) > 1 and error[best[1]] - error[best[0]] < 1e-6:
+        return None, [
+            Fault(f"pairs.{block.name}", "the sketch fits two assembly modes equally.", "Sketch more links of this group.")
+        ]
+    return found[best[0]], []
+
+
+def _describe(model: Model, block: Block, x: Array) -> str:
+    words = []
+    for i, g in enumerate(block.angles):
+        k = model.angles.group.index(g)
+        angle = np.degrees(x[i] + model.angles.offset[k])
+        words.append(f"{model.links[k]} {(angle + 180) % 360 - 180:.0f}°")
+    return ", ".join(words)
+
+
+def group_modes(model: Model, block: Block, state: State, *, starts: int = 400) -> Array:
+    """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts, nearest to angle 0 first."""
+    rng = np.random.default_rng(12345)  # the same answer every time
+    n, k = len(block.angles), len(block.slides)
+    x = np.concatenate(
+        [rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1
+    )
+    trial = State(
+        delta=state.delta, rot=list(state.rot), slide={j: s for j, s in state.slide.items()}, newton=dict(state.newton)
+    )
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        bl.place(model, block, trial, 0.0, x)
+    found = trial.newton[block.name].x
+    found = found[np.isfinite(found).all(axis=-1)]
+    found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
+    unique: list[Array] = []
+    for row in found:
+        key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])
+        if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):
+            unique.append((key, row))
+    rows = sorted((row for _, row in unique), key=lambda r: tuple(np.round(r, 9)))
+    return np.array(rows) if rows else np.empty((0, n + k))
+

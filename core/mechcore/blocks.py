@@ -1,0 +1,308 @@
+"""One block of the contour equations, for all frames at once: position, then the same columns for rates and for forces.
+
+A block's *columns* are the derivatives of its contour sums by its unknowns: ``i Z`` for the angle of a group whose vectors add up
+to ``Z``, the unit vector ``D`` for a sliding displacement. Velocities and accelerations solve with the columns, joint forces with
+their transpose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import closed_forms as cf
+from .model import Block, Model
+from .newton import newton, solve_many
+
+__all__ = [
+    "Columns",
+    "Newton",
+    "State",
+    "Vectors",
+    "column",
+    "columns",
+    "condition",
+    "gap",
+    "matrix_of",
+    "place",
+    "rates",
+    "transposed",
+    "vectors",
+]
+
+Array = Any
+
+
+@dataclass
+class State:
+    """Rotations of all spins and displacements of all sliding joints, filled in block by block.
+
+    ``delta``: rotation of each spin against its group (from drives); ``rot``: rotation of each spin, None while unknown.
+    ``newton`` says, by block name, how Newton ended where it was used.
+    """
+
+    delta: list[Array]
+    rot: list[Array]
+    slide: dict[int, Array]
+    newton: dict[str, Newton] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the contours [m], and the size of
+    the first correction (relative), which tells how good the start was."""
+
+    x: Array
+    miss: Array
+    first: Array
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """A contour's vectors in the world, all known: (spin, Z) with the slides' parts included, and (joint, spin, D) of the slides."""
+
+    arms: tuple[tuple[int, Array], ...]
+    slides: tuple[tuple[int, int, Array], ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero."""
+
+    table: tuple[tuple[Array | None, ...], ...]
+    det: Array | None  # of the two columns, where there is one contour and two unknowns
+
+
+def place(model: Model, block: Block, state: State, mode: Array, start: Array | None = None) -> None:
+    """Solve a block's positions into ``state``. ``start``: unknowns (..., n) to start Newton from (general blocks only)."""
+    if block.kind == "general":
+        _place_general(model, block, state, start)
+        return
+    if block.kind == "check":
+        return
+    known, arms, slides = _split(model, block, block.contours[0], state)
+    target = -known
+    if block.kind == "theta_theta":
+        u, v = block.angles
+        e1, e2 = cf.theta_theta(arms[u], arms[v], target, mode)
+        _turn(model, state, u, e1)
+        _turn(model, state, v, e2)
+    elif block.kind == "theta_slide":
+        ((j, along),) = slides
+        e, s = cf.theta_slide(arms[block.angles[0]], along, target, mode)
+        _turn(model, state, block.angles[0], e)
+        state.slide[j] = s
+    elif block.kind == "arm_slide":
+        ((j, d),) = slides
+        e, s = cf.arm_slide(arms.get(block.angles[0], 0j), d, target, mode)
+        _turn(model, state, block.angles[0], e)
+        state.slide[j] = s
+    elif block.kind == "slide_slide":
+        (j1, d1), (j2, d2) = slides
+        state.slide[j1], state.slide[j2] = cf.slide_slide(d1, d2, target)
+    elif block.kind == "angle":
+        e = target / arms[block.angles[0]]
+        _turn(model, state, block.angles[0], e / abs(e))
+    else:  # slide
+        ((j, d),) = slides
+        state.slide[j] = (target * d.conjugate()).real
+
+
+def gap(model: Model, block: Block, state: State) -> Array:
+    """By how much the links of a block miss each other [m] (...), 0 where they meet; needs the earlier blocks in ``state``."""
+    if block.kind == "general":
+        return state.newton[block.name].miss
+    known, arms, slides = _split(model, block, block.contours[0], state)
+    if block.kind == "theta_theta":
+        return cf.gap_theta_theta(arms[block.angles[0]], arms[block.angles[1]], -known)
+    if block.kind == "theta_slide":
+        return cf.gap_theta_slide(arms[block.angles[0]], slides[0][1], -known)
+    if block.kind == "arm_slide":
+        return cf.gap_arm_slide(arms.get(block.angles[0], 0j), slides[0][1], -known)
+    return np.zeros(np.shape(known))
+
+
+def _turn(model: Model, state: State, group: int, e: Array) -> None:
+    for spin, g in enumerate(model.angles.spin_group):
+        if g == group:
+            delta = state.delta[spin]
+            state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
+
+
+def _split(
+    model: Model, block: Block, contour: int, state: State
+) -> tuple[Array, dict[int, Array], list[tuple[int, Array]]]:
+    """A contour's known sum, its vectors along each unknown group (in the group's axes), and its unknown slides.
+
+    The slides' directions are in the group's axes where the group is unknown, else in the world's.
+    """
+    c = model.spin_contours[contour]
+    known: Array = 0j
+    arms: dict[int, Array] = {}
+    slides: list[tuple[int, Array]] = []
+
+    def add(spin: int, vector: Array) -> None:
+        nonlocal known
+        group = model.angles.spin_group[spin]
+        if group in block.angles:
+            arms[group] = arms.get(group, 0j) + vector * state.delta[spin]
+        else:
+            known = known + vector * state.rot[spin]
+
+    for spin, vector in c.arms:
+        add(spin, vector)
+    for j, spin, d in c.slides:
+        if j not in block.slides:
+            add(spin, d * state.slide[j])
+        elif model.angles.spin_group[spin] in block.angles:
+            slides.append((j, d * state.delta[spin]))
+        else:
+            slides.append((j, d * state.rot[spin]))
+    return known, arms, slides
+
+
+def _place_general(model: Model, block: Block, state: State, start: Array) -> None:
+    """Newton on all contours of the block; lengths in units of the mechanism's size."""
+    size = model.size
+    parts = [_split(model, block, c, state) for c in block.contours]
+    n_angles = len(block.angles)
+    carrier = {j: model.angles.spin_group[g] for c in block.contours for j, g, _ in model.spin_contours[c].slides}
+
+    def residual(x: Array) -> tuple[Array, Array]:
+        e = dict(zip(block.angles, np.moveaxis(np.exp(1j * x[..., :n_angles]), -1, 0), strict=True))
+        s = dict(zip(block.slides, np.moveaxis(x[..., n_angles:], -1, 0), strict=True))
+        r = np.empty((*x.shape[:-1], 2 * len(parts)))
+        jac = np.zeros((*x.shape[:-1], 2 * len(parts), x.shape[-1]))
+        for i, (known, arms, slides) in enumerate(parts):
+            total = known / size
+            for g, a in arms.items():
+                z = a / size * e[g]
+                total = total + z
+                jac[..., 2 * i, block.angles.index(g)] += -z.imag
+                jac[..., 2 * i + 1, block.angles.index(g)] += z.real
+            for j, d in slides:
+                g = carrier[j]
+                dd = d * e[g] if g in block.angles else d
+                total = total + s[j] * dd
+                k = n_angles + block.slides.index(j)
+                jac[..., 2 * i, k] += dd.real
+                jac[..., 2 * i + 1, k] += dd.imag
+                if g in block.angles:
+                    jac[..., 2 * i, block.angles.index(g)] += -(s[j] * dd).imag
+                    jac[..., 2 * i + 1, block.angles.index(g)] += (s[j] * dd).real
+            r[..., 2 * i], r[..., 2 * i + 1] = total.real, total.imag
+        return r, jac
+
+    scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
+    x, miss, first = newton(residual, start / scale)
+    x = np.where((miss < 1e-9)[..., None], x, np.nan)
+    for i, g in enumerate(block.angles):
+        _turn(model, state, g, np.exp(1j * x[..., i]))
+    for i, j in enumerate(block.slides):
+        state.slide[j] = x[..., n_angles + i] * size
+    state.newton[block.name] = Newton(x=x * scale, miss=miss * size, first=first)
+
+
+def vectors(model: Model, contour: int, state: State) -> Vectors:
+    """The vectors of a contour whose positions are known."""
+    c = model.spin_contours[contour]
+    arms = {spin: vector * state.rot[spin] for spin, vector in c.arms}
+    slides = []
+    for j, spin, d in c.slides:
+        along = d * state.rot[spin]
+        slides.append((j, spin, along))
+        arms[spin] = arms.get(spin, 0j) + state.slide[j] * along
+    return Vectors(arms=tuple(arms.items()), slides=tuple(slides))
+
+
+def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns:
+    """Derivatives of the block's contours by its unknowns."""
+    table = tuple(tuple(column(model, contours[c], u) for u in _unknowns(block)) for c in block.contours)
+    det = None
+    if len(block.contours) == 1 and len(table[0]) == 2:
+        det = cf.cross(table[0][0], table[0][1])
+    return Columns(table=table, det=det)
+
+
+def _unknowns(block: Block) -> list[tuple[str, int]]:
+    return [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
+
+
+def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array | None:
+    """Derivative of one contour by one unknown."""
+    what, i = unknown
+    if what == "slide":
+        for j, _, along in v.slides:
+            if j == i:
+                return along
+        return None
+    total = None
+    for spin, z in v.arms:
+        if model.angles.spin_group[spin] == i:
+            total = z if total is None else total + z
+    return None if total is None else 1j * total
+
+
+def rates(block: Block, cols: Columns, rhs: list[Array]) -> list[Array]:
+    """Unknown rates (angles, then slides) from ``columns @ rates = rhs``, one right-hand side per contour."""
+    first = cols.table[0]
+    if cols.det is not None:
+        return [cf.cross(rhs[0], first[1]) / cols.det, cf.cross(first[0], rhs[0]) / cols.det]
+    if len(rhs) == 1 and len(first) == 1:
+        (c,) = first
+        return [(c.real * rhs[0].real + c.imag * rhs[0].imag) / (c.real**2 + c.imag**2)]
+    matrix, shape = matrix_of(cols)
+    flat = np.empty((*shape, 2 * len(rhs)))
+    for i, r in enumerate(rhs):
+        flat[..., 2 * i], flat[..., 2 * i + 1] = np.real(r), np.imag(r)
+    x = solve_many(matrix, flat)
+    return [x[..., k] for k in range(x.shape[-1])]
+
+
+def transposed(block: Block, cols: Columns, q: list[Array]) -> list[Array]:
+    """Contour forces (complex, one per contour) that balance the generalised forces ``q`` of the block's unknowns."""
+    first = cols.table[0]
+    if cols.det is not None:
+        return [1j * (q[1] * first[0] - q[0] * first[1]) / cols.det]
+    if len(cols.table) == 1 and len(first) == 1:  # one left over: the shortest force that balances
+        (c,) = first
+        return [c * (q[0] / (c.real**2 + c.imag**2))]
+    matrix, shape = matrix_of(cols)
+    flat = np.empty((*shape, len(q)))
+    for i, value in enumerate(q):
+        flat[..., i] = value
+    x = solve_many(np.swapaxes(matrix, -1, -2), flat)
+    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(len(cols.table))]
+
+
+def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
+    """The columns as real matrices (..., 2 contours, unknowns)."""
+    shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if c is not None))
+    matrix = np.zeros((*shape, 2 * len(cols.table), len(cols.table[0])))
+    for i, row in enumerate(cols.table):
+        for k, c in enumerate(row):
+            if c is not None:
+                matrix[..., 2 * i, k], matrix[..., 2 * i + 1, k] = np.real(c), np.imag(c)
+    return matrix, shape
+
+
+def condition(model: Model, block: Block, cols: Columns) -> Array:
+    """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
+    if not cols.table or not cols.table[0]:
+        return 1.0
+    k = len(block.angles)
+    if cols.det is not None:
+        first = [c / model.size if i < k else c for i, c in enumerate(cols.table[0])]
+        total = sum(c.real**2 + c.imag**2 for c in first)
+        product = abs(cf.cross(first[0], first[1]))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))
+            return np.where(product > 0, largest2 / product, np.inf)
+    matrix, _ = matrix_of(cols)
+    matrix = matrix.copy()
+    matrix[..., :k] /= model.size
+    s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(s[..., -1] > 0, s[..., 0] / s[..., -1], np.inf)

@@ -1,0 +1,96 @@
+"""Velocities and accelerations on top of positions.
+
+Once positions are known everything is linear: each block solves its columns for the rates of its unknowns, once with the
+velocities of what is known, once more with centripetal, Coriolis and known accelerations (contour-graph method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from . import blocks as bl
+from .blocks import Columns, Vectors
+from .model import Model
+from .positions import drive_rates
+
+__all__ = ["Rates", "accelerations", "velocities"]
+
+Array = Any
+
+
+class Rates:
+    """Speeds of all spins [rad/s^k] and of all sliding joints [m/s^k]; k = 1 or 2."""
+
+    def __init__(self, model: Model, drives: Sequence[Array]):
+        extra, self.slide = drive_rates(model, drives)
+        self.spin: list[Array] = extra
+
+    def settle(self, model: Model, block: bl.Block, solved: list[Array]) -> None:
+        """Take over a block's solved rates."""
+        for group, rate in zip(block.angles, solved, strict=False):
+            for spin, g in enumerate(model.angles.spin_group):
+                if g == group:
+                    extra = self.spin[spin]
+                    self.spin[spin] = rate if isinstance(extra, float) and extra == 0.0 else rate + extra
+        for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
+            self.slide[j] = rate
+
+
+def velocities(
+    model: Model, contours: dict[int, Vectors], cols: Sequence[Columns], drive_speeds: Sequence[Array]
+) -> Rates:
+    """Rates of all spins and slides. Until its block is solved, the rate of an unknown spin is only what drives add to it."""
+    found = Rates(model, drive_speeds)
+    for block, c in zip(model.blocks, cols, strict=True):
+        if block.kind == "check":
+            continue
+        rhs = []
+        for i in block.contours:
+            v = contours[i]
+            total: Array = 0j
+            for spin, z in v.arms:
+                w = found.spin[spin]
+                if not (isinstance(w, float) and w == 0.0):
+                    total = total - w * z
+            total = 1j * total
+            for j, _, d in v.slides:
+                if j not in block.slides:
+                    total = total - found.slide[j] * d
+            rhs.append(total)
+        found.settle(model, block, bl.rates(block, c, rhs))
+    return found
+
+
+def accelerations(
+    model: Model,
+    contours: dict[int, Vectors],
+    cols: Sequence[Columns],
+    speeds: Rates,
+    drive_accelerations: Sequence[Array],
+) -> Rates:
+    """Second rates of all spins and slides, given the first."""
+    found = Rates(model, drive_accelerations)
+    for block, c in zip(model.blocks, cols, strict=True):
+        if block.kind == "check":
+            continue
+        rhs = []
+        for i in block.contours:
+            v = contours[i]
+            total: Array = 0j
+            tangential: Array = 0j
+            for spin, z in v.arms:
+                w, a = speeds.spin[spin], found.spin[spin]
+                if not (isinstance(w, float) and w == 0.0):
+                    total = total + (w * w) * z  # centripetal
+                if not (isinstance(a, float) and a == 0.0):
+                    tangential = tangential + a * z
+            for j, spin, d in v.slides:
+                w = speeds.spin[spin]
+                if not (isinstance(w, float) and w == 0.0):
+                    tangential = tangential + (2.0 * w * speeds.slide[j]) * d  # Coriolis
+                if j not in block.slides:
+                    total = total - found.slide[j] * d
+            rhs.append(total - 1j * tangential)
+        found.settle(model, block, bl.rates(block, c, rhs))
+    return found

@@ -1,0 +1,312 @@
+"""Kinetostatics without friction: all joint reactions and the drives' torques or forces that a given motion needs.
+
+The hand method, from the last group inwards: the contours' closing joints are cut; the forces in the cuts follow block by block
+from the transposed columns of the kinematics (virtual work of each unknown); then every link of the remaining tree is in
+equilibrium with what hangs on it, and moments about the joints that fix an angle give couples and driving torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_simpson
+
+from . import blocks as bl
+from .closed_forms import cross
+from .effects import Wrench, wrenches
+from .motion import Motion
+
+__all__ = ["Forces", "LoadResult", "solve_forces"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadResult:
+    """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world)."""
+
+    name: str
+    kind: str
+    link: str
+    values: Real
+
+
+class Forces:
+    """Reactions, drive efforts, loads and energies of a motion; results have a leading frame axis and go by names."""
+
+    def __init__(
+        self, motion: Motion, applied: Sequence[Wrench], transmitted: list[tuple[Array, Array]], cuts: dict[int, Array]
+    ):
+        self.motion = motion
+        self.applied = tuple(applied)
+        self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
+        self._cuts = cuts
+
+    # -- results by name ----------------------------------------------------------------------------------------------
+    def reaction(self, pair: str) -> Real:
+        """Fx, Fy [N] on the pair's second link at `Motion.pair_position`, and couple [N m], without the drive (F, 3)."""
+        j = self._joint(pair)
+        force, couple = self._transmitted[j]
+        drive_force, drive_moment = self._drive(j)
+        return self._rows(force - drive_force, couple - drive_moment)
+
+    def wrench(self, pair: str) -> Real:
+        """What a drive exerts on the pair's second link: Fx, Fy [N], moment [N m] at the pair's position (F, 3)."""
+        return self._rows(*self._drive(self._joint(pair)))
+
+    def effort(self, pair: str) -> Real:
+        """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
+        return self._over_frames(self._effort(self._joint(pair)))
+
+    def power(self, pair: str) -> Real:
+        """Power that a drive puts into the mechanism (F,) [W]."""
+        return self.effort(pair) * self.motion.drives[self.motion.model.driven[self._joint(pair)]][1]
+
+    def inertia(self, link: str) -> Real:
+        """Inertia force Fx, Fy [N] and moment about the centre of mass [N m] (F, 3); zero where inertia is not asked for."""
+        k = self.motion.model.index[link]
+        for w in self.applied:
+            if w.kind == "inertia" and w.link == k:
+                return self._rows(w.force, w.moment)
+        return np.zeros((self.motion.frames, 3))
+
+    @cached_property
+    def loads(self) -> dict[str, LoadResult]:
+        """All loads but inertia, by name (gravity of a link: ``gravity/<link>``)."""
+        m = self.motion
+        return {
+            w.name: LoadResult(
+                name=w.name,
+                kind=w.kind,
+                link=m.model.links[w.link],
+                values=np.column_stack([self._rows(w.force, w.moment), m._rows(m.of_point(w.link, w.local))]),
+            )
+            for w in self.applied
+            if w.kind != "inertia"
+        }
+
+    # -- energy -------------------------------------------------------------------------------------------------------
+    @cached_property
+    def power_supplied(self) -> Real:
+        """Power of all drives (F,) [W]."""
+        names = [d.pair for d in self.motion.mechanism.drives]
+        return sum((self.power(p) for p in names), np.zeros(self.motion.frames))
+
+    def power_of(self, kinds: Sequence[str]) -> Real:
+        """Power of the loads of some kinds (F,) [W]."""
+        m = self.motion
+        total: Array = np.zeros(m.frames)
+        for w in self.applied:
+            if w.kind in kinds:
+                v = m.of_point(w.link, w.local, 1)
+                spin = m.speeds.spin[m.model.angles.spin[w.link]]
+                total = total + np.real(np.conj(w.force) * v) + w.moment * spin
+        return total
+
+    @cached_property
+    def power_balance(self) -> Real:
+        """Power supplied plus power of all loads and inertia, relative to the largest single power of the run (F,)."""
+        m = self.motion
+        parts = [self.power(d.pair) for d in m.mechanism.drives]
+        for kind in sorted({w.kind for w in self.applied}):
+            parts.append(self.power_of([kind]))
+        largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
+        total = sum(parts, np.zeros(m.frames))
+        return total / largest if largest > 0 else total
+
+    @cached_property
+    def kinetic_energy(self) -> Real:
+        """Kinetic energy of all links, where inertia is asked for (F,) [J]."""
+        m = self.motion
+        total: Array = np.zeros(m.frames)
+        for w in self.applied:
+            if w.kind == "inertia":
+                mass, centre, inertia = m.model.masses[w.link]
+                v = m.of_point(w.link, centre, 1)
+                spin = m.speeds.spin[m.model.angles.spin[w.link]]
+                total = total + 0.5 * mass * np.abs(v) ** 2 + 0.5 * inertia * spin**2
+        return total
+
+    @cached_property
+    def potential_energy(self) -> Real:
+        """Potential energy of gravity, where it is asked for, zero at the world's origin (F,) [J]."""
+        m = self.motion
+        total: Array = np.zeros(m.frames)
+        for w in self.applied:
+            if w.kind == "gravity":
+                total = total - np.real(np.conj(w.force) * m.of_point(w.link, w.local))
+        return total
+
+    @cached_property
+    def work(self) -> Real:
+        """Work done on the mechanism so far by drives and applied loads (F,) [J], by Simpson's rule over the frames."""
+        p = self.power_supplied + self.power_of(["force", "torque"])
+        if len(p) < 3:
+            return np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(self.motion.time))])
+        return np.asarray(cumulative_simpson(p, x=self.motion.time, initial=0.0))
+
+    @cached_property
+    def energy(self) -> Real:
+        """Kinetic, potential, work done so far, dissipated so far (F, 4) [J]."""
+        zero = np.zeros(self.motion.frames)
+        return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, zero])
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _joint(self, pair: str) -> int:
+        return self.motion.model.joint_index[pair]
+
+    def _guide(self, j: int) -> Array:
+        joint, ends = self.motion.model.joints[j], self.motion.model.ends[j]
+        return joint.slide * self.motion.rotation(ends[joint.guide])
+
+    def _effort(self, j: int) -> Array:
+        force, couple = self._transmitted[j]
+        joint = self.motion.model.joints[j]
+        if joint.coordinate == "angle":
+            return couple
+        # the coordinate grows where the link without the guide moves along it: the second link if the first guides
+        along = np.real(np.conj(self._guide(j)) * force)
+        return along if joint.guide == 0 else -along
+
+    def _drive(self, j: int) -> tuple[Array, Array]:
+        if j not in self.motion.model.driven:
+            return 0j, 0.0
+        joint = self.motion.model.joints[j]
+        effort = self._effort(j)
+        if joint.coordinate == "angle":
+            return 0j, effort
+        return effort * self._guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
+
+    def _over_frames(self, value: Array) -> Real:
+        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
+
+    def _rows(self, force: Array, moment: Array) -> Real:
+        return np.stack([self._over_frames(np.real(force)), self._over_frames(np.imag(force)), self._over_frames(moment)], -1)
+
+
+def solve_forces(motion: Motion) -> Forces:
+    """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
+    model = motion.model
+    applied = wrenches(motion)
+    n = len(model.links)
+    force: list[Array] = [0j] * n
+    moment: list[Array] = [0.0] * n  # about each link's origin
+    for w in applied:
+        force[w.link] = force[w.link] + w.force
+        moment[w.link] = moment[w.link] + w.moment
+        if not (isinstance(w.arm, complex) and w.arm == 0):
+            moment[w.link] = moment[w.link] + cross(w.arm, w.force)
+
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        cuts = _cut_forces(motion, *_hang(motion, force, moment))
+        for c, cut in cuts.items():
+            j = model.contours[c].closing
+            p, q = model.ends[j]
+            force[p], force[q] = force[p] - cut, force[q] + cut
+            moment[p] = moment[p] - cross(motion.arm(p, j, 0), cut)
+            moment[q] = moment[q] + cross(motion.arm(q, j, 1), cut)
+        hanging, unbalanced = _hang(motion, force, moment)
+    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
+    for c, cut in cuts.items():
+        transmitted[model.contours[c].closing] = (cut, 0.0)
+    for k in model.tree.order:
+        j = model.tree.joint[k]
+        on_child = -hanging[k]
+        transmitted[j] = (on_child if model.ends[j][1] == k else -on_child, 0.0)
+    for j, couple in _couples(motion, unbalanced).items():
+        transmitted[j] = (transmitted[j][0], couple)
+    return Forces(motion, applied, transmitted, {model.contours[c].closing: f for c, f in cuts.items()})
+
+
+def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+    """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
+    forces alone leave unbalanced."""
+    tree, ends = motion.model.tree, motion.model.ends
+    hanging, unbalanced = list(force), list(moment)
+    for k in reversed(tree.order):
+        j, p = tree.joint[k], tree.parent[k]
+        f = hanging[k]
+        if isinstance(f, complex) and f == 0:
+            continue
+        side = 1 if ends[j][1] == k else 0
+        unbalanced[k] = unbalanced[k] - cross(motion.arm(k, j, side), f)
+        if p:
+            unbalanced[p] = unbalanced[p] + cross(motion.arm(p, j, 1 - side), f)
+        hanging[p] = hanging[p] + f
+    return hanging, unbalanced
+
+
+def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> dict[int, Array]:
+    """Forces on the second links of the closing joints, from the last block back to the first."""
+    model = motion.model
+    by_group: list[Array] = [0.0] * model.angles.groups
+    for k, m in enumerate(unbalanced):
+        by_group[model.angles.group[k]] = by_group[model.angles.group[k]] + m
+    child = {model.tree.joint[k]: k for k in model.tree.order}
+    later: dict[tuple[str, int], list[int]] = {}  # contours of later blocks in which an unknown appears
+    cuts: dict[int, Array] = {}
+    for block, cols in reversed(list(zip(model.blocks, motion.columns, strict=True))):
+        unknowns = [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
+        q = []
+        for what, i in unknowns:
+            if what == "angle":
+                total = by_group[i]
+            elif i in child:  # a tree joint: what hangs on the child moves along the guide
+                joint, k = model.joints[i], child[i]
+                guide_link = model.ends[i][joint.guide]
+                along = joint.slide * motion.rotation(guide_link)
+                total = np.real(np.conj(along) * hanging[k]) * (1.0 if guide_link != k else -1.0)
+            else:
+                total = 0.0
+            for c in later.get((what, i), ()):
+                col = bl.column(model, motion.contours[c], (what, i))
+                if col is not None:
+                    total = total - np.real(np.conj(col) * cuts[c])
+            q.append(total)
+        if block.kind == "check":
+            found: list[Array] = [0j]
+        else:
+            found = bl.transposed(block, cols, q)
+        for c, value in zip(block.contours, found, strict=True):
+            cuts[c] = value
+            v = motion.contours[c]
+            for g in {model.angles.spin_group[s] for s, _ in v.arms} - {0}:
+                later.setdefault(("angle", g), []).append(c)
+            for j, _, _ in v.slides:
+                later.setdefault(("slide", j), []).append(c)
+    return cuts
+
+
+def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:
+    """Couples on the second links of the joints that fix an angle: moments passed on from the leaves of each group."""
+    model = motion.model
+    near: dict[int, list[int]] = {}
+    for j in model.angles.edges:
+        for k in model.ends[j]:
+            near.setdefault(k, []).append(j)
+    left = list(unbalanced)
+    degree = {k: len(js) for k, js in near.items()}
+    done: set[int] = set()
+    couples: dict[int, Array] = {}
+    leaves = [k for k, d in degree.items() if d == 1 and k != 0]
+    while leaves:
+        k = leaves.pop()
+        j = next((i for i in near[k] if i not in done), None)
+        if j is None:
+            continue
+        done.add(j)
+        other = model.ends[j][0] if model.ends[j][1] == k else model.ends[j][1]
+        on_k = -left[k] if not (isinstance(left[k], float) and left[k] == 0.0) else 0.0
+        couples[j] = on_k if model.ends[j][1] == k else -on_k if not isinstance(on_k, float) else -on_k
+        left[other] = left[other] + left[k]
+        degree[other] -= 1
+        degree[k] -= 1
+        if degree[other] == 1 and other != 0:
+            leaves.append(other)
+    return couples

@@ -1,0 +1,267 @@
+"""How a mechanism moves: positions, and on request velocities, accelerations, poses, points, pair coordinates, health."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import blocks as bl
+from .blocks import Columns, State, Vectors
+from .kinematics import Rates, accelerations, velocities
+from .model import Model
+from .spec import Mechanism
+
+__all__ = ["Motion"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+class Motion:
+    """The motion of a mechanism at a set of frames; what is not asked for is not computed.
+
+    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive. Results have a leading frame axis.
+    Links, pairs and points go by their names; ``link.point`` names a point of a link.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        time: Real,
+        drives: Sequence[tuple[Real, Real, Real]],
+        state: State,
+        modes: Sequence[Array],
+    ):
+        self.model = model
+        self.time = time
+        self.drives = drives
+        self.state = state
+        self.modes = modes
+
+    def __repr__(self) -> str:
+        return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.model.mechanism
+
+    @property
+    def frames(self) -> int:
+        return len(self.time)
+
+    # -- results by name ----------------------------------------------------------------------------------------------
+    def pose(self, link: str) -> Real:
+        """x, y [m] and angle [rad] of the link's frame in the world, the angle continuous (F, 3)."""
+        k = self.model.index[link]
+        return self._rows(self.origins[k], self.angle(k))
+
+    def velocity(self, link: str) -> Real:
+        """First derivative of the pose (F, 3) [m/s, rad/s]."""
+        k = self.model.index[link]
+        return self._rows(self.origin_velocities[k], self.speeds.spin[self.model.angles.spin[k]])
+
+    def acceleration(self, link: str) -> Real:
+        """Second derivative of the pose (F, 3) [m/s^2, rad/s^2]."""
+        k = self.model.index[link]
+        return self._rows(self.origin_accelerations[k], self.accelerations.spin[self.model.angles.spin[k]])
+
+    def point(self, link: str, point: str, derivative: int = 0) -> Real:
+        """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
+        k = self.model.index[link]
+        return self._rows(self.of_point(k, self.model.points[k][point], derivative))
+
+    def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
+        """Position (F, 2) [m] of a link's centre of mass, or its first or second derivative."""
+        k = self.model.index[link]
+        return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
+
+    def coordinate(self, pair: str) -> Real:
+        """Relative coordinate of a pair and its first two derivatives (F, 3): angle [rad] of a revolute, displacement [m]."""
+        j = self.model.joint_index[pair]
+        joint, (p, q) = self.model.joints[j], self.model.ends[j]
+        if j in self.model.driven:
+            return np.stack([np.broadcast_to(x, self.frames) for x in self.drives[self.model.driven[j]]], axis=-1)
+        if joint.coordinate == "slide":
+            values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
+        else:
+            a, b = self.model.angles.spin[p], self.model.angles.spin[q]
+            values = (
+                self.angle(q) - self.angle(p),
+                self.speeds.spin[b] - self.speeds.spin[a],
+                self.accelerations.spin[b] - self.accelerations.spin[a],
+            )
+        return np.stack([np.broadcast_to(x, self.frames) for x in values], axis=-1)
+
+    def pair_position(self, pair: str) -> Real:
+        """Where a pair is in the world (F, 2) [m]: its pin, or the sliding link's point."""
+        return self._rows(self.joint_point(self.model.joint_index[pair]))
+
+    # -- solved stages ------------------------------------------------------------------------------------------------
+    @cached_property
+    def contours(self) -> dict[int, Vectors]:
+        """The vectors of every contour in the world."""
+        return {c: bl.vectors(self.model, c, self.state) for c in range(len(self.model.contours))}
+
+    @cached_property
+    def columns(self) -> list[Columns]:
+        """Derivatives of each block's contours by its unknowns."""
+        return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+
+    @cached_property
+    def speeds(self) -> Rates:
+        """Speeds of all spins and slides."""
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            return velocities(self.model, self.contours, self.columns, [d[1] for d in self.drives])
+
+    @cached_property
+    def accelerations(self) -> Rates:
+        """Second rates of all spins and slides."""
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            return accelerations(self.model, self.contours, self.columns, self.speeds, [d[2] for d in self.drives])
+
+    # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
+    def rotation(self, k: int) -> Array:
+        """exp(i angle) of a link's frame."""
+        return self.model.turn[k] * self.state.rot[self.model.angles.spin[k]]
+
+    def angle(self, k: int) -> Array:
+        """Angle of a link's frame [rad], continuous over the frames."""
+        turning = self.model.angles
+        spin = turning.spin[k]
+        total: Array = turning.offset[k]
+        for d, sign in turning.spin_drives[spin]:
+            total = total + sign * self.drives[d][0]
+        group = turning.spin_group[spin]
+        return total if group == 0 else total + self._group_angle(group)
+
+    def _group_angle(self, group: int) -> Array:
+        if group not in self._group_angles:
+            turning = self.model.angles
+            spin = turning.spin_group.index(group)
+            e = self.state.rot[spin] * np.conj(self.state.delta[spin])
+            raw = np.arctan2(np.imag(e), np.real(e)) * np.ones(self.frames)
+            step = np.diff(raw)
+            jump = np.round(step / (2.0 * np.pi))
+            if np.abs(step - 2.0 * np.pi * jump).max(initial=0.0) > 0.5 * np.pi:
+                # too few frames to follow the angle by itself: its speed says how far it went in between
+                extra = sum((s * self.drives[d][1] for d, s in turning.spin_drives[spin]), 0.0)
+                w = np.broadcast_to(self.speeds.spin[spin] - extra, self.frames)
+                went = 0.5 * (w[1:] + w[:-1]) * np.diff(self.time)
+                jump = np.round((step - went) / (2.0 * np.pi))
+            raw[1:] -= 2.0 * np.pi * np.cumsum(jump)
+            self._group_angles[group] = raw
+        return self._group_angles[group]
+
+    @cached_property
+    def _group_angles(self) -> dict[int, Array]:
+        return {}
+
+    def _slide_direction(self, k: int, j: int, side: int) -> Array | None:
+        joint = self.model.joints[j]
+        return joint.slide * self.rotation(k) if joint.slide is not None and joint.guide == side else None
+
+    def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
+        """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
+        joint = self.model.joints[j]
+        spin = self.model.angles.spin[k]
+        vector = (joint.b if side else joint.a) * self.rotation(k)
+        d = self._slide_direction(k, j, side)
+        if d is not None:
+            vector = vector + self.state.slide[j] * d
+        if derivative == 0:
+            return vector
+        w = self.speeds.spin[spin]
+        if derivative == 1:
+            out = 1j * (w * vector)
+            return out if d is None else out + self.speeds.slide[j] * d
+        out = (1j * self.accelerations.spin[spin] - w * w) * vector
+        return out if d is None else out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
+
+    def _along_tree(self, derivative: int) -> list[Array]:
+        tree, ends = self.model.tree, self.model.ends
+        found: list[Array] = [0j] * len(self.model.links)
+        for k in tree.order:
+            p, j = tree.parent[k], tree.joint[k]
+            side = 1 if ends[j][1] == k else 0
+            found[k] = found[p] + self.arm(p, j, 1 - side, derivative) - self.arm(k, j, side, derivative)
+        return found
+
+    @cached_property
+    def origins(self) -> list[Array]:
+        """Positions of the origins of all links [m]."""
+        return self._along_tree(0)
+
+    @cached_property
+    def origin_velocities(self) -> list[Array]:
+        return self._along_tree(1)
+
+    @cached_property
+    def origin_accelerations(self) -> list[Array]:
+        return self._along_tree(2)
+
+    def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
+        """World position of a point given in link axes, or its first or second derivative."""
+        r = local * self.rotation(k)
+        if derivative == 0:
+            return self.origins[k] + r
+        w = self.speeds.spin[self.model.angles.spin[k]]
+        if derivative == 1:
+            return self.origin_velocities[k] + 1j * (w * r)
+        a = self.accelerations.spin[self.model.angles.spin[k]]
+        return self.origin_accelerations[k] + (1j * a - w * w) * r
+
+    def joint_point(self, j: int, derivative: int = 0) -> Array:
+        """Where a joint is: on the link that does not carry the guide."""
+        joint, ends = self.model.joints[j], self.model.ends[j]
+        side = 1 if joint.slide is not None and joint.guide == 0 else 0
+        return self.of_point(ends[side], joint.b if side else joint.a, derivative)
+
+    def _rows(self, z: Array, angle: Array | None = None) -> Real:
+        parts = [np.real(z), np.imag(z)] + ([] if angle is None else [angle])
+        return np.stack([np.broadcast_to(np.asarray(p, float), (self.frames,)) for p in parts], axis=-1)
+
+    # -- health -------------------------------------------------------------------------------------------------------
+    @cached_property
+    def closure(self) -> Real:
+        """Largest contour residual of each frame (F,) [m]."""
+        return self._largest([sum((z for _, z in v.arms), 0j) for v in self.contours.values()])
+
+    @cached_property
+    def velocity_closure(self) -> Real:
+        """Largest residual of the differentiated contours (F,) [m/s]."""
+        return self._largest([self._contour_rate(v, 1) for v in self.contours.values()])
+
+    @cached_property
+    def acceleration_closure(self) -> Real:
+        """Largest residual of the twice differentiated contours (F,) [m/s^2]."""
+        return self._largest([self._contour_rate(v, 2) for v in self.contours.values()])
+
+    @cached_property
+    def condition(self) -> Real:
+        """Largest block condition number of each frame (F,); inf where a block is singular."""
+        worst = np.ones(self.frames)
+        for block, cols in zip(self.model.blocks, self.columns, strict=True):
+            worst = np.maximum(worst, bl.condition(self.model, block, cols))
+        return worst
+
+    def _contour_rate(self, v: Vectors, derivative: int) -> Array:
+        total: Array = 0j
+        for spin, z in v.arms:
+            w = self.speeds.spin[spin]
+            total = total + (1j * w * z if derivative == 1 else (1j * self.accelerations.spin[spin] - w * w) * z)
+        for j, spin, d in v.slides:
+            if derivative == 1:
+                total = total + self.speeds.slide[j] * d
+            else:
+                total = total + (self.accelerations.slide[j] + 2j * self.speeds.spin[spin] * self.speeds.slide[j]) * d
+        return total
+
+    def _largest(self, residuals: list[Array]) -> Real:
+        worst = np.zeros(self.frames)
+        for r in residuals:
+            worst = np.maximum(worst, np.abs(r))
+        return worst

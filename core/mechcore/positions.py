@@ -1,0 +1,59 @@
+"""Positions of all blocks in order, for any number of drive positions at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .blocks import State, place
+from .model import Model
+
+__all__ = ["drive_rates", "initial_state", "place_all"]
+
+Array = Any
+
+
+def initial_state(model: Model, drives: Sequence[Array]) -> State:
+    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides."""
+    factor: dict[tuple[int, int], Array] = {}
+
+    def rotation(d: int, sign: int) -> Array:
+        if (d, sign) not in factor:
+            q = drives[d] if sign == 1 else sign * drives[d]
+            factor[d, sign] = np.cos(q) + 1j * np.sin(q)
+        return factor[d, sign]
+
+    delta: list[Array] = []
+    for terms in model.angles.spin_drives:
+        total: Array = 1 + 0j
+        for d, sign in terms:
+            r = rotation(d, sign)
+            total = r if isinstance(total, complex) else total * r
+        delta.append(total)
+    rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
+    slide = {j: drives[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}
+    return State(delta=delta, rot=rot, slide=slide)
+
+
+def place_all(
+    model: Model, drives: Sequence[Array], modes: Sequence[Array], starts: Mapping[str, Array] | None = None
+) -> State:
+    """Positions for drive positions (...) each, with an assembly mode per block and Newton starts by block name."""
+    state = initial_state(model, drives)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
+        for block, mode in zip(model.blocks, modes, strict=True):
+            place(model, block, state, mode, None if starts is None else starts.get(block.name))
+    return state
+
+
+def drive_rates(model: Model, rates: Sequence[Array]) -> tuple[list[Array], dict[int, Array]]:
+    """What the drives' rates alone decide: extra speed of each spin over its group, and the rates of driven slides."""
+    extra: list[Array] = []
+    for terms in model.angles.spin_drives:
+        total: Array = 0.0
+        for d, sign in terms:
+            total = total + sign * rates[d]
+        extra.append(total)
+    return extra, {j: rates[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}

@@ -1,0 +1,228 @@
+"""From a compiled mechanism to its motion: frames, tracks of general groups, and clear words where it cannot go on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import blocks as bl
+from .assembly import Assembly, assemble
+from .continuation import Track, follow
+from .errors import Fault, MechanismError
+from .model import Block, Model, build_model
+from .motion import Motion
+from .positions import initial_state, place_all
+from .spec import Mechanism
+
+__all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
+
+Array = Any
+TURN = 2.0 * np.pi
+STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a walk: angle, or part of the mechanism's size
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A mechanism ready to run: its model and how it is put together at the start of its drives."""
+
+    model: Model
+    assembly: Assembly
+    start: tuple[float, ...]  # drive positions for which the assembly was made
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.model.mechanism
+
+
+def compile_mechanism(mechanism: Mechanism) -> Compiled:
+    """Compile and assemble a mechanism. Raises `MechanismError` with every fault that can be seen."""
+    model = build_model(mechanism)
+    if model.free:
+        n = len(model.free)
+        where = ", ".join(model.free[:8]) + (" ..." if n > 8 else "")
+        raise MechanismError(
+            Fault(
+                "drives",
+                f"the mechanism has a freedom that no drive takes: nothing decides the motion at {where}.",
+                "Add a drive to one of these pairs" + (" or fix a link." if mechanism.drives else "."),
+            )
+        )
+    start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
+    return Compiled(model=model, assembly=assemble(model, start), start=start)
+
+
+def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
+    """Frame times (frames + 1,) [s], uniform over whole cycles of the first drive; both ends included."""
+    duration = mechanism.drives[0].law.duration if mechanism.drives else 1.0
+    return np.linspace(0.0, cycles * duration, frames + 1)
+
+
+def solve_motion(
+    compiled: Compiled,
+    time: ArrayLike,
+    *,
+    drives: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
+    strict: bool = True,
+) -> Motion:
+    """Motion at times (F,) [s].
+
+    ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven pairs. Where the mechanism cannot be
+    assembled, ``strict`` raises `MechanismError` naming the pair, the range and the gap; else those frames are NaN.
+    """
+    model = compiled.model
+    time = np.atleast_1d(np.asarray(time, float))
+    values = []
+    for d in model.mechanism.drives:
+        given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
+        values.append(tuple(np.broadcast_to(np.asarray(v, float), time.shape) for v in given))
+    positions = [v[0] for v in values]
+    starts = None
+    parameter, track = None, None
+    if compiled.assembly.starts:
+        track, parameter = _track(compiled, time, positions)
+        starts = track.starts(parameter)
+    state = place_all(model, positions, compiled.assembly.modes, starts)
+    motion = Motion(model, time, values, state, compiled.assembly.modes)
+    if strict:
+        faults = _faults(compiled, motion, track, parameter)
+        if faults:
+            raise MechanismError(faults)
+    return motion
+
+
+def _track(compiled: Compiled, time: Array, positions: Sequence[Array]) -> tuple[Track, Array]:
+    """Walk the general groups over what the frames need. With one drive its position is the parameter, else time is."""
+    model = compiled.model
+    drives = model.mechanism.drives
+    if len(drives) == 1:
+        q0 = compiled.start[0]
+        kind = model.joints[model.joint_index[drives[0].pair]].coordinate
+        step = STEP[kind] * (1.0 if kind == "angle" else model.size)
+        q = positions[0]
+        low, high = min(q0, float(np.min(q))), max(q0, float(np.max(q)))
+        if kind == "angle" and high - low > 1.01 * TURN:
+            turn = follow(model, compiled.assembly, lambda p: ([p], [1.0]), q0, q0, q0 + TURN, step)
+            if turn.ends[1] == q0 + TURN and _closes(compiled, turn, q0):
+                return turn, q0 + np.mod(q - q0, TURN)
+        return follow(model, compiled.assembly, lambda p: ([p], [1.0]), q0, low, high, step), q
+    span = float(np.max(time)) if len(time) else 0.0
+    laws = [d.law for d in drives]
+
+    def at(p: float) -> tuple[list[float], list[float]]:
+        found = [law(p) for law in laws]
+        return [float(f[0]) for f in found], [float(f[1]) for f in found]
+
+    step = min((law.duration for law in laws), default=1.0) / 60.0
+    return follow(model, compiled.assembly, at, 0.0, min(0.0, float(np.min(time))), max(span, 1e-9), step), time
+
+
+def _closes(compiled: Compiled, turn: Track, q0: float) -> bool:
+    """Whether the groups are back where they were after one turn of the drive."""
+    for block in compiled.model.blocks:
+        if block.kind == "general":
+            a, b = turn.splines[block.name](q0), turn.splines[block.name](q0 + TURN)
+            n = len(block.angles)
+            away = np.abs(np.exp(1j * a[:n]) - np.exp(1j * b[:n])).max(initial=0.0)
+            if max(away, np.abs(a[n:] - b[n:]).max(initial=0.0) / compiled.model.size) > 1e-8:
+                return False
+    return True
+
+
+def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: Array | None) -> list[Fault]:
+    """What keeps frames from being assembled: the first group in solving order that fails, per range of the drive."""
+    model = compiled.model
+    faults: list[Fault] = []
+    failed = np.zeros(motion.frames, bool)
+    for block in model.blocks:
+        if block.redundant:
+            miss = np.zeros(motion.frames)
+            for c in block.contours:
+                miss = np.maximum(miss, np.abs(sum((z for _, z in motion.contours[c].arms), 0j)))
+            bad = (miss > 1e-9 * model.size) & ~failed
+        else:
+            bad = ~_placed(model, block, motion) & ~failed
+            if block.kind == "general" and track is not None and parameter is not None:
+                edge = 1e-9 * max(1.0, abs(track.ends[1]))
+                bad |= ((parameter < track.ends[0] - edge) | (parameter > track.ends[1] + edge)) & ~failed
+            miss = bl.gap(model, block, motion.state) if bad.any() and block.kind != "general" else np.zeros(motion.frames)
+            if bad.any() and block.kind == "general":
+                miss = _least_miss(compiled, block, motion, np.flatnonzero(bad))
+        if bad.any():
+            faults.append(_out_of_reach(compiled, block, motion, bad, np.broadcast_to(miss, motion.frames)))
+            failed |= bad
+    return faults
+
+
+def _placed(model: Model, block: Block, motion: Motion) -> Array:
+    ok = np.ones(motion.frames, bool)
+    for g in block.angles:
+        ok &= np.isfinite(motion.state.rot[model.angles.spin_group.index(g)])
+    for j in block.slides:
+        ok &= np.isfinite(motion.state.slide[j])
+    return ok
+
+
+def _least_miss(compiled: Compiled, block: Block, motion: Motion, frames: Array) -> Array:
+    """Smallest gap that a general group can be brought to at failed frames (F,) [m], from many starts."""
+    from .assembly import group_modes  # here: only failures need it
+
+    miss = np.zeros(motion.frames)
+    for f in frames[:: max(1, len(frames) // 8)]:
+        drives = [np.float64(d[0][f]) for d in motion.drives]
+        state = initial_state(compiled.model, drives)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for b, mode in zip(compiled.model.blocks, compiled.assembly.modes, strict=True):
+                if b is block:
+                    break
+                bl.place(compiled.model, b, state, mode, compiled.assembly.starts.get(b.name))
+            if len(group_modes(compiled.model, block, state)) == 0:
+                miss[f] = _closest(compiled.model, block, state)
+    return miss
+
+
+def _closest(model: Model, block: Block, state: Any) -> float:
+    rng = np.random.default_rng(1)
+    n, k = len(block.angles), len(block.slides)
+    x = np.concatenate([rng.uniform(-np.pi, np.pi, (200, n)), rng.uniform(-2, 2, (200, k)) * model.size], axis=-1)
+    bl.place(model, block, state, 0.0, x)
+    return float(np.nanmin(state.newton[block.name].miss))
+
+
+def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: Array) -> Fault:
+    model = compiled.model
+    drive = model.mechanism.drives[0]
+    pair = drive.pair
+    rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
+    unit, factor = ("°", 180.0 / np.pi) if rotary else (" mm", 1e3)
+    q = motion.drives[0][0]
+    ranges = []
+    for start, end in _runs(bad):
+        low, high = sorted((float(q[start]), float(q[end])))
+        ranges.append(f"from {low * factor:.6g}{unit} to {high * factor:.6g}{unit}")
+    shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
+    worst = float(np.nanmax(np.where(bad, miss, 0.0)))
+    good = ~bad & np.isfinite(q)
+    words = f"cannot be assembled for positions of drive {pair} {shown}"
+    if worst > 0:
+        words += f": its links miss each other by up to {1e3 * worst:.6g} mm."
+    else:
+        words += ": the group reaches a limit of its motion on this branch."
+    remedy = "Change a length by more than that"
+    if block.redundant:
+        words = words.replace("cannot be assembled", "the redundant constraint does not close")
+        remedy = "Correct the lengths so that the extra constraint agrees"
+    if good.any():
+        reach = [sorted((float(q[a]) * factor, float(q[b]) * factor)) for a, b in _runs(good)]
+        longest = max(reach, key=lambda r: r[1] - r[0])
+        remedy += f", or keep the drive within [{longest[0]:.6g}{unit}, {longest[1]:.6g}{unit}]"
+    return Fault(f"pairs.{block.name}", words, remedy + ".")
+
+
+def _runs(flags: Array) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,98 @@
+"""Outlines of flat parts as shapely polygons. Lengths are in units of the mechanism's size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry.polygon import orient
+from shapely.ops import unary_union
+
+__all__ = ["Disc", "clean", "cutouts", "disc", "hull", "pedestal", "polygons", "rail", "rectangle", "rounded"]
+
+Disc = tuple[tuple[float, float], float]  # centre and radius
+
+
+def disc(centre: tuple[float, float], radius: float, segments: int) -> Polygon:
+    return Point(centre).buffer(radius, quad_segs=max(2, segments // 4))
+
+
+def hull(discs: Iterable[Disc], segments: int) -> Polygon:
+    """The smallest convex outline around all discs: a plate with rounded ends, or a rounded polygon."""
+    return unary_union([disc(centre, radius, segments) for centre, radius in discs]).convex_hull
+
+
+def rectangle(centre: tuple[float, float], along: tuple[float, float], length: float, width: float, fillet: float = 0.0) -> Polygon:
+    """A rectangle whose length lies in the unit direction `along`, with rounded corners if `fillet` > 0."""
+    u = np.asarray(along)
+    v = np.array([-u[1], u[0]])
+    corners = [np.asarray(centre) + 0.5 * (a * length * u + b * width * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return rounded(Polygon(corners), fillet)
+
+
+def rounded(shape: Polygon, fillet: float) -> Polygon:
+    """The shape with its convex corners rounded."""
+    return shape.buffer(-fillet, join_style="mitre").buffer(fillet, quad_segs=5) if fillet > 0.0 else shape
+
+
+def cutouts(plate: Polygon, keep: Sequence[Polygon], rim: float, fillet: float, least: float) -> list[Polygon]:
+    """Lightening cut-outs: what is left of a plate inside a rim and away from the regions to keep, with round corners.
+
+    `least` is the area below which a cut-out is not worth having.
+    """
+    inner = plate.buffer(-rim)
+    for region in keep:
+        inner = inner.difference(region)
+    inner = inner.buffer(-fillet, quad_segs=6).buffer(fillet, quad_segs=6)
+    return [part for part in polygons(inner) if part.area > least and not part.interiors]
+
+
+def pedestal(pivot: tuple[float, float], r: float, segments: int) -> Polygon:
+    """A bearing foot below a ground pivot, on a base line with ground hatching; r is the half width of a plate."""
+    x, y = pivot
+    base = y - 2.9 * r
+    foot = unary_union([disc(pivot, 1.05 * r, segments), Polygon([(x - 1.5 * r, base), (x + 1.5 * r, base), (x, y)])]).convex_hull
+    return unary_union([foot, _ground((x - 2.2 * r, base), (x + 2.2 * r, base), r)])
+
+
+def rail(start: tuple[float, float], end: tuple[float, float], r: float, *, thickness: float) -> Polygon:
+    """A guide rail from start to end (its inner edge; the material and the ground hatching are to the right)."""
+    return _ground(start, end, r, thickness=thickness)
+
+
+def _ground(start: tuple[float, float], end: tuple[float, float], r: float, thickness: float | None = None) -> Polygon:
+    """A straight bar whose left edge runs from start to end, with slanted hatching ribs on its right."""
+    a, b = np.asarray(start, float), np.asarray(end, float)
+    length = float(np.linalg.norm(b - a))
+    u = (b - a) / length
+    n = np.array([u[1], -u[0]])
+    bar = 0.4 * r if thickness is None else thickness
+    # A base is drawn around its left edge, so that it meets the foot above it.
+    parts = [Polygon([a, b, b + bar * n, a + bar * n])]
+    rib, height = 0.2 * r, 0.75 * r
+    count = max(3, round(length / (0.8 * r)))
+    pitch = (length - height - rib) / (count - 1)
+    for k in range(count):
+        foot = a + (height + k * pitch) * u + 0.5 * bar * n
+        tip = foot + (0.5 * bar + height) * n - height * u
+        parts.append(Polygon([foot, foot + rib * u, tip + rib * u, tip]))
+    return unary_union(parts)
+
+
+def polygons(shape) -> list[Polygon]:
+    """The polygons of any shapely geometry, largest first."""
+    if shape.is_empty:
+        return []
+    if isinstance(shape, Polygon):
+        return [shape]
+    if isinstance(shape, MultiPolygon) or hasattr(shape, "geoms"):
+        return sorted((p for g in shape.geoms for p in polygons(g)), key=lambda p: (-p.area, p.bounds))
+    return []
+
+
+def clean(shape: Polygon) -> Polygon:
+    """The polygon with the material to the left of every ring, without needless vertices on straight edges."""
+    simple = shapely.simplify(shape, 1e-7, preserve_topology=True)
+    return orient(simple if isinstance(simple, Polygon) and not simple.is_empty else shape, 1.0)

@@ -1,0 +1,246 @@
+"""The scene document: what may stand in a scene file, key by key. The JSON Schema for editors comes from here.
+
+Values stay as the user wrote them (``"60 rpm"`` remains a text); units and cross-references are the business of ``assemble``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from mechcore.spec import EFFECTS
+
+from .fields import (
+    Angle,
+    Direction,
+    ForceVector,
+    GravityVector,
+    Inertia,
+    Mass,
+    Name,
+    Point,
+    Text,
+    Torque,
+    UnitName,
+    describe,
+    fault,
+)
+from .motions import DriveDocument, FactorTable
+from .tables import Table, one_of, refuse
+
+__all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
+
+EffectName = Literal["inertia", "gravity"]
+if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; this keeps it equal to the core's list
+    raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.EFFECTS name different effects")
+
+
+class UnitsDocument(Table):
+    """The units of bare numbers."""
+
+    length: Annotated[str, UnitName("length")] = "m"
+    """Unit of lengths, also of those inside speeds and accelerations."""
+    angle: Annotated[str, UnitName("angle")] = "rad"
+    """Unit of angles, also of those inside angular speeds and accelerations."""
+    mass: Annotated[str, UnitName("mass")] = "kg"
+    """Unit of masses."""
+    time: Annotated[str, UnitName("time")] = "s"
+    """Unit of times, also of those inside speeds, accelerations and frequencies."""
+    force: Annotated[str, UnitName("force")] = "N"
+    """Unit of forces."""
+    torque: Annotated[str, UnitName("torque")] = "N m"
+    """Unit of torques. It does not follow the unit of length."""
+    inertia: Annotated[str, UnitName("inertia")] = "kg m^2"
+    """Unit of moments of inertia. It does not follow the units of mass and length."""
+
+
+class RunDocument(Table):
+    """How much of the motion is computed."""
+
+    frames: Annotated[int, Field(strict=True, ge=2, le=10_000_000)] = 360
+    """Number of frames."""
+    cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1
+    """Number of cycles of the drive."""
+
+
+def _is_list(value: Any) -> str:
+    return "<list>" if isinstance(value, list | tuple) else "<table>"
+
+
+def _is_text(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<list>"
+
+
+def _point_table(value: Any) -> Any:
+    if not isinstance(value, dict):
+        hint = 'Write them like { A = [0, 0], B = [60, 0] }, or ["A", "B"] for points of the sketch.'
+        raise fault(f"{describe(value)} where points are wanted.", hint)
+    return value
+
+
+PointTable = Annotated[dict[Name, Point], Field(min_length=1), BeforeValidator(_point_table)]
+PointNames = Annotated[list[Name], Field(min_length=1)]
+Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
+Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(_is_text)]
+
+
+class LinkDocument(Table):
+    """A rigid link."""
+
+    points: Points
+    """Named points: a table of coordinates in the link's own frame, or a list of names whose places the sketch gives."""
+    mass: Mass | None = None
+    """Mass. It acts only where `effects` names inertia or gravity."""
+    centre: Centre | None = None
+    """Centre of mass: coordinates in the link's frame, or the name of one of its points."""
+    inertia: Inertia | None = None
+    """Moment of inertia about the centre of mass."""
+    shape: Literal["bar", "point"] | None = None
+    """Instead of centre and inertia. "bar": uniform slender bar between the first two points. "point": all mass at the first."""
+
+    @model_validator(mode="after")
+    def _shape_fits(self) -> LinkDocument:
+        found = []
+        if isinstance(self.points, list) and len(set(self.points)) < len(self.points):
+            found.append(("points", "a point is listed twice.", "Name each point once."))
+        for key in ("centre", "inertia"):
+            if self.shape and getattr(self, key) is not None:
+                found.append((key, f"stands beside shape = '{self.shape}', which decides the {key}.", f"Leave out shape or {key}."))
+        if self.shape == "bar" and len(self.points) < 2:
+            found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
+        if self.shape and self.mass is None:
+            found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
+        refuse(found)
+        return self
+
+
+TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
+At = Annotated[Annotated[Text, Tag("<name>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(_is_text)]
+
+
+class PairDocument(Table):
+    """A kinematic pair between two links."""
+
+    revolute: TwoNames | None = None
+    """The two links that a pin joins."""
+    prismatic: TwoNames | None = None
+    """The two links of which one slides along the other."""
+    at: At | None = None
+    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name."""
+    along: Direction | None = None
+    """Prismatic: direction of the guide in the frame of the guide's link. Default [1, 0]."""
+    guide: Text | None = None
+    """Prismatic: the link that carries the guide. Default: the first."""
+    angle: Angle | None = None
+    """Prismatic: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
+    side: Literal["left", "right"] | None = None
+    """Assembly mode: on which side of the line from the first link's other pin to the second link's other pin this pin lies."""
+    assembly: Literal["open", "crossed"] | None = None
+    """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
+    branch: Literal["ahead", "behind"] | None = None
+    """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
+    drive: DriveDocument | None = None
+    """Prescribed motion of this pair."""
+
+    @property
+    def kind(self) -> Literal["revolute", "prismatic"]:
+        return "revolute" if self.revolute is not None else "prismatic"
+
+    @property
+    def links(self) -> tuple[str, str]:
+        """The names of the two links."""
+        first, second = self.revolute or self.prismatic or ("", "")
+        return first, second
+
+    @property
+    def mode(self) -> str | None:
+        """The assembly mode, whichever way it is said."""
+        return self.side or self.assembly or self.branch
+
+    @model_validator(mode="after")
+    def _one_pair(self) -> PairDocument:
+        refuse(one_of(self, ("revolute", "prismatic"), "the pair"))
+        found = []
+        if self.links[0] == self.links[1]:
+            found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
+        foreign = ("along", "guide", "angle") if self.kind == "revolute" else ("side", "assembly")
+        for key in foreign:
+            if getattr(self, key) is not None:
+                hint = "Leave it out." if self.kind == "revolute" else "Write branch = 'ahead' or 'behind' instead."
+                found.append((key, f"{key} does not go with a {self.kind} pair.", hint))
+        modes = [key for key in ("side", "assembly", "branch") if getattr(self, key) is not None]
+        if len(modes) > 1:
+            found.append((modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them."))
+        if self.drive is not None and modes:
+            found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
+        refuse(found)
+        return self
+
+
+class Pose(Table):
+    """Where a link's frame is, roughly, at the start."""
+
+    at: Point
+    """World coordinates of the origin of the link's frame."""
+    angle: Angle = 0.0
+    """Angle of the link's frame."""
+
+
+SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(lambda v: "<table>" if isinstance(v, dict) else "<list>")]
+
+
+class LoadDocument(Table):
+    """A force at a point of a link, or a torque on a link."""
+
+    force: ForceVector | None = None
+    """Components [x, y] of a force."""
+    torque: Torque | None = None
+    """A free moment, counter-clockwise positive."""
+    on: Text
+    """The link that it acts on."""
+    at: Text | None = None
+    """The point of that link where the force acts; may be left out where the link has one point only."""
+    axes: Literal["world", "link"] = "world"
+    """Whether the components are fixed in the world or turn with the link."""
+    table: FactorTable | None = None
+    """The value is multiplied by this factor."""
+
+    @model_validator(mode="after")
+    def _one_load(self) -> LoadDocument:
+        found = one_of(self, ("force", "torque"), "the load")
+        if self.torque is not None:
+            for key in ("at", "axes"):
+                if key in self.model_fields_set:
+                    found.append((key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}."))
+        refuse(found)
+        return self
+
+
+class SceneDocument(Table):
+    """A mechviz scene: a mechanism, its drives and loads, and what to compute."""
+
+    title: Text = ""
+    """What the scene shows, in a few words. Default: the name of the file."""
+    teaches: Text = ""
+    """One sentence: what can be learned from it."""
+    units: UnitsDocument = UnitsDocument()
+    """Units of bare numbers. Any value may carry its own unit as a text, such as "80 mm" or "60 rpm"."""
+    effects: list[EffectName] = []
+    """Effects to compute. None: pure kinematics, unless there are loads."""
+    frame: Text = "frame"
+    """Name of the fixed link, whose frame is the world."""
+    gravity: GravityVector = (0.0, -9.81)
+    """Acceleration of gravity [m/s^2], used only where effects names gravity."""
+    trace: list[Text] = []
+    """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
+    run: RunDocument = RunDocument()
+    """How much of the motion is computed."""
+    links: dict[Name, LinkDocument] = {}
+    """The links by name, the fixed one among them."""
+    pairs: dict[Name, PairDocument] = {}
+    """The pairs by name. A pair joins the points of its two links that have its own name, unless `at` names others."""
+    sketch: dict[Name, SketchEntry] = {}
+    """A rough start position: world coordinates of points, or poses of links."""
+    loads: dict[Name, LoadDocument] = {}
+    """Applied forces and torques by name."""

@@ -1,0 +1,225 @@
+"""The types of the values in a scene: names, numbers, and quantities that may carry their own unit.
+
+Each type checks its value by itself and says in one sentence what is wrong with it, where pydantic's unions would say it once per branch.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, WithJsonSchema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
+
+__all__ = [
+    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia",
+    "Length", "Mass", "Name", "Number", "Point", "Range", "Rate", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
+]  # fmt: skip
+
+
+def fault(message: str, remedy: str = "") -> PydanticCustomError:
+    """An error that reaches the user word for word."""
+    return faults([("", message, remedy)])
+
+
+def faults(found: list[tuple[str, str, str]]) -> PydanticCustomError:
+    """Several errors of one table at once, each (key, message, remedy); the key "" means the table itself.
+
+    They travel in the context of a single pydantic error, since a validator can raise only one.
+    """
+    return PydanticCustomError("scene", "faults of a scene", {"faults": found})
+
+
+def describe(value: Any) -> str:
+    """A value of a scene as a user wrote it, short."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"'{value}'" if len(value) <= 40 else f"'{value[:37]}...'"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return f"a list of {len(value)}" if len(str(value)) > 40 else str(value).replace("'", '"')
+    return str(value)
+
+
+def _finite(value: Any, wanted: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise fault(f"{describe(value)} where {wanted} is wanted.")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise fault(f"{describe(value)} is not a finite number.", "Give a finite one.")
+    return number
+
+
+def _number(value: Any) -> float:
+    return _finite(value, "a plain number")
+
+
+def _quantity(*kinds: str, least: Literal["", "zero", "above zero"] = "") -> Any:
+    """A number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below."""
+    words = " or ".join(KINDS[kind].words for kind in kinds)
+    examples = [KINDS[kind].example for kind in kinds]
+
+    def bounded(number: float, value: Any) -> None:
+        if least and number < 0.0:
+            raise fault(f"{describe(value)} is negative.", "Give a positive value.")
+        if least == "above zero" and number == 0.0:
+            raise fault(f"{describe(value)} is zero.", "Give a positive value.")
+
+    def check(value: Any) -> float | str:
+        if not isinstance(value, str):
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise fault(f"{describe(value)} where {words} is wanted.", f"Write a number, or a text such as '{examples[0]}'.")
+            number = _finite(value, words)
+            bounded(number, value)
+            return number
+        try:
+            bounded(magnitude(value), value)
+            if len(kinds) == 1 and not math.isfinite(parse(value, kinds[0])):  # of several kinds, the driven pair decides
+                raise QuantityError(f"'{value}' is too large.", "Give a finite value.")
+        except QuantityError as error:
+            raise fault(str(error), error.remedy) from None
+        return value.strip()
+
+    bound = {"zero": {"minimum": 0}, "above zero": {"exclusiveMinimum": 0}}.get(least, {})
+    return Annotated[
+        float | str,
+        PlainValidator(check),
+        WithJsonSchema(
+            {
+                "anyOf": [{"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
+                "description": f"{words}: a number in the scene's units, or a text with its own unit",
+                "examples": examples,
+            }
+        ),
+    ]
+
+
+Length = _quantity("length")
+Angle = _quantity("angle")
+Mass = _quantity("mass", least="zero")
+Time = _quantity("time")
+Duration = _quantity("time", least="above zero")
+Force = _quantity("force")
+Torque = _quantity("torque")
+Inertia = _quantity("inertia", least="zero")
+Frequency = _quantity("frequency", least="above zero")
+Distance = _quantity("angle", "length", least="above zero")
+Range = _quantity("angle", "length", least="zero")
+Gravity = _quantity("gravity")
+Coordinate = _quantity("angle", "length")
+Rate = _quantity("angular speed", "linear speed")
+Condition = _quantity("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")
+Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise fault(f"{describe(value)} where a text is wanted.", "Put it in quotes.")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise fault("a text with characters that no file can hold (lone surrogates).") from None
+    return value
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise fault(f"{describe(value)} where true or false is wanted.")
+    return value
+
+
+def _name(value: str) -> str:
+    """Names become parts of paths in recordings and of file names."""
+    if not value:
+        raise fault("an empty name.", "Give it a name.")
+    if len(value) > 100:
+        raise fault(f"a name of {len(value)} characters.", "Keep it under 100.")
+    if value != value.strip():
+        raise fault(f"the name '{value}' begins or ends with a space.", f"Write '{value.strip()}'.")
+    if value.startswith("__"):
+        raise fault(f"the name '{value}' begins with two underscores, which recordings keep for themselves.", f"Write '{value.lstrip('_')}'.")
+    if value in (".", ".."):
+        raise fault(f"the name '{value}' means a folder in paths.", "Use letters or digits.")
+    bad = next((c for c in value if c in '/\\"' or not c.isprintable()), "")
+    if bad:
+        raise fault(f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'.")
+    return value
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+Flag = Annotated[bool, PlainValidator(_flag), WithJsonSchema({"type": "boolean"})]
+Name = Annotated[Text, AfterValidator(_name), Field(json_schema_extra={"pattern": r'^(?!__)[^/\\"]{1,100}$'})]
+
+
+@dataclass(frozen=True)
+class UnitName:
+    """Marks a text as the name of a unit of a kind; pydantic calls the two methods."""
+
+    kind: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string", "examples": [self._example]}
+
+    @property
+    def _example(self) -> str:
+        return KINDS[self.kind].example.split(" ", 1)[1]
+
+    def _check(self, value: Any) -> str:
+        if not isinstance(value, str):
+            raise fault(f"{describe(value)} where the name of a unit is wanted.", f"Write it like '{self._example}'.")
+        try:
+            unit_factor(value.strip(), self.kind)
+        except QuantityError as error:
+            if str(error).endswith("is wanted."):
+                raise fault(f"'{value}' is the unit of {error}", f"Write it like '{self._example}'.") from None
+            raise fault(str(error), error.remedy) from None
+        return value.strip()
+
+
+def _exactly_two(value: Any) -> Any:
+    if not isinstance(value, list | tuple):
+        raise fault(f"{describe(value)} where a pair of numbers is wanted.", "Write it like [60, 0].")
+    if len(value) != 2:
+        raise fault(f"{describe(value)} has {len(value)} entries, two are wanted.", "Write it like [60, 0].")
+    return value
+
+
+def _direction(value: Any) -> list[float] | list[str]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise fault(f"{describe(value)} where a direction is wanted.", "Write it like [1, 0], or name two points of the guide's link.")
+    if all(isinstance(v, str) for v in value):
+        return list(value)
+    numbers = [_number(v) for v in value]
+    if numbers == [0.0, 0.0]:
+        raise fault("a direction of length zero.", "Write it like [1, 0].")
+    return numbers
+
+
+_PAIR = BeforeValidator(_exactly_two)
+Point = Annotated[tuple[Length, Length], _PAIR]
+ForceVector = Annotated[tuple[Force, Force], _PAIR]
+GravityVector = Annotated[tuple[Gravity, Gravity], _PAIR]
+Direction = Annotated[
+    list[float] | list[str],
+    PlainValidator(_direction),
+    WithJsonSchema(
+        {
+            "type": "array",
+            "minItems": 2,
+            "maxItems": 2,
+            "items": {"type": ["number", "string"]},
+            "description": "a direction [x, y], or the names of two points of the guide's link",
+        }
+    ),
+]

@@ -1,0 +1,163 @@
+"""The part of the scene document that prescribes motions: drives and the tables of factors that depend on them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from .fields import Angle, Condition, Coordinate, Distance, Duration, Flag, Frequency, Number, Range, Rate, Text, Time, fault
+from .tables import Table, one_of, refuse
+from .units import magnitude
+
+__all__ = ["DriveDocument", "DriveTable", "FactorTable", "OscillationDocument", "SegmentDocument", "ZonesDocument"]
+
+
+def _value_or_list(value: Any) -> str:
+    return "<list>" if isinstance(value, list | tuple) else "<value>"
+
+
+Conditions = Annotated[
+    Annotated[Coordinate, Tag("<value>")]
+    | Annotated[Annotated[list[Condition], Field(min_length=1, max_length=3)], Tag("<list>")],
+    Discriminator(_value_or_list),
+]
+
+
+class ZonesDocument(Table):
+    """Start, steady running and stop, each over a stated range of the coordinate (not of time)."""
+
+    run_up: Range = 0.0
+    """Range of uniform acceleration from rest."""
+    steady: Range = 0.0
+    """Range of constant speed."""
+    braking: Range = 0.0
+    """Range of uniform deceleration to rest."""
+
+    @model_validator(mode="after")
+    def _some_range(self) -> ZonesDocument:
+        if not any(magnitude(zone) for zone in (self.run_up, self.steady, self.braking)):
+            raise fault("all zones have the range zero: nothing moves.", "Give run_up, steady or braking a range.")
+        return self
+
+
+class OscillationDocument(Table):
+    """centre + amplitude sin(2 pi frequency t + phase)."""
+
+    centre: Coordinate = 0.0
+    """Middle position."""
+    amplitude: Distance
+    """Largest distance from the middle."""
+    frequency: Frequency | None = None
+    """Cycles per time. Give this or period."""
+    period: Duration | None = None
+    """Time of one cycle. Give this or frequency."""
+    phase: Angle = 0.0
+    """Phase angle at time zero."""
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> OscillationDocument:
+        refuse(one_of(self, ("frequency", "period"), "the oscillation"))
+        return self
+
+
+class SegmentDocument(Table):
+    """One polynomial segment of a motion."""
+
+    duration: Duration
+    """Time that the segment takes."""
+    to: Conditions
+    """Its end: a position, or [position, velocity, acceleration]; what is left out is zero."""
+
+
+class DriveTable(Table):
+    """A motion given point by point, joined by a quintic spline."""
+
+    time: Annotated[list[Time], Field(min_length=2)]
+    """Increasing times."""
+    position: Annotated[list[Coordinate], Field(min_length=2)]
+    """Positions at these times."""
+    periodic: Flag = False
+    """The last row is the end of the cycle, which continues smoothly into the next."""
+
+    @model_validator(mode="after")
+    def _same_length(self) -> DriveTable:
+        if len(self.position) != len(self.time):
+            raise fault(f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time.")
+        if self.periodic and len(self.time) < 4:
+            raise fault(f"a periodic table of {len(self.time)} rows.", "Give at least four, the last one the end of the cycle.")
+        return self
+
+
+class DriveDocument(Table):
+    """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments or table."""
+
+    speed: Rate | None = None
+    """Constant speed, or the steady speed of the zones; its sign is the direction."""
+    start: Conditions | None = None
+    """Position at the start; for segments also [position, velocity, acceleration]."""
+    travel: Distance | None = None
+    """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
+    range: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = None
+    """Instead of start and travel: [least, greatest] position of one cycle at constant speed."""
+    zones: ZonesDocument | None = None
+    """Start, steady running and stop over stated ranges."""
+    oscillation: OscillationDocument | None = None
+    """Harmonic motion."""
+    segments: Annotated[list[SegmentDocument], Field(min_length=1)] | None = None
+    """Polynomial segments one after the other."""
+    table: DriveTable | None = None
+    """Positions at given times."""
+
+    @property
+    def law(self) -> Literal["speed", "zones", "oscillation", "segments", "table"]:
+        """The law that is given."""
+        return self._laws()[0]
+
+    def _laws(self) -> list[Any]:
+        laws = [law for law in ("zones", "speed", "oscillation", "segments", "table") if getattr(self, law) is not None]
+        return [law for law in laws if law != "speed"] if "zones" in laws else laws
+
+    @model_validator(mode="after")
+    def _one_law(self) -> DriveDocument:
+        laws = self._laws()
+        if not laws:
+            raise fault("the drive has no law of motion.", "Give speed, oscillation, segments or table.")
+        if len(laws) > 1:
+            raise fault(f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion.")
+        found = []
+        if self.zones is not None and self.speed is None:
+            found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
+        if self.speed is not None and magnitude(self.speed) == 0.0:
+            found.append(("speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'."))
+        allowed = {"speed": ("start", "travel", "range"), "zones": ("start",), "segments": ("start",)}.get(self.law, ())
+        for key in ("start", "travel", "range"):
+            if getattr(self, key) is not None and key not in allowed:
+                found.append((key, f"{key} does not go with {self.law}.", f"Leave out {key}."))
+        if self.law == "speed" and self.range is not None and (self.start is not None or self.travel is not None):
+            found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
+        if isinstance(self.start, list) and self.law in ("speed", "zones"):
+            found.append(("start", "a list: only segments start with a velocity and an acceleration.", "Give the position alone."))
+        refuse(found)
+        return self
+
+
+class FactorTable(Table):
+    """A factor as a function of the position of a drive."""
+
+    position: Annotated[list[Coordinate], Field(min_length=2)]
+    """Increasing positions of the drive."""
+    factor: Annotated[list[Number], Field(min_length=2)]
+    """Factors at these positions."""
+    period: Distance | None = None
+    """The table repeats after this much; without it the end values hold outside the table."""
+    smooth: Flag = True
+    """A cubic spline through the points; false: straight lines between them."""
+    drive: Text | None = None
+    """The driven pair. Default: the first one."""
+
+    @model_validator(mode="after")
+    def _same_length(self) -> FactorTable:
+        if len(self.position) != len(self.factor):
+            raise fault(f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position.")
+        return self

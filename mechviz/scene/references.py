@@ -1,0 +1,189 @@
+"""Do the parts of a scene fit together? Checks of names that refer to other parts, over what could be read of the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mechcore.errors import Fault
+
+from .document import PairDocument
+from .faults import did_you_mean, listing
+from .validate import Reading
+
+__all__ = ["check_references", "frame_names", "point_names", "points_of_pair", "resolve_trace"]
+
+
+def point_names(reading: Reading, link: str) -> list[str] | None:
+    """Names of the points of a link, None where the link could not be read so far."""
+    if link in reading.document.links:
+        return list(reading.document.links[link].points)
+    raw = reading.raw.get("links", {}) if isinstance(reading.raw.get("links"), dict) else {}
+    points = raw.get(link, {}).get("points") if isinstance(raw.get(link), dict) else None
+    return [name for name in points if isinstance(name, str)] if isinstance(points, dict | list) else None
+
+
+def points_of_pair(name: str, pair: PairDocument) -> tuple[str, str]:
+    """The joined points of the first and of the second link."""
+    if pair.at is None:
+        return name, name
+    return (pair.at, pair.at) if isinstance(pair.at, str) else (pair.at[0], pair.at[1])
+
+
+def frame_names(reading: Reading) -> list[str]:
+    """Names of all links, also of those that are faulty."""
+    raw = reading.raw.get("links")
+    return [str(name) for name in raw] if isinstance(raw, dict) else []
+
+
+def check_references(reading: Reading) -> Iterator[Fault]:
+    """Every fault of reference in what could be read."""
+    document = reading.document
+    if "*" not in reading.broken["links"] and not frame_names(reading):
+        yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
+    elif "*" not in reading.broken["links"] and document.frame not in frame_names(reading):
+        remedy = did_you_mean(document.frame, frame_names(reading), what='Name the fixed link with frame = "..."; links')
+        yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
+    yield from _pairs(reading)
+    yield from _whole(reading)
+    yield from _trace(reading)
+    yield from _loads(reading)
+    yield from _sketch(reading)
+    for k, effect in enumerate(document.effects):
+        if effect in document.effects[:k]:
+            yield Fault(f"effects[{k}]", f"'{effect}' is listed twice.", "Leave it out once.")
+    if document.effects and not reading.broken["links"] and all(link.mass is None for link in document.links.values()):
+        remedy = "Give the moving links a mass, or leave out the effects."
+        yield Fault("effects", f"{' and '.join(document.effects)} act on masses, and no link has a mass.", remedy)
+
+
+def _known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
+    links = frame_names(reading)
+    if "*" not in reading.broken["links"] and link not in links:
+        yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
+
+
+def _known_point(reading: Reading, path: str, link: str, point: str, remedy: str = "") -> Iterator[Fault]:
+    points = point_names(reading, link)
+    if points is not None and point not in points:
+        hint = did_you_mean(point, points, what=f"Points of '{link}'")
+        yield Fault(path, f"link '{link}' has no point '{point}'.", f"{hint} {remedy}".strip())
+
+
+def _pairs(reading: Reading) -> Iterator[Fault]:
+    document = reading.document
+    if not document.pairs and not reading.broken["pairs"]:
+        yield Fault("pairs", "the scene has no pairs.", "Add a table [pairs] that joins the links.")
+    for name, pair in document.pairs.items():
+        path = f"pairs.{name}"
+        for k, link in enumerate(pair.links):
+            yield from _known_link(reading, f"{path}.{pair.kind}[{k}]", link)
+        for k, (link, point) in enumerate(zip(pair.links, points_of_pair(name, pair), strict=True)):
+            where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
+            remedy = "" if pair.at is not None else f'Add the point to the link, or name the joined points with at = ["...", "..."].'
+            yield from _known_point(reading, where, link, point, remedy)
+        if pair.guide is not None and pair.guide not in pair.links:
+            yield Fault(f"{path}.guide", f"'{pair.guide}' is not one of the two links.", did_you_mean(pair.guide, pair.links, what="Links"))
+        elif pair.along is not None and isinstance(pair.along[0], str):
+            guide = pair.guide or pair.links[0]
+            for k, point in enumerate(pair.along):
+                yield from _known_point(reading, f"{path}.along[{k}]", guide, str(point))
+
+
+def _whole(reading: Reading) -> Iterator[Fault]:
+    """Is it one mechanism, and does it move?"""
+    document = reading.document
+    if not document.pairs or reading.broken["pairs"]:
+        return
+    if not reading.undriven and all(pair.drive is None for pair in document.pairs.values()):
+        first = next(iter(document.pairs))
+        yield Fault("pairs", "no pair has a drive: nothing moves.", f"Add one, such as drive = {{ speed = \"60 rpm\" }} in pairs.{first}.")
+    reached, grew = {document.frame}, True
+    while grew:
+        grew = False
+        for pair in document.pairs.values():
+            if (pair.links[0] in reached) != (pair.links[1] in reached):
+                reached.update(pair.links)
+                grew = True
+    if document.frame in document.links or document.frame in frame_names(reading):
+        for link in frame_names(reading):
+            if link not in reached:
+                yield Fault(f"links.{link}", f"no chain of pairs joins it to '{document.frame}'.", "Add the pair that is missing, or remove the link.")
+
+
+def _trace(reading: Reading) -> Iterator[Fault]:
+    trace = reading.document.trace
+    for k, text in enumerate(trace):
+        if text in trace[:k]:
+            yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
+            continue
+        found = resolve_trace(reading, text)
+        if isinstance(found, Fault):
+            if not reading.broken["links"]:
+                yield Fault(f"trace[{k}]", found.message, found.remedy)
+
+
+def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
+    """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be one place, a common pin."""
+    owners: list[str] = []
+    points: list[str] = []
+    for link in frame_names(reading):
+        for point in point_names(reading, link) or ():
+            if text == f"{link}.{point}":
+                return link, point
+            points.append(point)
+            if point == text:
+                owners.append(link)
+    if not owners:
+        link = text.partition(".")[0]
+        if text != link and link in frame_names(reading):
+            own = point_names(reading, link) or []
+            return Fault("", f"link '{link}' has no point '{text[len(link) + 1:]}'.", did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"))
+        return Fault("", f"no link has a point '{text}'.", did_you_mean(text, dict.fromkeys(points), what="Points"))
+    together, grew = {owners[0]}, True
+    while grew:
+        grew = False
+        for name, pair in reading.document.pairs.items():
+            if pair.kind == "revolute" and points_of_pair(name, pair) == (text, text):
+                a, b = pair.links
+                if (a in together) != (b in together):
+                    together |= {a, b}
+                    grew = True
+    if len(owners) > 1 and not together.issuperset(owners):
+        choices = [f"{link}.{text}" for link in owners]
+        return Fault("", f"'{text}' is on several links that no pin joins there.", f"Say which: {listing(choices)}.")
+    return owners[0], text
+
+
+def _loads(reading: Reading) -> Iterator[Fault]:
+    document = reading.document
+    driven = [name for name, pair in document.pairs.items() if pair.drive is not None]
+    for name, load in document.loads.items():
+        path = f"loads.{name}"
+        yield from _known_link(reading, f"{path}.on", load.on)
+        if load.on == document.frame:
+            yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
+        elif load.at is not None:
+            yield from _known_point(reading, f"{path}.at", load.on, load.at)
+        elif load.force is not None:
+            points = point_names(reading, load.on) or []
+            if len(points) > 1:
+                yield Fault(path, "'at' is missing: where on the link does the force act?", f"Points of '{load.on}': {listing(points)}.")
+        if load.table is not None and load.table.drive is not None and load.table.drive not in {*driven, *reading.undriven, *reading.broken["pairs"]}:
+            what = f"pair '{load.table.drive}' has no drive." if load.table.drive in document.pairs else f"there is no pair '{load.table.drive}'."
+            yield Fault(f"{path}.table.drive", what, did_you_mean(load.table.drive, driven, what="Driven pairs"))
+
+
+def _sketch(reading: Reading) -> Iterator[Fault]:
+    from .document import Pose
+
+    document = reading.document
+    links = frame_names(reading)
+    points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))
+    for name, entry in document.sketch.items():
+        if isinstance(entry, Pose):
+            yield from _known_link(reading, f"sketch.{name}", name)
+            if name == document.frame:
+                yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
+        elif name not in points and not any(point_names(reading, link) is None for link in links):
+            hint = "To place a link, write { at = [x, y], angle = ... }." if name in links else did_you_mean(name, points, what="Points")
+            yield Fault(f"sketch.{name}", f"no link has a point '{name}'.", hint)
