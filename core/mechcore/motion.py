@@ -126,7 +126,20 @@ class Motion:
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
         """exp(i angle) of a link's frame."""
-        return self.model.turn[k] * self.state.rot[self.model.angles.spin[k]]
+        turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
+        return rot if turn == 1 else turn * rot
+
+    def turning(self, k: int, derivative: int) -> Array:
+        """What turns a vector fixed in link ``k`` into its first derivative, i omega, or second, i alpha - omega^2."""
+        key = self.model.angles.spin[k], derivative
+        if key not in self._turning:
+            w = self.speeds.spin[key[0]]
+            self._turning[key] = 1j * w if derivative == 1 else 1j * self.accelerations.spin[key[0]] - w * w
+        return self._turning[key]
+
+    @cached_property
+    def _turning(self) -> dict[tuple[int, int], Array]:
+        return {}
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous over the frames."""
@@ -167,19 +180,20 @@ class Motion:
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
         joint = self.model.joints[j]
-        spin = self.model.angles.spin[k]
-        vector = (joint.b if side else joint.a) * self.rotation(k)
+        local = joint.b if side else joint.a
+        vector = local * self.rotation(k) if local != 0 else 0j
         d = self._slide_direction(k, j, side)
         if d is not None:
             vector = vector + self.state.slide[j] * d
-        if derivative == 0:
+        if derivative == 0 or (local == 0 and d is None):
             return vector
-        w = self.speeds.spin[spin]
+        out = self.turning(k, derivative) * vector
+        if d is None:
+            return out
         if derivative == 1:
-            out = 1j * (w * vector)
-            return out if d is None else out + self.speeds.slide[j] * d
-        out = (1j * self.accelerations.spin[spin] - w * w) * vector
-        return out if d is None else out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
+            return out + self.speeds.slide[j] * d
+        w = self.speeds.spin[self.model.angles.spin[k]]
+        return out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
 
     def _along_tree(self, derivative: int) -> list[Array]:
         tree, ends = self.model.tree, self.model.ends
@@ -187,7 +201,11 @@ class Motion:
         for k in tree.order:
             p, j = tree.parent[k], tree.joint[k]
             side = 1 if ends[j][1] == k else 0
-            found[k] = found[p] + self.arm(p, j, 1 - side, derivative) - self.arm(k, j, side, derivative)
+            total = found[p]
+            for sign, arm in ((1, self.arm(p, j, 1 - side, derivative)), (-1, self.arm(k, j, side, derivative))):
+                if not (isinstance(arm, complex) and arm == 0):
+                    total = total + arm if sign == 1 else total - arm
+            found[k] = total
         return found
 
     @cached_property
@@ -205,14 +223,14 @@ class Motion:
 
     def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
         """World position of a point given in link axes, or its first or second derivative."""
-        r = local * self.rotation(k)
         if derivative == 0:
-            return self.origins[k] + r
-        w = self.speeds.spin[self.model.angles.spin[k]]
-        if derivative == 1:
-            return self.origin_velocities[k] + 1j * (w * r)
-        a = self.accelerations.spin[self.model.angles.spin[k]]
-        return self.origin_accelerations[k] + (1j * a - w * w) * r
+            origin = self.origins[k]
+        else:
+            origin = self.origin_velocities[k] if derivative == 1 else self.origin_accelerations[k]
+        if local == 0:
+            return origin
+        r = local * self.rotation(k)
+        return origin + (r if derivative == 0 else self.turning(k, derivative) * r)
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:
         """Where a joint is: on the link that does not carry the guide."""

@@ -254,6 +254,8 @@ def _guide(
         travel = (float(s.min()), float(s.max()))
 
     def compact(link: str, at: Vec2) -> bool:
+        if any(isinstance(p, Prismatic) and p.name != pair.name and p.links[p.guide] == link for p in mechanism.pairs):
+            return False
         pins = [centres[link] for centres, _ in clusters if link in centres]
         return all(_distance(xy, at) < 2.0 * size.r for xy in [*pins, *marks[link]])
 

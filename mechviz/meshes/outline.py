@@ -72,7 +72,7 @@ def _ground(start: tuple[float, float], end: tuple[float, float], r: float, thic
     # A base is drawn around its left edge, so that it meets the foot above it.
     parts = [Polygon([a, b, b + bar * n, a + bar * n])]
     rib, height = 0.2 * r, 0.75 * r
-    count = max(3, round(length / (0.8 * r)))
+    count = max(3, round(length / (0.95 * r)))
     pitch = (length - height - rib) / (count - 1)
     for k in range(count):
         foot = a + (height + k * pitch) * u + 0.5 * bar * n

@@ -165,7 +165,9 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
 
 
 def _compact(model: Model, guide: Guide) -> bool:
-    """Whether a block needs no plate: all its pins and marks lie on its own middle line, close together."""
+    """Whether a block needs no plate: it carries no other guide, and all its pins and marks lie close together on its middle line."""
+    if any(guide.block == other.rail for other in model.guides):
+        return False
     r = model.proportions.r
     s, lateral = _coordinates([*model.pins(guide.block), *model.marks[guide.block]], guide.block_point, guide.block_along)
     wide = 0.5 * r if guide.rail == model.frame else 0.1 * r

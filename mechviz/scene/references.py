@@ -10,7 +10,7 @@ from .document import PairDocument
 from .faults import did_you_mean, listing
 from .validate import Reading
 
-__all__ = ["check_references", "frame_names", "point_names", "points_of_pair", "resolve_trace"]
+__all__ = ["check_references", "link_names", "point_names", "points_of_pair", "resolve_trace"]
 
 
 def point_names(reading: Reading, link: str) -> list[str] | None:
@@ -29,7 +29,7 @@ def points_of_pair(name: str, pair: PairDocument) -> tuple[str, str]:
     return (pair.at, pair.at) if isinstance(pair.at, str) else (pair.at[0], pair.at[1])
 
 
-def frame_names(reading: Reading) -> list[str]:
+def link_names(reading: Reading) -> list[str]:
     """Names of all links, also of those that are faulty."""
     raw = reading.raw.get("links")
     return [str(name) for name in raw] if isinstance(raw, dict) else []
@@ -38,10 +38,10 @@ def frame_names(reading: Reading) -> list[str]:
 def check_references(reading: Reading) -> Iterator[Fault]:
     """Every fault of reference in what could be read."""
     document = reading.document
-    if "*" not in reading.broken["links"] and not frame_names(reading):
+    if "*" not in reading.broken["links"] and not link_names(reading):
         yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
-    elif "*" not in reading.broken["links"] and document.frame not in frame_names(reading):
-        remedy = did_you_mean(document.frame, frame_names(reading), what='Name the fixed link with frame = "..."; links')
+    elif "*" not in reading.broken["links"] and document.frame not in link_names(reading):
+        remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
     yield from _pairs(reading)
     yield from _whole(reading)
@@ -57,7 +57,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
 
 
 def _known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
-    links = frame_names(reading)
+    links = link_names(reading)
     if "*" not in reading.broken["links"] and link not in links:
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
 
@@ -104,8 +104,8 @@ def _whole(reading: Reading) -> Iterator[Fault]:
             if (pair.links[0] in reached) != (pair.links[1] in reached):
                 reached.update(pair.links)
                 grew = True
-    if document.frame in document.links or document.frame in frame_names(reading):
-        for link in frame_names(reading):
+    if document.frame in document.links or document.frame in link_names(reading):
+        for link in link_names(reading):
             if link not in reached:
                 yield Fault(f"links.{link}", f"no chain of pairs joins it to '{document.frame}'.", "Add the pair that is missing, or remove the link.")
 
@@ -126,7 +126,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be one place, a common pin."""
     owners: list[str] = []
     points: list[str] = []
-    for link in frame_names(reading):
+    for link in link_names(reading):
         for point in point_names(reading, link) or ():
             if text == f"{link}.{point}":
                 return link, point
@@ -135,7 +135,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
                 owners.append(link)
     if not owners:
         link = text.partition(".")[0]
-        if text != link and link in frame_names(reading):
+        if text != link and link in link_names(reading):
             own = point_names(reading, link) or []
             return Fault("", f"link '{link}' has no point '{text[len(link) + 1:]}'.", did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"))
         return Fault("", f"no link has a point '{text}'.", did_you_mean(text, dict.fromkeys(points), what="Points"))
@@ -177,7 +177,7 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
     from .document import Pose
 
     document = reading.document
-    links = frame_names(reading)
+    links = link_names(reading)
     points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):

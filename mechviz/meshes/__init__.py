@@ -1,0 +1,13 @@
+"""Solid meshes of mechanisms: links, blocks and guides, pins and ground, in layers that do not collide.
+
+```python
+solids = build_solids(mechanism, poses)
+solids.links["crank"].mesh        # trimesh, watertight, metres, in the link's own frame
+```
+"""
+
+from __future__ import annotations
+
+from .solids import Solid, Solids, build_solids, stl_bytes
+
+__all__ = ["Solid", "Solids", "build_solids", "stl_bytes"]

@@ -1,0 +1,222 @@
+"""Solid parts from flat pieces: plates with bosses and holes, pins with heads, columns and pedestals of the ground.
+
+Lengths are in units of the size; every part is given in the frame of its link, with its height along z in the vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shapely.geometry import Point, Polygon
+from shapely.ops import unary_union
+
+from mechcore.spec import Vec2
+
+from .extrude import Shell, Turned, plate, revolve
+from .model import Axle, Model
+from .outline import clean, disc, pedestal, polygons
+from .palette import PIN, Color
+from .shapes import Draft, Piece
+from .stack import Levels
+
+__all__ = ["Part", "Prism", "make_parts"]
+
+_HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
+_OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """A space that a part keeps for itself: an outline in its link's frame between two heights."""
+
+    outline: Polygon
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One watertight part of a link."""
+
+    link: str
+    kind: str  # "plate", "block", "rail", "neck", "pin" or "pedestal"
+    shell: Shell
+    color: Color | None  # None: the colour of the link
+    space: tuple[Prism, ...]
+
+
+def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """All parts of a mechanism."""
+    parts = [_flat_part(model, levels, piece) for piece in draft.pieces]
+    parts += _necks(model, draft, levels)
+    parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
+    parts += _pedestals(model, draft, levels)
+    return parts
+
+
+def _flat_part(model: Model, levels: Levels, piece: Piece) -> Part:
+    """A plate, block or rail with its holes and bosses."""
+    size = model.proportions
+    layer = levels.layer[piece.group]
+    low, high = levels.plate(layer)
+    if piece.kind != "plate":  # blocks and rails stand a little above the plate that they guide
+        low, high = low - 0.3 * size.boss, high + 0.3 * size.boss
+    turned: list[Turned] = []
+    holes: list[Polygon] = []
+    bosses: list[Prism] = []
+    shape = clean(piece.outline)
+    for k, axle in enumerate(model.axles):
+        if piece.link not in axle.centres or piece.link == model.frame:
+            continue
+        centre = axle.centres[piece.link]
+        # Beside the bevel and a margin, what is left around the axis is there for the boss.
+        room = shape.exterior.distance(Point(centre)) if shape.contains(Point(centre)) else 0.0
+        room = min([room, *(ring.distance(Point(centre)) for ring in shape.interiors)]) - 1.3 * size.bevel
+        if room <= 1.02 * axle.hole:
+            continue
+        hole = disc(centre, axle.hole, model.segments)
+        holes.append(hole)
+        boss = min(axle.boss, room)
+        if piece.kind != "plate" or boss < 1.1 * axle.hole:
+            turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),)))
+            continue
+        above, below = _boss_heights(model, levels, k, layer)
+        turned.append(Turned(centre, _boss(boss, axle.hole, high, above, size.bevel), _boss(boss, axle.hole, low, -below, size.bevel)))
+        bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
+    turned += _drilled_marks(model, piece, shape, turned, low, high)
+    shell = plate(shape, (low, high), size.bevel, turned, model.segments)
+    return Part(piece.link, piece.kind, shell, None, (Prism(shape.difference(unary_union(holes)), low, high), *bosses))
+
+
+def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
+    """Heights of the bosses above and below a plate: full where the axle goes on to another link, low under a pin head."""
+    axle, boss = model.axles[axle_number], model.proportions.boss
+    reached = [levels.of(link) for link in axle.centres if link != model.frame]
+    ground = model.frame in axle.centres
+    front = levels.axle_front[axle_number]
+    on_above = max(reached) > layer or (ground and front)
+    on_below = min(reached) < layer or (ground and not front)
+    return boss * (1.0 if on_above else _OUTER_BOSS), boss * (1.0 if on_below else _OUTER_BOSS)
+
+
+def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> tuple[tuple[float, float], ...]:
+    """Profile of a boss from the face of a plate to the edge of its hole; height < 0 on the underside."""
+    chamfer = min(bevel, 0.4 * (radius - hole), 0.5 * abs(height))
+    sign = 1.0 if height > 0.0 else -1.0
+    return ((radius, face), (radius, face + height - sign * chamfer), (radius - chamfer, face + height), (hole, face + height))
+
+
+def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float) -> list[Turned]:
+    """Small holes that show named points which carry no pin."""
+    if piece.kind != "plate" or piece.link == model.frame:
+        return []
+    radius = 0.2 * model.proportions.r
+    marks: list[Turned] = []
+    for xy in model.marks[piece.link]:
+        spot = Point(xy)
+        free = shape.contains(spot) and shape.boundary.distance(spot) > radius + 2.0 * model.proportions.bevel
+        if free and all(spot.distance(Point(other.centre)) > other.rim + 1.5 * radius for other in [*turned, *marks]):
+            marks.append(Turned(xy, ((radius, high),), ((radius, low),)))
+    return marks
+
+
+def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """What joins plates to blocks on other layers, from face to face."""
+    parts = []
+    size = model.proportions
+    for neck in draft.necks:
+        lower, upper = sorted(levels.layer[group] for group in neck.groups)
+        if lower == upper:
+            continue
+        plate_is_lower = levels.layer[neck.groups[0]] == lower
+        low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
+        high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
+        holes = [
+            disc(axle.centres[neck.link], axle.hole, model.segments)
+            for axle in model.axles
+            if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole
+        ]
+        for shape in polygons(neck.outline.difference(unary_union(holes))):
+            parts.append(Part(neck.link, "neck", plate(shape, (low, high), 0.0), None, (Prism(shape, low, high),)))
+    return parts
+
+
+def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
+    """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends."""
+    axle, size = model.axles[axle_number], model.proportions
+    reached = sorted({levels.of(link) for link in axle.centres if link != model.frame}) or [0]
+    ground, front = model.frame in axle.centres, levels.axle_front[axle_number]
+    steps: list[tuple[float, float, float]] = []  # radius, from, to
+    bottom, top = levels.slab(reached[0])[0], levels.slab(reached[-1])[1]
+    head = 0.65 * size.boss
+    if ground and not front:
+        steps.append((axle.pin, bottom - size.clearance, bottom + size.boss))
+    else:
+        steps.append((axle.sleeve, bottom, bottom + head))
+    for a, b in zip(reached, reached[1:], strict=False):
+        if b > a + 1:
+            gap = 0.5 * size.clearance
+            steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
+    if ground and front:
+        steps.append((axle.pin, top - size.boss, top + size.clearance))
+    else:
+        free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
+        tall = _HEAD * size.t if free else 0.0
+        steps.append((axle.sleeve, top - head, top + tall))
+    centre = axle.centres[axle.owner]
+    shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)
+    space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
+    space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
+    return Part(axle.owner, "pin", shell, PIN, space)
+
+
+def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> tuple[tuple[float, float], ...]:
+    """Profile of a stepped shaft whose wide steps are joined by the pin's own radius; its ends are chamfered."""
+    first, last = steps[0], steps[-1]
+    chamfer = min(bevel, 0.3 * axle.pin, 0.45 * (first[2] - first[1]), 0.45 * (last[2] - last[1]))
+    profile = [(0.0, first[1]), (first[0] - chamfer, first[1]), (first[0], first[1] + chamfer)]
+    for k, (radius, low, high) in enumerate(steps):
+        if radius > axle.pin:
+            profile += [] if k == 0 else [(axle.pin, low), (radius, low)]
+            profile += [] if k == len(steps) - 1 else [(radius, high), (axle.pin, high)]
+    profile += [(last[0], last[2] - chamfer), (last[0] - chamfer, last[2]), (0.0, last[2])]
+    return tuple(profile)
+
+
+def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """Bearing feet of the ground pivots with their columns, behind all layers (or in front, where a column would be hit)."""
+    size = model.proportions
+    stands: list[tuple[Vec2, float, int, int, bool]] = []  # centre, column radius, lowest and highest layer, in front
+    for axle, front in zip(model.axles, levels.axle_front, strict=True):
+        if model.frame in axle.centres:
+            reached = [levels.of(link) for link in axle.centres if link != model.frame] or [0]
+            stands.append((axle.centres[model.frame], axle.sleeve, min(reached), max(reached), front))
+    for (centre, group), front in zip(draft.fixed_blocks, levels.block_front, strict=True):
+        stands.append((centre, 0.6 * size.r, levels.layer[group], levels.layer[group], front))
+    parts = []
+    for front in (False, True):
+        side = [stand for stand in stands if stand[4] == front]
+        low, high = levels.plate(levels.top + 1 if front else -1)
+        feet = unary_union([pedestal(stand[0], size.r, model.segments) for stand in side])
+        for foot in polygons(feet):
+            columns = [_column(levels, stand, low, high) for stand in side if foot.contains(Point(stand[0]))]
+            # Bearings that coincide share one column.
+            turned = [c for k, c in enumerate(columns) if all(Point(c.centre).distance(Point(o.centre)) > c.rim + o.rim for o in columns[:k])]
+            space = [Prism(foot, low, high)]
+            for column in turned:
+                ends = [z for _, z in (column.top or column.bottom)]
+                space.append(Prism(disc(column.centre, column.rim, model.segments), min(ends), max(ends)))
+            parts.append(Part(model.frame, "pedestal", plate(foot, (low, high), size.bevel, turned, model.segments), None, tuple(space)))
+    return parts
+
+
+def _column(levels: Levels, stand: tuple[Vec2, float, int, int, bool], low: float, high: float) -> Turned:
+    """A column from a pedestal to the slab of the nearest link."""
+    centre, radius, lowest, highest, front = stand
+    chamfer = levels.size.bevel
+    if front:
+        end = levels.slab(highest)[1] + levels.size.clearance
+        return Turned(centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
+    end = levels.slab(lowest)[0] - levels.size.clearance
+    return Turned(centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))

@@ -1,0 +1,56 @@
+"""Vertex normals with crisp edges: smooth along round walls, split where neighbouring faces differ by more than 30 degrees."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+__all__ = ["crisp"]
+
+_CREASE = np.cos(np.radians(30.0))
+
+
+def crisp(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Split a closed mesh along its creases.
+
+    vertices (V, 3) and faces (N, 3) -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of the split mesh. Faces that are
+    connected over smooth edges form one surface; a vertex is repeated once for every surface that it lies on.
+    """
+    normal, area = face_normals(vertices, faces)
+    surface = _surfaces(faces, normal)
+    key = np.stack([faces.ravel(), np.repeat(surface, 3)], axis=1)
+    pairs, corner = np.unique(key, axis=0, return_inverse=True)
+    corner = corner.reshape(-1)
+    total = np.zeros((len(pairs), 3))
+    np.add.at(total, corner, np.repeat(normal * area[:, None], 3, axis=0))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # A needle of a triangle may have no area of its own: such a corner takes the normal of one of its faces.
+    fallback = np.zeros_like(total)
+    fallback[corner] = np.repeat(normal, 3, axis=0)
+    unit = np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), fallback)
+    return vertices[pairs[:, 0]], corner.reshape(-1, 3), unit
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (N, 3) and twice the areas (N,) of the faces; a face without area gets the normal (0, 0, 1)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1)
+    flat = length == 0.0
+    normal = cross / np.where(flat, 1.0, length)[:, None]
+    normal[flat] = (0.0, 0.0, 1.0)
+    return normal, length
+
+
+def _surfaces(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The number of the smooth surface that each face belongs to (N,)."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], owner[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    a, b = owner[:-1][same], owner[1:][same]
+    smooth = (normal[a] * normal[b]).sum(axis=1) > _CREASE
+    graph = coo_matrix((np.ones(int(smooth.sum())), (a[smooth], b[smooth])), shape=(len(faces), len(faces)))
+    return connected_components(graph, directed=False)[1]

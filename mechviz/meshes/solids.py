@@ -1,0 +1,172 @@
+"""Solids of a whole mechanism: the result of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from shapely.geometry import MultiPoint
+
+from mechcore.spec import Mechanism
+
+from .model import Model, build_model, place
+from .palette import Color, link_colors
+from .parts import Part, make_parts
+from .shading import crisp, face_normals
+from .shapes import draft_pieces
+from .stack import Levels, poses_of, stack_pieces
+from .sweep import Swept, meet
+
+__all__ = ["Solid", "Solids", "build_solids", "find_clashes", "stl_bytes"]
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses only move it in the plane."""
+
+    name: str
+    mesh: trimesh.Trimesh  # all parts together, watertight, vertices shared
+    parts: tuple[trimesh.Trimesh, ...]  # the watertight parts that `mesh` consists of
+    kinds: tuple[str, ...]  # of the parts: "plate", "block", "rail", "neck", "pin" or "pedestal"
+    vertices: np.ndarray  # (V, 3) float32 [m], repeated along sharp edges
+    faces: np.ndarray  # (N, 3) uint32
+    normals: np.ndarray  # (V, 3) float32, unit, outward
+    colors: np.ndarray  # (V, 4) uint8: the link's colour, pins in steel
+    color: Color  # of the link
+    layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
+
+    def display_mesh(self) -> trimesh.Trimesh:
+        """A mesh for viewers that take normals and a colour at every vertex; split along its edges, so not watertight."""
+        mesh = trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
+        mesh.visual.vertex_colors = self.colors
+        return mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """All solids of a mechanism."""
+
+    links: Mapping[str, Solid]  # every link, the frame included
+    size: float  # the larger side of the box around the mechanism's points over the run [m]
+    z_top: float  # just above everything: force arrows are drawn here [m]
+    bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
+    clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame in the best order that was found
+
+
+def build_solids(
+    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = None, *, tolerance: float = 0.005
+) -> Solids:
+    """Solid parts for every link of a mechanism.
+
+    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at these frames.
+    Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle and its chords, in
+    radii of the circle.
+    """
+    segments = 4 * int(np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.1)) / 4.0), 6, 128))
+    model = build_model(mechanism, poses, segments)
+    draft = draft_pieces(model)
+    levels = stack_pieces(model, draft)
+    parts = make_parts(model, draft, levels)
+    colors = link_colors(model.links, model.frame)
+    layers = _layers_of_links(model, levels, parts)
+    links = {
+        name: _solid(name, [p for p in parts if p.link == name], model.size, colors[name], layers[name]) for name in model.links
+    }
+    bounds = _bounds(model, links)
+    return Solids(links, model.size, float(bounds[1, 2]) + 0.01 * model.size, bounds, find_clashes(model, parts))
+
+
+def stl_bytes(solid: Solid) -> bytes:
+    """A binary STL file of a solid, in millimetres."""
+    mesh = solid.mesh.copy()
+    mesh.apply_scale(1000.0)
+    data = mesh.export(file_type="stl")
+    assert isinstance(data, bytes)
+    return data
+
+
+def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]:
+    """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
+    if not model.frames:
+        return ()
+    spaces = [(part.link, prism, Swept(prism.outline, model.poses[part.link])) for part in parts for prism in part.space]
+    found: set[tuple[str, str]] = set()
+    for i, (link_a, a, swept_a) in enumerate(spaces):
+        for link_b, b, swept_b in spaces[:i]:
+            pair = (link_b, link_a) if model.links.index(link_b) < model.links.index(link_a) else (link_a, link_b)
+            if link_a == link_b or pair in found or min(a.high, b.high) <= max(a.low, b.low):
+                continue
+            if meet(swept_a, swept_b):
+                found.add(pair)
+    return tuple(sorted(found))
+
+
+def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int | tuple[int, ...]) -> Solid:
+    """Parts of one link put together and scaled to metres."""
+    if not parts:
+        return _empty(name, color, layer)
+    meshes, arrays = [], []
+    for part in parts:
+        meshes.append(_mesh(part.shell.vertices * size, part.shell.faces, face_normals(part.shell.vertices, part.shell.faces)[0]))
+        vertices, faces, normals = crisp(part.shell.vertices, part.shell.faces)
+        arrays.append((vertices * size, faces, normals, np.tile(np.array(part.color or color, np.uint8), (len(vertices), 1))))
+    offsets = np.cumsum([0] + [len(a[0]) for a in arrays[:-1]])
+    shells = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
+    mesh = _mesh(
+        np.vstack([m.vertices for m in meshes]),
+        np.vstack([m.faces + k for m, k in zip(meshes, shells, strict=True)]),
+        np.vstack([face_normals(p.shell.vertices, p.shell.faces)[0] for p in parts]),
+    )
+    return Solid(
+        name=name,
+        mesh=mesh,
+        parts=tuple(meshes),
+        kinds=tuple(part.kind for part in parts),
+        vertices=np.vstack([a[0] for a in arrays]).astype(np.float32),
+        faces=np.vstack([a[1] + k for a, k in zip(arrays, offsets, strict=True)]).astype(np.uint32),
+        normals=np.vstack([a[2] for a in arrays]).astype(np.float32),
+        colors=np.vstack([a[3] for a in arrays]),
+        color=color,
+        layer=layer,
+    )
+
+
+def _mesh(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> trimesh.Trimesh:
+    # No processing: vertices are shared by construction, and merging by an absolute distance would ruin tiny mechanisms.
+    return trimesh.Trimesh(vertices=vertices, faces=faces, face_normals=normals, process=False)
+
+
+def _empty(name: str, color: Color, layer: int | tuple[int, ...]) -> Solid:
+    """A frame without any pair has nothing to show."""
+    none = np.zeros((0, 3), np.float32)
+    return Solid(name, trimesh.Trimesh(), (), (), none, none.astype(np.uint32), none, np.zeros((0, 4), np.uint8), color, layer)
+
+
+def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
+    layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
+    heights = {prism.low for part in parts if part.link == model.frame and part.kind != "pin" for prism in part.space[:1]}
+    layers[model.frame] = tuple(sorted({round(low / model.proportions.pitch) for low in heights}))
+    return layers
+
+
+def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
+    """The box around all solids over the run (2, 3) [m]."""
+    lows, highs = [], []
+    for name, solid in links.items():
+        if not len(solid.vertices):
+            continue
+        pose = poses_of(model, name) * (model.size, model.size, 1.0)
+        flat = place(_rim(solid), pose).reshape(-1, 2)
+        z = solid.mesh.vertices[:, 2]
+        lows.append([*flat.min(axis=0), z.min()])
+        highs.append([*flat.max(axis=0), z.max()])
+    if not lows:
+        return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]) * model.size
+    return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
+
+
+def _rim(solid: Solid) -> np.ndarray:
+    """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
+    return np.asarray(MultiPoint(np.asarray(solid.mesh.vertices)[:, :2]).convex_hull.exterior.coords)

@@ -1,0 +1,82 @@
+"""One run of a scene: compiled, moved, its forces found, with the time that each stage took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.plan import Plan, make_plan
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+__all__ = ["Run", "Stage", "run_scene", "stopwatch"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A finished stage and its wall time [s]."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A solved scene. ``forces`` is None where the scene names no effects and no loads."""
+
+    scene: Scene
+    compiled: Compiled
+    motion: Motion
+    forces: Forces | None
+    plan: Plan
+    stages: tuple[Stage, ...]
+
+
+@contextmanager
+def stopwatch(stages: list[Stage], name: str) -> Iterator[None]:
+    """Append the wall time of a block of code to ``stages``."""
+    start = time.perf_counter()
+    yield
+    stages.append(Stage(name, time.perf_counter() - start))
+
+
+def run_scene(
+    scene: Scene,
+    *,
+    frames: int | None = None,
+    cycles: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Run:
+    """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`."""
+    stages: list[Stage] = []
+    mechanism = scene.mechanism
+    plan = make_plan(mechanism)
+
+    def stage(name: str):  # type: ignore[no-untyped-def]
+        progress(name)
+        return stopwatch(stages, name)
+
+    with stage("compile"):
+        compiled = compile_mechanism(mechanism)
+    times = default_times(mechanism, scene.frames if frames is None else frames, scene.cycles if cycles is None else cycles)
+    with stage("positions"):
+        motion = solve_motion(compiled, times)
+        _ = motion.origins
+    with stage("velocities"):
+        _ = motion.origin_velocities
+    with stage("accelerations"):
+        _ = motion.origin_accelerations
+    forces = None
+    if plan.has("reactions and drive efforts"):
+        with stage("reactions and drive efforts"):
+            forces = solve_forces(motion)
+        with stage("energy and power balance"):
+            _ = forces.energy, forces.power_balance
+    with stage("closure and condition"):
+        _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
+    return Run(scene=scene, compiled=compiled, motion=motion, forces=forces, plan=plan, stages=tuple(stages))

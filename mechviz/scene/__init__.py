@@ -1,0 +1,38 @@
+"""Scenes: a declarative description of a mechanism, read with every fault at once.
+
+``load`` reads a gallery name or a file, ``loads`` a text, ``Scene.build`` and ``SceneBuilder`` take Python values; all go through
+the same validation and give a ``Scene``, whose ``mechanism`` the core computes.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .builder import SceneBuilder
+    from .catalogue import GalleryEntry, gallery, gallery_names
+    from .faults import SceneError
+    from .scene import Scene, dump, json_schema, load, loads
+
+__all__ = ["GalleryEntry", "Scene", "SceneBuilder", "SceneError", "dump", "gallery", "gallery_names", "json_schema", "load", "loads"]
+
+_HOMES = {
+    "GalleryEntry": "catalogue",
+    "Scene": "scene",
+    "SceneBuilder": "builder",
+    "SceneError": "faults",
+    "dump": "scene",
+    "gallery": "catalogue",
+    "gallery_names": "catalogue",
+    "json_schema": "scene",
+    "load": "scene",
+    "loads": "scene",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Names on first use: listing the gallery must not load the machinery that reads scenes."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

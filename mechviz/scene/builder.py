@@ -1,0 +1,113 @@
+"""Scenes built step by step in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mechcore.errors import Fault
+
+from .faults import SceneError
+from .scene import Scene
+
+__all__ = ["SceneBuilder"]
+
+Value = float | str
+"""A number in the builder's units, or a text with its own unit such as ``"60 rpm"``."""
+
+
+class SceneBuilder:
+    """Collects the parts of a scene; ``scene()`` validates them all at once, exactly as a scene file.
+
+    >>> b = SceneBuilder("four-bar", length="mm")
+    >>> b.link("frame", A=(0, 0), D=(200, 0)).link("crank", A=(0, 0), B=(60, 0))
+    >>> b.link("coupler", B=(0, 0), C=(180, 0)).link("rocker", D=(0, 0), C=(150, 0))
+    >>> b.revolute("A", "frame", "crank", drive={"speed": "60 rpm"}).revolute("B", "crank", "coupler")
+    >>> b.revolute("C", "coupler", "rocker", side="left").revolute("D", "rocker", "frame")
+    >>> scene = b.scene()
+    """
+
+    def __init__(self, name: str, *, title: str = "", teaches: str = "", frame: str = "frame", **units: str):
+        """``units`` are those of bare numbers: ``length="mm"``, ``angle="deg"`` ..."""
+        self._name = name
+        self._data: dict[str, Any] = {"title": title, "teaches": teaches, "units": units, "effects": [], "frame": frame, "trace": []}
+        self._faults: list[Fault] = []
+
+    def _add(self, section: str, name: str, entry: Any) -> SceneBuilder:
+        entries = self._data.setdefault(section, {})
+        if name in entries:
+            self._faults.append(Fault(f"{section}.{name}", "is given twice.", "Give each a name of its own."))
+        entries[name] = entry
+        return self
+
+    def link(
+        self, name: str, points: Mapping[str, Sequence[Value]] | Sequence[str] | None = None, *, mass: Value | None = None,
+        centre: Sequence[Value] | str | None = None, inertia: Value | None = None, shape: str | None = None, **more_points: Sequence[Value],
+    ) -> SceneBuilder:  # fmt: skip
+        """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
+        places: Any = {**points, **more_points} if isinstance(points, Mapping) else more_points if points is None else list(points)
+        if more_points and isinstance(places, list):
+            self._faults.append(Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way."))
+        return self._add("links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape})
+
+    def revolute(
+        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, side: str | None = None,
+        assembly: str | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:  # fmt: skip
+        """A pin between two links; the keywords are the keys of a scene file."""
+        entry = {"revolute": [first, second], "at": at, "side": side, "assembly": assembly, "branch": branch, "drive": drive}
+        return self._add("pairs", name, entry)
+
+    def prismatic(
+        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, along: Sequence[float] | Sequence[str] | None = None,
+        guide: str | None = None, angle: Value | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:  # fmt: skip
+        """A sliding pair between two links; the keywords are the keys of a scene file."""
+        entry = {"prismatic": [first, second], "at": at, "along": along, "guide": guide, "angle": angle, "branch": branch, "drive": drive}
+        return self._add("pairs", name, entry)
+
+    def force(
+        self, name: str, vector: Sequence[Value], *, on: str, at: str | None = None, axes: str = "world", table: Mapping[str, Any] | None = None
+    ) -> SceneBuilder:
+        """A force on a link at one of its points."""
+        return self._add("loads", name, {"force": vector, "on": on, "at": at, "axes": axes, "table": table})
+
+    def torque(self, name: str, moment: Value, *, on: str, table: Mapping[str, Any] | None = None) -> SceneBuilder:
+        """A free moment on a link, counter-clockwise positive."""
+        return self._add("loads", name, {"torque": moment, "on": on, "table": table})
+
+    def sketch(self, **places: Sequence[Value] | Mapping[str, Any]) -> SceneBuilder:
+        """Rough start places of points, ``B=(60, 0)``, or poses of links, ``coupler={"at": (60, 0), "angle": "30 deg"}``."""
+        for name, place in places.items():
+            self._add("sketch", name, place)
+        return self
+
+    def effect(self, *names: str) -> SceneBuilder:
+        """Effects to compute: "inertia", "gravity"."""
+        self._data["effects"].extend(names)
+        return self
+
+    def gravity(self, x: Value, y: Value) -> SceneBuilder:
+        """Acceleration of gravity [m/s^2]."""
+        self._data["gravity"] = [x, y]
+        return self
+
+    def trace(self, *points: str) -> SceneBuilder:
+        """Points whose paths are wanted: "E", or "coupler.E"."""
+        self._data["trace"].extend(points)
+        return self
+
+    def run(self, *, frames: int = 360, cycles: int = 1) -> SceneBuilder:
+        """Frames and drive cycles of a run."""
+        self._data["run"] = {"frames": frames, "cycles": cycles}
+        return self
+
+    def scene(self) -> Scene:
+        """The validated scene; SceneError reports every fault at once."""
+        try:
+            scene = Scene.build(name=self._name, **self._data)
+        except SceneError as error:
+            raise SceneError(self._name, [*self._faults, *error.faults]) from None
+        if self._faults:
+            raise SceneError(self._name, self._faults)
+        return scene

@@ -1,0 +1,54 @@
+"""Conversion of a scene's values to SI that notes what it cannot convert instead of stopping at it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from mechcore.errors import Fault
+
+from .document import UnitsDocument
+from .units import QuantityError, Units
+
+__all__ = ["Converter"]
+
+
+@dataclass
+class Converter:
+    """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN."""
+
+    units: Units
+    faults: list[Fault] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, units: UnitsDocument) -> Converter:
+        return cls(Units(**units.model_dump()))
+
+    def note(self, path: str, message: str, remedy: str = "") -> None:
+        self.faults.append(Fault(path, message, remedy))
+
+    def si(self, value: float | str, kind: str, path: str) -> float:
+        try:
+            number = self.units.si(value, kind)
+        except QuantityError as error:
+            self.note(path, str(error), error.remedy)
+            return math.nan
+        if not math.isfinite(number):
+            self.note(path, f"{value} {getattr(self.units, kind, '')} is too large a number.", "Give a smaller one.")
+            return math.nan
+        return number
+
+    def vector(self, value: Sequence[float | str], kind: str, path: str) -> tuple[float, float]:
+        return self.si(value[0], kind, f"{path}[0]"), self.si(value[1], kind, f"{path}[1]")
+
+    def row(self, values: Sequence[float | str], kind: str, path: str) -> tuple[float, ...]:
+        return tuple(self.si(value, kind, f"{path}[{k}]") for k, value in enumerate(values))
+
+    def increasing(self, values: Sequence[float], path: str) -> bool:
+        """Notes the first place where a table's argument does not grow."""
+        for k in range(1, len(values)):
+            if values[k] <= values[k - 1]:
+                self.note(f"{path}[{k}]", "does not grow from the value before it.", "Put the rows in increasing order, each argument once.")
+                return False
+        return not any(map(math.isnan, values))

@@ -1,0 +1,58 @@
+"""Masses, centres of mass and moments of inertia of links: stated, or following from a shape; never guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from .convert import Converter
+from .document import LinkDocument, SceneDocument
+from .faults import did_you_mean, listing
+
+__all__ = ["links_that_cannot_turn", "mass_properties"]
+
+Vec2 = tuple[float, float]
+
+
+def links_that_cannot_turn(document: SceneDocument) -> set[str]:
+    """Links that a chain of sliding pairs holds parallel to the fixed one."""
+    held, grew = {document.frame}, True
+    while grew:
+        grew = False
+        for pair in document.pairs.values():
+            if pair.kind == "prismatic" and (pair.links[0] in held) != (pair.links[1] in held):
+                held.update(pair.links)
+                grew = True
+    return held
+
+
+def mass_properties(
+    name: str, link: LinkDocument, points: Mapping[str, Vec2], document: SceneDocument, convert: Converter, *, can_turn: bool
+) -> tuple[float, Vec2, float]:
+    """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
+
+    What an effect needs and the scene does not say is a fault; what nothing needs stays zero.
+    """
+    path = f"links.{name}"
+    mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
+    inertia = 0.0 if link.inertia is None else convert.si(link.inertia, "inertia", f"{path}.inertia")
+    places = list(points.values())
+    if link.shape == "bar":
+        (ax, ay), (bx, by) = places[:2]
+        return mass, (0.5 * (ax + bx), 0.5 * (ay + by)), mass * math.dist((ax, ay), (bx, by)) ** 2 / 12.0
+    if link.shape == "point":
+        return mass, places[0], 0.0
+    counts = mass > 0.0 and bool(document.effects) and name != document.frame
+    if isinstance(link.centre, str):
+        if link.centre not in points:
+            convert.note(f"{path}.centre", f"link '{name}' has no point '{link.centre}'.", did_you_mean(link.centre, points, what="Points"))
+        centre = points.get(link.centre, (0.0, 0.0))
+    elif link.centre is not None:
+        centre = convert.vector(link.centre, "length", f"{path}.centre")
+    else:
+        centre = places[0] if len(places) == 1 else (0.0, 0.0)
+        if counts and len(places) > 1:
+            convert.note(path, f"has a mass but no centre, which {listing(document.effects)} needs.", "Add centre = [x, y] (or the name of a point), or shape = \"bar\".")
+    if counts and can_turn and link.inertia is None and "inertia" in document.effects:
+        convert.note(path, "has a mass but no moment of inertia, which 'inertia' needs.", "Add inertia = \"... kg m^2\", or shape = \"bar\" or \"point\".")
+    return mass, centre, inertia

@@ -1,0 +1,87 @@
+"""Scenes as TOML text, laid out as a person would write it: one line for each link and pair where it fits."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+__all__ = ["replace_file", "toml_text"]
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_LONGEST_LINE = 118
+
+
+def toml_text(data: Mapping[str, Any]) -> str:
+    """Nested tables, lists, texts, numbers and flags -> TOML. Floats are written so that they read back bit for bit."""
+    plain = {key: value for key, value in data.items() if not _is_section(key, value)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
+    for name, section in data.items():
+        if _is_section(name, section):
+            lines += ["", *_section(name, section)]
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _is_section(key: str, value: Any) -> bool:
+    return isinstance(value, Mapping) and key != "units"  # units read best on one line, at the top
+
+
+def _section(name: str, section: Mapping[str, Any]) -> list[str]:
+    """A table of one line for each entry; tables of their own for all entries (in their order) where one would be too long."""
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in section.items()]
+    if all(len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping) for line, key in zip(lines, section, strict=True)):
+        return [f"[{_key(name)}]", *lines]
+    out: list[str] = []
+    for key, value in section.items():
+        out += [f"[{_key(name)}.{_key(key)}]", *(f"{_key(k)} = {_value(v)}" for k, v in value.items()), ""]
+    return out[:-1]
+
+
+def _key(key: str) -> str:
+    return key if _BARE_KEY.fullmatch(key) else _text(key)
+
+
+def _text(text: str) -> str:
+    """A basic string. JSON escapes all that TOML wants escaped, except for the delete character."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return str(int(value)) if value.is_integer() and abs(value) < 1e15 and str(value) != "-0.0" else repr(value)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }" if value else "{}"
+    return "[" + ", ".join(map(_value, value)) + "]"
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a file so that at any moment either the old or the whole new one is there."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    """The mask for new files; reading it needs setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
