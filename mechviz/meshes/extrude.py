@@ -1,13 +1,14 @@
 """Closed triangle meshes of flat parts with bevelled edges and turned features (bosses, holes, pins).
 
-Everything is built from rings of vertices that neighbouring surfaces share by index, so that the result is watertight by
-construction and no vertices need merging. Lengths are in units of the mechanism's size.
+Everything is built from rings of vertices that neighbouring surfaces share by index, so that the result is watertight
+by construction and no vertices need merging. Lengths are in units of the mechanism's size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from mapbox_earcut import triangulate_float64
@@ -15,7 +16,7 @@ from shapely.geometry import Point, Polygon
 
 from .outline import clean
 
-__all__ = ["Shell", "Turned", "plate", "revolve"]
+__all__ = ["Profile", "Shell", "Turned", "plate", "revolve"]
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -32,8 +33,8 @@ class Shell:
 class Turned:
     """A round feature of a plate: profiles (radius, z) that start on the plate's top and bottom face.
 
-    An empty profile leaves that face alone. If both profiles end at the same radius > 0 they are joined by the wall of a
-    through hole. If a profile ends at radius 0 the feature is closed on that side (a stud).
+    An empty profile leaves that face alone. If both profiles end at the same radius > 0 they are joined by the wall of
+    a through hole. If a profile ends at radius 0 the feature is closed on that side (a stud).
     """
 
     centre: tuple[float, float]
@@ -61,13 +62,13 @@ class _Builder:
         return np.arange(self._count - len(xy), self._count)
 
     def strip(self, start: np.ndarray, end: np.ndarray) -> None:
-        """The surface from one ring to the next; its outside is to the right of a ring that is walked with `end` above it."""
+        """The surface from one ring to the next; counter-clockwise rings, walked upwards, face outwards."""
         s2, e2 = np.roll(start, -1), np.roll(end, -1)
         self._faces.append(np.column_stack([start, s2, e2]))
         self._faces.append(np.column_stack([start, e2, end]))
 
     def strips(self, rings: Sequence[np.ndarray]) -> None:
-        for start, end in zip(rings, rings[1:], strict=False):
+        for start, end in pairwise(rings):
             self.strip(start, end)
 
     def cap(self, ring: np.ndarray, centre: tuple[float, float], z: float, *, up: bool) -> None:
@@ -78,7 +79,7 @@ class _Builder:
         self._faces.append(np.column_stack([a, b, np.full(len(ring), apex)]))
 
     def face(self, rings: Sequence[tuple[np.ndarray, np.ndarray]], *, up: bool) -> None:
-        """The flat face inside the first ring and outside the others; each ring is its xy (n, 2) and its indices (n,)."""
+        """The flat face inside the first ring and outside the others; a ring is its xy (n, 2) and its indices (n,)."""
         triangles = _triangulate([xy for xy, _ in rings])
         index = np.concatenate([i for _, i in rings])
         self._faces.append(index[triangles if up else triangles[:, ::-1]])
@@ -87,7 +88,9 @@ class _Builder:
         return Shell(np.vstack(self._vertices), np.vstack(self._faces).astype(np.int64))
 
 
-def plate(outline: Polygon, z: tuple[float, float], bevel: float, turned: Sequence[Turned] = (), segments: int = 40) -> Shell:
+def plate(
+    outline: Polygon, z: tuple[float, float], bevel: float, turned: Sequence[Turned] = (), segments: int = 40
+) -> Shell:
     """A plate between the heights z, its edges bevelled at 45 degrees, with turned features on its faces."""
     outline = clean(outline)
     rings = [_coords(ring) for ring in (outline.exterior, *outline.interiors)]
@@ -114,7 +117,10 @@ def plate(outline: Polygon, z: tuple[float, float], bevel: float, turned: Sequen
 
 
 def revolve(profile: Profile, centre: tuple[float, float] = (0.0, 0.0), segments: int = 40) -> Shell:
-    """A solid of revolution about the z axis through `centre`; the profile (radius, z) starts and ends on the axis, lowest first."""
+    """A solid of revolution about the z axis through `centre`.
+
+    The profile (radius, z) starts and ends on the axis, lowest point first.
+    """
     circle = _circle(segments)
     build = _Builder()
     rings = [build.ring(centre + r * circle, z) for r, z in profile[1:-1]]
@@ -159,7 +165,7 @@ def _insets(rings: list[np.ndarray], bevel: float, turned: Sequence[Turned]) -> 
 
 
 def _inset(ring: np.ndarray, distance: float) -> np.ndarray:
-    """Every vertex of a ring (n, 2) moved to the left of the walking direction, so that every edge moves by `distance`."""
+    """A ring (n, 2) with every vertex moved to the left of the walking direction, so that edges move by `distance`."""
     edge = np.roll(ring, -1, axis=0) - ring
     edge = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     normal = np.column_stack([-edge[:, 1], edge[:, 0]])
@@ -181,8 +187,8 @@ def _circle(segments: int) -> np.ndarray:
 def _triangulate(rings: Sequence[np.ndarray]) -> np.ndarray:
     """Triangles (N, 3), counter-clockwise, of the region inside the first ring and outside the others.
 
-    Ear clipping drops vertices where rings line up exactly. Turned by an odd angle they never do; should one direction still
-    fail, which the number of triangles tells, the next is tried.
+    Ear clipping drops vertices where rings line up exactly, which the number of triangles tells. Turned by an odd angle
+    they do not: the next angle is tried.
     """
     points = np.vstack(rings)
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)

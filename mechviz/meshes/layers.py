@@ -1,7 +1,8 @@
 """Which layer every group of parts lies on: graph colouring with pins that pass through.
 
-Groups that meet during the motion need different layers. A pin (or any other part that reaches from one layer to another) must
-not be hit by groups on the layers between. The search is deterministic: several greedy starts, each improved by local moves.
+Groups that meet during the motion need different layers. A pin (or any other part that reaches from one layer to
+another) must not be hit by groups on the layers between. The search is deterministic: several greedy starts, each
+improved by local moves.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _SPAN = 3.0  # a pin that is one layer longer than it needs to be
 class Post:
     """Something that reaches through layers: a pin of two or more groups, or of a group and the ground.
 
-    `hits` are the groups that would run into it, `near` the other posts that come too close to share a layer's height with it.
+    `hits` are the groups that would run into it, `near` the other posts that come too close to pass a layer beside it.
     """
 
     groups: tuple[int, ...]
@@ -33,7 +34,7 @@ class Post:
 
 @dataclass(frozen=True)
 class Order:
-    """Layer of every group, counted from the back; for every post whether it reaches to the front instead of the back."""
+    """Layer of every group, counted from the back; for every post whether it reaches to the front, not the back."""
 
     layers: tuple[int, ...]
     front: tuple[bool, ...]
@@ -193,7 +194,7 @@ class _Search:
             low, high = min(placed), max(placed)
             front = self._reach(post, low, high, masks, top)[1]
             spans.append((-1 if post.ground and not front else low, top + 1 if front else high))
-        # A post fills the open interval between its ends; at the ends it lies inside its links, whose outlines are checked.
+        # A post fills the open interval between its ends; at the ends it lies inside its links, which are checked.
         return sum(min(spans[i][1], spans[j][1]) - max(spans[i][0], spans[j][0]) > 1 for i, j in self.near)
 
 

@@ -1,4 +1,4 @@
-"""The mechanism as the part builder sees it: in units of its own size, with its axles, guides and the proportions of its parts."""
+"""The mechanism as the part builder sees it: in units of its own size, with axles, guides and proportions of parts."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _usable_poses(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None) 
 
 
 def _size(mechanism: Mechanism, poses: Mapping[str, np.ndarray]) -> float:
-    """The larger side of the box around the mechanism's points over the run [m]; 10 mm for a mechanism without any extent."""
+    """The larger side of the box around the mechanism's points over the run [m]; 10 mm if it has no extent."""
     clouds, extents = [], [0.0]
     used = {(link, p) for pair in mechanism.pairs for link, p in zip(pair.links, pair.points, strict=True)}
     for link in mechanism.links:
@@ -158,10 +158,12 @@ def place(xy: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return np.stack([x, y], axis=-1)
 
 
+Points = Mapping[str, Mapping[str, Vec2]]  # link -> name of a point -> point, in the link's frame
+Marks = Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that carry no pin
 Cluster = tuple[dict[str, Vec2], str]  # link -> centre, and the owner of the pin
 
 
-def _clusters(mechanism: Mechanism, points: Mapping[str, Mapping[str, Vec2]]) -> list[Cluster]:
+def _clusters(mechanism: Mechanism, points: Points) -> list[Cluster]:
     """Revolute pairs gathered by their axis: pairs at the same place of a common link share one pin."""
     groups: list[tuple[dict[str, Vec2], str]] = []
     for pair in mechanism.pairs:
@@ -180,11 +182,12 @@ def _clusters(mechanism: Mechanism, points: Mapping[str, Mapping[str, Vec2]]) ->
     return groups
 
 
-def _marks(mechanism: Mechanism, points: Mapping[str, Mapping[str, Vec2]], clusters: list[Cluster]) -> dict[str, tuple[Vec2, ...]]:
+def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Marks:
     """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
-    guides = {(link, p) for pair in mechanism.pairs if isinstance(pair, Prismatic) for link, p in zip(pair.links, pair.points, strict=True)}
+    prismatic = [pair for pair in mechanism.pairs if isinstance(pair, Prismatic)]
+    guides = {(link, p) for pair in prismatic for link, p in zip(pair.links, pair.points, strict=True)}
     wanted = set(mechanism.traced) | {(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)}
-    marks: dict[str, tuple[Vec2, ...]] = {}
+    marks = {}
     for link, named in points.items():
         pins = [centres[link] for centres, _ in clusters if link in centres]
         kept: list[Vec2] = []
@@ -210,7 +213,7 @@ def _proportions(mechanism: Mechanism, clusters: list[Cluster]) -> Proportions:
     return Proportions(r=r, t=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
 
 
-def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks: Mapping[str, tuple[Vec2, ...]], size: Proportions) -> Axle:
+def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proportions) -> Axle:
     """An axle whose pin and bosses leave room for the other pins of its links."""
     centres, owner = cluster
     room = 10.0
@@ -218,7 +221,8 @@ def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks
         if link == mechanism.frame:
             continue
         others = [c[link] for c, _ in clusters if link in c and c is not centres]
-        room = min([room, *(_distance(xy, other) for other in others), *(_distance(xy, other) * 1.3 for other in marks[link])])
+        room = min([room, *(_distance(xy, other) for other in others)])
+        room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less than a pin
     room = max(room, 10.0 * _SAME)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 
@@ -226,10 +230,10 @@ def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks
 def _guide(
     mechanism: Mechanism,
     pair: Prismatic,
-    points: Mapping[str, Mapping[str, Vec2]],
+    points: Points,
     poses: Mapping[str, np.ndarray],
     clusters: list[Cluster],
-    marks: Mapping[str, tuple[Vec2, ...]],
+    marks: Marks,
     size: Proportions,
 ) -> Guide:
     """Which link of a prismatic pair is drawn as the rail and which as the block, and how far the block travels.
@@ -249,9 +253,10 @@ def _guide(
         at_origin = place(np.array([origin]), poses[carrier])[:, 0]
         at_slider = place(np.array([slider]), poses[other])[:, 0]
         angle = poses[carrier][:, 2]
-        u = np.stack([np.cos(angle) * along[0] - np.sin(angle) * along[1], np.sin(angle) * along[0] + np.cos(angle) * along[1]], axis=-1)
-        s = ((at_slider - at_origin) * u).sum(axis=1)
-        travel = (float(s.min()), float(s.max()))
+        c, s = np.cos(angle), np.sin(angle)
+        u = np.stack([c * along[0] - s * along[1], s * along[0] + c * along[1]], axis=-1)
+        moved = ((at_slider - at_origin) * u).sum(axis=1)
+        travel = (float(moved.min()), float(moved.max()))
 
     def compact(link: str, at: Vec2) -> bool:
         if any(isinstance(p, Prismatic) and p.name != pair.name and p.links[p.guide] == link for p in mechanism.pairs):
@@ -259,8 +264,8 @@ def _guide(
         pins = [centres[link] for centres, _ in clusters if link in centres]
         return all(_distance(xy, at) < 2.0 * size.r for xy in [*pins, *marks[link]])
 
-    swap = compact(carrier, origin) and (other == mechanism.frame or not compact(other, slider)) and carrier != mechanism.frame
-    if swap:
+    other_is_long = other == mechanism.frame or not compact(other, slider)
+    if carrier != mechanism.frame and compact(carrier, origin) and other_is_long:
         return Guide(pair.name, other, carrier, slider, slider_along, origin, along, (-travel[1], -travel[0]))
     return Guide(pair.name, carrier, other, origin, along, slider, slider_along, travel)
 

@@ -10,12 +10,14 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.polygon import orient
 from shapely.ops import unary_union
 
+from mechcore.spec import Vec2
+
 __all__ = ["Disc", "clean", "cutouts", "disc", "hull", "pedestal", "polygons", "rail", "rectangle", "rounded"]
 
-Disc = tuple[tuple[float, float], float]  # centre and radius
+Disc = tuple[Vec2, float]  # centre and radius
 
 
-def disc(centre: tuple[float, float], radius: float, segments: int) -> Polygon:
+def disc(centre: Vec2, radius: float, segments: int) -> Polygon:
     return Point(centre).buffer(radius, quad_segs=max(2, segments // 4))
 
 
@@ -24,11 +26,12 @@ def hull(discs: Iterable[Disc], segments: int) -> Polygon:
     return unary_union([disc(centre, radius, segments) for centre, radius in discs]).convex_hull
 
 
-def rectangle(centre: tuple[float, float], along: tuple[float, float], length: float, width: float, fillet: float = 0.0) -> Polygon:
+def rectangle(centre: Vec2, along: Vec2, length: float, width: float, fillet: float = 0.0) -> Polygon:
     """A rectangle whose length lies in the unit direction `along`, with rounded corners if `fillet` > 0."""
     u = np.asarray(along)
     v = np.array([-u[1], u[0]])
-    corners = [np.asarray(centre) + 0.5 * (a * length * u + b * width * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = [np.asarray(centre) + 0.5 * (a * length * u + b * width * v) for a, b in signs]
     return rounded(Polygon(corners), fillet)
 
 
@@ -49,20 +52,21 @@ def cutouts(plate: Polygon, keep: Sequence[Polygon], rim: float, fillet: float, 
     return [part for part in polygons(inner) if part.area > least and not part.interiors]
 
 
-def pedestal(pivot: tuple[float, float], r: float, segments: int) -> Polygon:
+def pedestal(pivot: Vec2, r: float, segments: int) -> Polygon:
     """A bearing foot below a ground pivot, on a base line with ground hatching; r is the half width of a plate."""
     x, y = pivot
     base = y - 2.9 * r
-    foot = unary_union([disc(pivot, 1.05 * r, segments), Polygon([(x - 1.5 * r, base), (x + 1.5 * r, base), (x, y)])]).convex_hull
+    triangle = Polygon([(x - 1.5 * r, base), (x + 1.5 * r, base), (x, y)])
+    foot = unary_union([disc(pivot, 1.05 * r, segments), triangle]).convex_hull
     return unary_union([foot, _ground((x - 2.2 * r, base), (x + 2.2 * r, base), r)])
 
 
-def rail(start: tuple[float, float], end: tuple[float, float], r: float, *, thickness: float) -> Polygon:
+def rail(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygon:
     """A guide rail from start to end (its inner edge; the material and the ground hatching are to the right)."""
     return _ground(start, end, r, thickness=thickness)
 
 
-def _ground(start: tuple[float, float], end: tuple[float, float], r: float, thickness: float | None = None) -> Polygon:
+def _ground(start: Vec2, end: Vec2, r: float, thickness: float | None = None) -> Polygon:
     """A straight bar whose left edge runs from start to end, with slanted hatching ribs on its right."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.spec import Vec2
 
-from .extrude import Shell, Turned, plate, revolve
+from .extrude import Profile, Shell, Turned, plate, revolve
 from .model import Axle, Model
 from .outline import clean, disc, pedestal, polygons
 from .palette import PIN, Color
@@ -82,7 +83,9 @@ def _flat_part(model: Model, levels: Levels, piece: Piece) -> Part:
             turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),)))
             continue
         above, below = _boss_heights(model, levels, k, layer)
-        turned.append(Turned(centre, _boss(boss, axle.hole, high, above, size.bevel), _boss(boss, axle.hole, low, -below, size.bevel)))
+        upper = _boss(boss, axle.hole, high, above, size.bevel)
+        lower = _boss(boss, axle.hole, low, -below, size.bevel)
+        turned.append(Turned(centre, upper, lower))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
     turned += _drilled_marks(model, piece, shape, turned, low, high)
     shell = plate(shape, (low, high), size.bevel, turned, model.segments)
@@ -90,7 +93,7 @@ def _flat_part(model: Model, levels: Levels, piece: Piece) -> Part:
 
 
 def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
-    """Heights of the bosses above and below a plate: full where the axle goes on to another link, low under a pin head."""
+    """Heights of the bosses above and below a plate: full towards another link of the axle, low under a pin head."""
     axle, boss = model.axles[axle_number], model.proportions.boss
     reached = [levels.of(link) for link in axle.centres if link != model.frame]
     ground = model.frame in axle.centres
@@ -100,14 +103,17 @@ def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) ->
     return boss * (1.0 if on_above else _OUTER_BOSS), boss * (1.0 if on_below else _OUTER_BOSS)
 
 
-def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> tuple[tuple[float, float], ...]:
+def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> Profile:
     """Profile of a boss from the face of a plate to the edge of its hole; height < 0 on the underside."""
     chamfer = min(bevel, 0.4 * (radius - hole), 0.5 * abs(height))
     sign = 1.0 if height > 0.0 else -1.0
-    return ((radius, face), (radius, face + height - sign * chamfer), (radius - chamfer, face + height), (hole, face + height))
+    end = face + height
+    return ((radius, face), (radius, end - sign * chamfer), (radius - chamfer, end), (hole, end))
 
 
-def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float) -> list[Turned]:
+def _drilled_marks(
+    model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float
+) -> list[Turned]:
     """Small holes that show named points which carry no pin."""
     if piece.kind != "plate" or piece.link == model.frame:
         return []
@@ -154,7 +160,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
         steps.append((axle.pin, bottom - size.clearance, bottom + size.boss))
     else:
         steps.append((axle.sleeve, bottom, bottom + head))
-    for a, b in zip(reached, reached[1:], strict=False):
+    for a, b in pairwise(reached):
         if b > a + 1:
             gap = 0.5 * size.clearance
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
@@ -171,7 +177,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     return Part(axle.owner, "pin", shell, PIN, space)
 
 
-def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> tuple[tuple[float, float], ...]:
+def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> Profile:
     """Profile of a stepped shaft whose wide steps are joined by the pin's own radius; its ends are chamfered."""
     first, last = steps[0], steps[-1]
     chamfer = min(bevel, 0.3 * axle.pin, 0.45 * (first[2] - first[1]), 0.45 * (last[2] - last[1]))
@@ -202,12 +208,24 @@ def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
         for foot in polygons(feet):
             columns = [_column(levels, stand, low, high) for stand in side if foot.contains(Point(stand[0]))]
             # Bearings that coincide share one column.
-            turned = [c for k, c in enumerate(columns) if all(Point(c.centre).distance(Point(o.centre)) > c.rim + o.rim for o in columns[:k])]
+            turned: list[Turned] = []
+            for column in columns:
+                spot = Point(column.centre)
+                if all(spot.distance(Point(other.centre)) > column.rim + other.rim for other in turned):
+                    turned.append(column)
             space = [Prism(foot, low, high)]
             for column in turned:
                 ends = [z for _, z in (column.top or column.bottom)]
                 space.append(Prism(disc(column.centre, column.rim, model.segments), min(ends), max(ends)))
-            parts.append(Part(model.frame, "pedestal", plate(foot, (low, high), size.bevel, turned, model.segments), None, tuple(space)))
+            parts.append(
+                Part(
+                    model.frame,
+                    "pedestal",
+                    plate(foot, (low, high), size.bevel, turned, model.segments),
+                    None,
+                    tuple(space),
+                )
+            )
     return parts
 
 

@@ -1,4 +1,4 @@
-"""Vertex normals with crisp edges: smooth along round walls, split where neighbouring faces differ by more than 30 degrees."""
+"""Vertex normals with crisp edges: smooth along round walls, split where faces meet at more than 30 degrees."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _CREASE = np.cos(np.radians(30.0))
 def crisp(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Split a closed mesh along its creases.
 
-    vertices (V, 3) and faces (N, 3) -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of the split mesh. Faces that are
-    connected over smooth edges form one surface; a vertex is repeated once for every surface that it lies on.
+    vertices (V, 3) and faces (N, 3) -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of the split mesh. Faces
+    that are connected over smooth edges form one surface; a vertex is repeated for every surface that it lies on.
     """
     normal, area = face_normals(vertices, faces)
     surface = _surfaces(faces, normal)

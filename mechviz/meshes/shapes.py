@@ -1,7 +1,8 @@
-"""The flat pieces that links are made of, before layers are known: plates, slots, blocks, rails and what reaches between layers.
+"""The flat pieces that links are made of, before layers are known: plates, slots, blocks, rails and necks between layers.
 
-Pieces of one group lie on one layer. A small block that slides in a slot lies on the layer of the slotted link and belongs to its
-group; the rails of the frame belong to the group of the block between them. All outlines are in the frame of their link.
+Pieces of one group lie on one layer. A small block that slides in a slot lies on the layer of the slotted link and
+belongs to its group; the rails of the frame belong to the group of the block between them. All outlines are in the frame
+of their link, in units of the mechanism's size.
 """
 
 from __future__ import annotations
@@ -68,18 +69,21 @@ def draft_pieces(model: Model) -> Draft:
 
 
 def _form(model: Model, guide: Guide) -> str:
-    """How a guide is drawn: "rails" on both sides of a block, a "slot" in the rail's plate, or a "saddle" around a bar."""
+    """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar."""
     if guide.rail == model.frame:
         return "rails"
     if guide.block == model.frame and _straight(model, guide.rail, guide.origin, guide.along):
         return "saddle"
     slot = _slot(model, guide)
-    clear = all(slot.distance(Point(a.centres[guide.rail])) > a.boss + 0.15 * model.proportions.r for a in model.axles if guide.rail in a.centres)
-    return "slot" if clear else "saddle"
+    for axle in model.axles:
+        margin = axle.boss + 0.15 * model.proportions.r
+        if guide.rail in axle.centres and slot.distance(Point(axle.centres[guide.rail])) < margin:
+            return "saddle"  # the block passes over a pin of its rail
+    return "slot"
 
 
 def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, str]:
-    """Blocks that have no plate of their own -> the pair whose rail they lie between; merges their groups with the rail's."""
+    """Blocks without a plate of their own -> the pair in whose rail they lie; merges their groups with the rail's."""
     homes: dict[str, str] = {}
     for guide in model.guides:
         block, rail = guide.block, guide.rail
@@ -106,7 +110,8 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         draft.pieces.append(Piece(guide.block, block, group, "block"))
         low, high = _span(model, guide, whole=at_home)
-        draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in _rails(guide.origin, guide.along, low, high, 1.25 * r, r)]
+        strips = _rails(guide.origin, guide.along, low, high, 1.25 * r, r)
+        draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
     elif guide.block == model.frame:
         group = draft.groups[guide.rail]
         if form == "saddle":
@@ -151,11 +156,13 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
         elif guide.block == link:
             discs.append((guide.block_point, size.r))
             if form == "saddle":
-                extra.append(outline.rectangle(guide.block_point, guide.block_along, 2.0 * size.block, 3.2 * size.r, 0.3 * size.r))
+                length, width = 2.0 * size.block, 3.2 * size.r
+                extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.r))
     if not discs:
         discs = [((0.0, 0.0), size.r)]
     whole = unary_union([outline.hull(discs, model.segments), *extra])
-    keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.r, model.segments) for axle in model.axles if link in axle.centres]
+    axles = [axle for axle in model.axles if link in axle.centres]
+    keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.r, model.segments) for axle in axles]
     keep += [outline.disc(xy, 0.6 * size.r, model.segments) for xy in model.marks[link]]
     keep += [slot.buffer(0.6 * size.r) for slot in slots] + [shape.buffer(0.3 * size.r) for shape in extra]
     keep += [outline.disc(g.block_point, size.r, model.segments) for g in model.guides if g.block == link]
@@ -165,11 +172,15 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
 
 
 def _compact(model: Model, guide: Guide) -> bool:
-    """Whether a block needs no plate: it carries no other guide, and all its pins and marks lie close together on its middle line."""
+    """Whether a block needs no plate.
+
+    It carries no other guide, and its pins and marks lie close together on its middle line.
+    """
     if any(guide.block == other.rail for other in model.guides):
         return False
     r = model.proportions.r
-    s, lateral = _coordinates([*model.pins(guide.block), *model.marks[guide.block]], guide.block_point, guide.block_along)
+    points = [*model.pins(guide.block), *model.marks[guide.block]]
+    s, lateral = _coordinates(points, guide.block_point, guide.block_along)
     wide = 0.5 * r if guide.rail == model.frame else 0.1 * r
     long = 14.0 * r if guide.rail == model.frame else 5.0 * r
     return bool(np.all(np.abs(lateral) <= wide)) and float(np.ptp([0.0, *s])) <= long

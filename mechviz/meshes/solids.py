@@ -24,7 +24,7 @@ __all__ = ["Solid", "Solids", "build_solids", "find_clashes", "stl_bytes"]
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses only move it in the plane."""
+    """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses move it in the plane."""
 
     name: str
     mesh: trimesh.Trimesh  # all parts together, watertight, vertices shared
@@ -38,7 +38,7 @@ class Solid:
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
 
     def display_mesh(self) -> trimesh.Trimesh:
-        """A mesh for viewers that take normals and a colour at every vertex; split along its edges, so not watertight."""
+        """A mesh with normals and colours at its vertices for viewers; split along its edges, so not watertight."""
         mesh = trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
         mesh.visual.vertex_colors = self.colors
         return mesh
@@ -52,7 +52,7 @@ class Solids:
     size: float  # the larger side of the box around the mechanism's points over the run [m]
     z_top: float  # just above everything: force arrows are drawn here [m]
     bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
-    clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame in the best order that was found
+    clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
 
 
 def build_solids(
@@ -60,9 +60,9 @@ def build_solids(
 ) -> Solids:
     """Solid parts for every link of a mechanism.
 
-    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at these frames.
-    Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle and its chords, in
-    radii of the circle.
+    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
+    these frames. Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle
+    and its chords, in radii of the circle.
     """
     segments = 4 * int(np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.1)) / 4.0), 6, 128))
     model = build_model(mechanism, poses, segments)
@@ -72,7 +72,8 @@ def build_solids(
     colors = link_colors(model.links, model.frame)
     layers = _layers_of_links(model, levels, parts)
     links = {
-        name: _solid(name, [p for p in parts if p.link == name], model.size, colors[name], layers[name]) for name in model.links
+        name: _solid(name, [part for part in parts if part.link == name], model.size, colors[name], layers[name])
+        for name in model.links
     }
     bounds = _bounds(model, links)
     return Solids(links, model.size, float(bounds[1, 2]) + 0.01 * model.size, bounds, find_clashes(model, parts))
@@ -91,7 +92,7 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
     """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
     if not model.frames:
         return ()
-    spaces = [(part.link, prism, Swept(prism.outline, model.poses[part.link])) for part in parts for prism in part.space]
+    spaces = [(p.link, prism, Swept(prism.outline, model.poses[p.link])) for p in parts for prism in p.space]
     found: set[tuple[str, str]] = set()
     for i, (link_a, a, swept_a) in enumerate(spaces):
         for link_b, b, swept_b in spaces[:i]:
@@ -109,9 +110,11 @@ def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int |
         return _empty(name, color, layer)
     meshes, arrays = [], []
     for part in parts:
-        meshes.append(_mesh(part.shell.vertices * size, part.shell.faces, face_normals(part.shell.vertices, part.shell.faces)[0]))
-        vertices, faces, normals = crisp(part.shell.vertices, part.shell.faces)
-        arrays.append((vertices * size, faces, normals, np.tile(np.array(part.color or color, np.uint8), (len(vertices), 1))))
+        shell = part.shell
+        meshes.append(_mesh(shell.vertices * size, shell.faces, face_normals(shell.vertices, shell.faces)[0]))
+        vertices, faces, normals = crisp(shell.vertices, shell.faces)
+        colors = np.tile(np.array(part.color or color, np.uint8), (len(vertices), 1))
+        arrays.append((vertices * size, faces, normals, colors))
     offsets = np.cumsum([0] + [len(a[0]) for a in arrays[:-1]])
     shells = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     mesh = _mesh(
@@ -134,19 +137,20 @@ def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int |
 
 
 def _mesh(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> trimesh.Trimesh:
-    # No processing: vertices are shared by construction, and merging by an absolute distance would ruin tiny mechanisms.
+    # No processing: vertices are shared by construction, and merging by an absolute distance ruins tiny mechanisms.
     return trimesh.Trimesh(vertices=vertices, faces=faces, face_normals=normals, process=False)
 
 
 def _empty(name: str, color: Color, layer: int | tuple[int, ...]) -> Solid:
     """A frame without any pair has nothing to show."""
     none = np.zeros((0, 3), np.float32)
-    return Solid(name, trimesh.Trimesh(), (), (), none, none.astype(np.uint32), none, np.zeros((0, 4), np.uint8), color, layer)
+    colors = np.zeros((0, 4), np.uint8)
+    return Solid(name, trimesh.Trimesh(), (), (), none, none.astype(np.uint32), none, colors, color, layer)
 
 
 def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
     layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
-    heights = {prism.low for part in parts if part.link == model.frame and part.kind != "pin" for prism in part.space[:1]}
+    heights = [part.space[0].low for part in parts if part.link == model.frame and part.kind != "pin"]
     layers[model.frame] = tuple(sorted({round(low / model.proportions.pitch) for low in heights}))
     return layers
 

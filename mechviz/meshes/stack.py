@@ -1,4 +1,4 @@
-"""From pieces to heights: which pieces and pins would meet, the order of the layers, and where everything lies along z."""
+"""From pieces to heights: which pieces and pins would meet, the order of the layers, and where everything lies in z."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class _Reach:
-    """A pin or neck that reaches through layers: its outline, the groups that it joins and the links that it belongs to."""
+    """A pin or neck that reaches through layers: its outline, the groups that it joins and the links that own it."""
 
     outline: Polygon
     link: str
@@ -67,7 +67,8 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     hits = _hits(model, draft, reaches, number)
     near = _near(model, reaches)
     posts = [
-        Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k]) for k, reach in enumerate(reaches)
+        Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k])
+        for k, reach in enumerate(reaches)
     ]
     order = order_layers(conflicts, posts)
     layer = {name: order.layers[number[name]] for name in names}

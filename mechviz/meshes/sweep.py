@@ -51,19 +51,18 @@ class Swept:
         dx, dy = mine[:, 0] - base[:, 0], mine[:, 1] - base[:, 1]
         x0, y0 = cb * dx + sb * dy, -sb * dx + cb * dy
         c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-        loops = [
-            shapely.linearrings(
-                np.stack([x0[:, None] + c * xy[:, 0] - s * xy[:, 1], y0[:, None] + s * xy[:, 0] + c * xy[:, 1]], axis=-1)
-            )
-            for xy in self._rings
-        ]
+        loops = []
+        for xy in self._rings:
+            x = x0[:, None] + c * xy[:, 0] - s * xy[:, 1]
+            y = y0[:, None] + s * xy[:, 0] + c * xy[:, 1]
+            loops.append(shapely.linearrings(np.stack([x, y], axis=-1)))
         if len(loops) == 1:
             return shapely.polygons(loops[0])
         return shapely.polygons(loops[0], np.stack(loops[1:], axis=1))
 
 
 def meet(a: Swept, b: Swept) -> bool:
-    """Whether two outlines touch or overlap at any frame. Outlines of links that never move against each other count too."""
+    """Whether two outlines touch or overlap at any frame."""
     gap = np.hypot(*(a._centre_path - b._centre_path).T)
     frames = np.flatnonzero(gap <= a._circle[1] + b._circle[1])
     if len(frames) == 0:

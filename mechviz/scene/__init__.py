@@ -15,7 +15,18 @@ if TYPE_CHECKING:
     from .faults import SceneError
     from .scene import Scene, dump, json_schema, load, loads
 
-__all__ = ["GalleryEntry", "Scene", "SceneBuilder", "SceneError", "dump", "gallery", "gallery_names", "json_schema", "load", "loads"]
+__all__ = [
+    "GalleryEntry",
+    "Scene",
+    "SceneBuilder",
+    "SceneError",
+    "dump",
+    "gallery",
+    "gallery_names",
+    "json_schema",
+    "load",
+    "loads",
+]
 
 _HOMES = {
     "GalleryEntry": "catalogue",

@@ -80,7 +80,11 @@ def _pair(name: str, pair: PairDocument, placement: Placement, convert: Converte
             pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
             along = (pb[0] - pa[0], pb[1] - pa[1])
             if along == (0.0, 0.0):
-                convert.note(f"pairs.{name}.along", f"'{a}' and '{b}' are at the same place.", "Name two different points, or write a direction such as [1, 0].")
+                convert.note(
+                    f"pairs.{name}.along",
+                    f"'{a}' and '{b}' are at the same place.",
+                    "Name two different points, or write a direction such as [1, 0].",
+                )
         else:
             along = (float(a), float(b))
     if pair.angle is not None:
@@ -135,10 +139,16 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
     span = x[-1] - x[0]
     if math.isclose(span, period, rel_tol=1e-12):  # the closing row is a repetition of the first one
         if y[-1] != y[0]:
-            convert.note(f"{path}.factor[{len(y) - 1}]", f"differs from the first factor, {y[0]:g}, one period before.", "Give both the same factor, or leave out the last row.")
+            convert.note(
+                f"{path}.factor[{len(y) - 1}]",
+                f"differs from the first factor, {y[0]:g}, one period before.",
+                "Give both the same factor, or leave out the last row.",
+            )
             return None
         x, y = x[:-1], y[:-1]
     elif span > period:
-        convert.note(f"{path}.period", "is shorter than the range of the positions.", "Give a longer period, or fewer rows.")
+        convert.note(
+            f"{path}.period", "is shorter than the range of the positions.", "Give a longer period, or fewer rows."
+        )
         return None
     return Table(x=x, y=y, period=period, smooth=table.smooth)

@@ -30,7 +30,14 @@ class SceneBuilder:
     def __init__(self, name: str, *, title: str = "", teaches: str = "", frame: str = "frame", **units: str):
         """``units`` are those of bare numbers: ``length="mm"``, ``angle="deg"`` ..."""
         self._name = name
-        self._data: dict[str, Any] = {"title": title, "teaches": teaches, "units": units, "effects": [], "frame": frame, "trace": []}
+        self._data: dict[str, Any] = {
+            "title": title,
+            "teaches": teaches,
+            "units": units,
+            "effects": [],
+            "frame": frame,
+            "trace": [],
+        }
         self._faults: list[Fault] = []
 
     def _add(self, section: str, name: str, entry: Any) -> SceneBuilder:
@@ -45,17 +52,34 @@ class SceneBuilder:
         centre: Sequence[Value] | str | None = None, inertia: Value | None = None, shape: str | None = None, **more_points: Sequence[Value],
     ) -> SceneBuilder:  # fmt: skip
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
-        places: Any = {**points, **more_points} if isinstance(points, Mapping) else more_points if points is None else list(points)
+        places: Any = (
+            {**points, **more_points}
+            if isinstance(points, Mapping)
+            else more_points
+            if points is None
+            else list(points)
+        )
         if more_points and isinstance(places, list):
-            self._faults.append(Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way."))
-        return self._add("links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape})
+            self._faults.append(
+                Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way.")
+            )
+        return self._add(
+            "links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape}
+        )
 
     def revolute(
         self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, side: str | None = None,
         assembly: str | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:  # fmt: skip
         """A pin between two links; the keywords are the keys of a scene file."""
-        entry = {"revolute": [first, second], "at": at, "side": side, "assembly": assembly, "branch": branch, "drive": drive}
+        entry = {
+            "revolute": [first, second],
+            "at": at,
+            "side": side,
+            "assembly": assembly,
+            "branch": branch,
+            "drive": drive,
+        }
         return self._add("pairs", name, entry)
 
     def prismatic(
@@ -63,11 +87,26 @@ class SceneBuilder:
         guide: str | None = None, angle: Value | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:  # fmt: skip
         """A sliding pair between two links; the keywords are the keys of a scene file."""
-        entry = {"prismatic": [first, second], "at": at, "along": along, "guide": guide, "angle": angle, "branch": branch, "drive": drive}
+        entry = {
+            "prismatic": [first, second],
+            "at": at,
+            "along": along,
+            "guide": guide,
+            "angle": angle,
+            "branch": branch,
+            "drive": drive,
+        }
         return self._add("pairs", name, entry)
 
     def force(
-        self, name: str, vector: Sequence[Value], *, on: str, at: str | None = None, axes: str = "world", table: Mapping[str, Any] | None = None
+        self,
+        name: str,
+        vector: Sequence[Value],
+        *,
+        on: str,
+        at: str | None = None,
+        axes: str = "world",
+        table: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A force on a link at one of its points."""
         return self._add("loads", name, {"force": vector, "on": on, "at": at, "axes": axes, "table": table})

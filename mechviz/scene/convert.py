@@ -49,6 +49,10 @@ class Converter:
         """Notes the first place where a table's argument does not grow."""
         for k in range(1, len(values)):
             if values[k] <= values[k - 1]:
-                self.note(f"{path}[{k}]", "does not grow from the value before it.", "Put the rows in increasing order, each argument once.")
+                self.note(
+                    f"{path}[{k}]",
+                    "does not grow from the value before it.",
+                    "Put the rows in increasing order, each argument once.",
+                )
                 return False
         return not any(map(math.isnan, values))

@@ -81,7 +81,9 @@ def _point_table(value: Any) -> Any:
 
 PointTable = Annotated[dict[Name, Point], Field(min_length=1), BeforeValidator(_point_table)]
 PointNames = Annotated[list[Name], Field(min_length=1)]
-Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
+Points = Annotated[
+    Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)
+]
 Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(_is_text)]
 
 
@@ -106,9 +108,17 @@ class LinkDocument(Table):
             found.append(("points", "a point is listed twice.", "Name each point once."))
         for key in ("centre", "inertia"):
             if self.shape and getattr(self, key) is not None:
-                found.append((key, f"stands beside shape = '{self.shape}', which decides the {key}.", f"Leave out shape or {key}."))
+                found.append(
+                    (
+                        key,
+                        f"stands beside shape = '{self.shape}', which decides the {key}.",
+                        f"Leave out shape or {key}.",
+                    )
+                )
         if self.shape == "bar" and len(self.points) < 2:
-            found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
+            found.append(
+                ("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'.")
+            )
         if self.shape and self.mass is None:
             found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
         refuse(found)
@@ -161,7 +171,7 @@ class PairDocument(Table):
     @model_validator(mode="after")
     def _one_pair(self) -> PairDocument:
         refuse(one_of(self, ("revolute", "prismatic"), "the pair"))
-        found = []
+        found: list[tuple[str, str, str]] = []
         if self.links[0] == self.links[1]:
             found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
         foreign = ("along", "guide", "angle") if self.kind == "revolute" else ("side", "assembly")
@@ -171,9 +181,13 @@ class PairDocument(Table):
                 found.append((key, f"{key} does not go with a {self.kind} pair.", hint))
         modes = [key for key in ("side", "assembly", "branch") if getattr(self, key) is not None]
         if len(modes) > 1:
-            found.append((modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them."))
+            found.append(
+                (modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them.")
+            )
         if self.drive is not None and modes:
-            found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
+            found.append(
+                (modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}.")
+            )
         refuse(found)
         return self
 
@@ -187,7 +201,11 @@ class Pose(Table):
     """Angle of the link's frame."""
 
 
-SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(lambda v: "<table>" if isinstance(v, dict) else "<list>")]
+def _is_table(value: Any) -> str:
+    return "<table>" if isinstance(value, dict) else "<list>"
+
+
+SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(_is_table)]
 
 
 class LoadDocument(Table):
@@ -212,7 +230,9 @@ class LoadDocument(Table):
         if self.torque is not None:
             for key in ("at", "axes"):
                 if key in self.model_fields_set:
-                    found.append((key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}."))
+                    found.append(
+                        (key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}.")
+                    )
         refuse(found)
         return self
 
@@ -226,21 +246,21 @@ class SceneDocument(Table):
     """One sentence: what can be learned from it."""
     units: UnitsDocument = UnitsDocument()
     """Units of bare numbers. Any value may carry its own unit as a text, such as "80 mm" or "60 rpm"."""
-    effects: list[EffectName] = []
+    effects: list[EffectName] = Field(default=[])
     """Effects to compute. None: pure kinematics, unless there are loads."""
     frame: Text = "frame"
     """Name of the fixed link, whose frame is the world."""
     gravity: GravityVector = (0.0, -9.81)
     """Acceleration of gravity [m/s^2], used only where effects names gravity."""
-    trace: list[Text] = []
+    trace: list[Text] = Field(default=[])
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
-    links: dict[Name, LinkDocument] = {}
+    links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
-    pairs: dict[Name, PairDocument] = {}
+    pairs: dict[Name, PairDocument] = Field(default={})
     """The pairs by name. A pair joins the points of its two links that have its own name, unless `at` names others."""
-    sketch: dict[Name, SketchEntry] = {}
+    sketch: dict[Name, SketchEntry] = Field(default={})
     """A rough start position: world coordinates of points, or poses of links."""
-    loads: dict[Name, LoadDocument] = {}
+    loads: dict[Name, LoadDocument] = Field(default={})
     """Applied forces and torques by name."""

@@ -18,7 +18,11 @@ class _Coordinate:
 
     def __init__(self, convert: Converter, sort: str, path: str):
         self.convert, self.path = convert, path
-        self.kinds = (sort, "angular speed", "angular acceleration") if sort == "angle" else (sort, "linear speed", "linear acceleration")
+        self.kinds = (
+            (sort, "angular speed", "angular acceleration")
+            if sort == "angle"
+            else (sort, "linear speed", "linear acceleration")
+        )
 
     def position(self, value: float | str, key: str) -> float:
         return self.convert.si(value, self.kinds[0], f"{self.path}.{key}")
@@ -30,19 +34,26 @@ class _Coordinate:
         """A position, or [position, velocity, acceleration]; what is left out is zero."""
         if not isinstance(value, list):
             return self.position(value, key), 0.0, 0.0
-        given = [self.convert.si(v, kind, f"{self.path}.{key}[{k}]") for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))]
+        given = [
+            self.convert.si(v, kind, f"{self.path}.{key}[{k}]")
+            for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
+        ]
         position, velocity, acceleration = (*given, 0.0, 0.0)[:3]
         return position, velocity, acceleration
 
 
-def law_of(drive: DriveDocument, sort: str, convert: Converter, path: str, *, drawn: float = 0.0, cycles: int = 1) -> Law | None:
+def law_of(
+    drive: DriveDocument, sort: str, convert: Converter, path: str, *, drawn: float = 0.0, cycles: int = 1
+) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
     ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] that the drive starts from if it states no start.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
-    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[drive.law]
+    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[
+        drive.law
+    ]
     law = make(drive, coordinate, drawn, cycles)
     return law if len(convert.faults) == before else None
 
@@ -57,15 +68,25 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     if drive.range is not None:
         least, greatest = (coordinate.position(value, f"range[{k}]") for k, value in enumerate(drive.range))
         if least >= greatest:
-            coordinate.convert.note(f"{coordinate.path}.range", "the first value is not the smaller one.", "Write [least, greatest]; the sign of the speed is the direction.")
+            coordinate.convert.note(
+                f"{coordinate.path}.range",
+                "the first value is not the smaller one.",
+                "Write [least, greatest]; the sign of the speed is the direction.",
+            )
         if cycles > 1:
-            coordinate.convert.note("run.cycles", f"{cycles} cycles of a motion that ends at the end of its range.", "Write cycles = 1.")
+            coordinate.convert.note(
+                "run.cycles", f"{cycles} cycles of a motion that ends at the end of its range.", "Write cycles = 1."
+            )
         return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least)
     start = _start(drive, coordinate, drawn)
     if drive.travel is not None:
         return ConstantSpeed(start=start, speed=speed, travel=coordinate.position(drive.travel, "travel"))
     if coordinate.kinds[0] == "length":
-        coordinate.convert.note(coordinate.path, "constant speed along a guide without saying how far.", "Add travel = ... (a length) or range = [least, greatest].")
+        coordinate.convert.note(
+            coordinate.path,
+            "constant speed along a guide without saying how far.",
+            "Add travel = ... (a length) or range = [least, greatest].",
+        )
         return None
     return ConstantSpeed(start=start, speed=speed)
 
@@ -74,13 +95,21 @@ def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     assert drive.zones is not None and drive.speed is not None
     run_up, steady, braking = (
         coordinate.position(value, f"zones.{key}")
-        for key, value in (("run_up", drive.zones.run_up), ("steady", drive.zones.steady), ("braking", drive.zones.braking))
+        for key, value in (
+            ("run_up", drive.zones.run_up),
+            ("steady", drive.zones.steady),
+            ("braking", drive.zones.braking),
+        )
     )
     start, speed = _start(drive, coordinate, drawn), coordinate.speed(drive.speed, "speed")
     if any(map(math.isnan, (run_up, steady, braking, start, speed))):
         return None
     if cycles > 1 and (run_up > 0.0) != (braking > 0.0):
-        coordinate.convert.note("run.cycles", f"{cycles} cycles would make the speed jump between them.", "Write cycles = 1, or give both run_up and braking.")
+        coordinate.convert.note(
+            "run.cycles",
+            f"{cycles} cycles would make the speed jump between them.",
+            "Write cycles = 1, or give both run_up and braking.",
+        )
     return zones(start=start, speed=speed, run_up=run_up, steady=steady, braking=braking)
 
 
@@ -106,14 +135,25 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     convert, path = coordinate.convert, coordinate.path
     start = (drawn, 0.0, 0.0) if drive.start is None else coordinate.state(drive.start, "start")
     ends = [coordinate.state(segment.to, f"segments[{k}].to") for k, segment in enumerate(drive.segments)]
-    durations = [convert.si(segment.duration, "time", f"{path}.segments[{k}].duration") for k, segment in enumerate(drive.segments)]
+    durations = [
+        convert.si(segment.duration, "time", f"{path}.segments[{k}].duration")
+        for k, segment in enumerate(drive.segments)
+    ]
     states = [start, *ends]
     if any(math.isnan(value) for state in states for value in state) or any(map(math.isnan, durations)):
         return None
     if cycles > 1 and ends[-1][1] != start[1]:
-        convert.note("run.cycles", f"{cycles} cycles would make the speed jump between them.", f"Write cycles = 1, or end {path} with the speed that it starts with.")
+        convert.note(
+            "run.cycles",
+            f"{cycles} cycles would make the speed jump between them.",
+            f"Write cycles = 1, or end {path} with the speed that it starts with.",
+        )
     if all(state == start for state in states) and start[1:] == (0.0, 0.0):
-        convert.note(f"{path}.segments", "all segments end where the motion starts: nothing moves.", "Give one of them another end.")
+        convert.note(
+            f"{path}.segments",
+            "all segments end where the motion starts: nothing moves.",
+            "Give one of them another end.",
+        )
     knots = tuple(accumulate(durations, initial=0.0))
     pieces = tuple(
         polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True)
@@ -128,7 +168,11 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     times = convert.row(given.time, "time", f"{path}.table.time")
     positions = tuple(coordinate.position(value, f"table.position[{k}]") for k, value in enumerate(given.position))
     if cycles > 1 and not given.periodic:
-        convert.note("run.cycles", f"{cycles} cycles of a table that does not repeat.", "Write cycles = 1, or periodic = true in the table.")
+        convert.note(
+            "run.cycles",
+            f"{cycles} cycles of a table that does not repeat.",
+            "Write cycles = 1, or periodic = true in the table.",
+        )
     if not convert.increasing(times, f"{path}.table.time") or any(map(math.isnan, positions)):
         return None
     if len(set(positions)) == 1:

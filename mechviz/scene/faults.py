@@ -34,11 +34,20 @@ def _lines(fault: Fault, column: int) -> Iterator[str]:
     """The path, then message and remedy beside it; the remedy on a line of its own where both do not fit on one."""
     room = _WIDTH - column - 4
     both = f"{fault.message} {fault.remedy}".rstrip()
-    text = [both] if len(both) <= room else [
-        line for part in (fault.message, fault.remedy) if part for line in textwrap.wrap(part, room, break_on_hyphens=False)
-    ]
+    text = (
+        [both]
+        if len(both) <= room
+        else [
+            line
+            for part in (fault.message, fault.remedy)
+            if part
+            for line in textwrap.wrap(part, room, break_on_hyphens=False)
+        ]
+    )
     head = f"  {fault.path:<{column}}  "
-    if len(fault.path) > column:  # a path of unusual length gets its own line instead of pushing everything to the right
+    if (
+        len(fault.path) > column
+    ):  # a path of unusual length gets its own line instead of pushing everything to the right
         yield f"  {fault.path}"
         head = " " * (column + 4)
     for line in text:

@@ -9,14 +9,23 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PlainValidator,
+    WithJsonSchema,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia",
-    "Length", "Mass", "Name", "Number", "Point", "Range", "Rate", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
+    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector", "Frequency",
+    "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Point", "Quantity", "Range", "Rate",
+    "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
 
@@ -62,61 +71,73 @@ def _number(value: Any) -> float:
     return _finite(value, "a plain number")
 
 
-def _quantity(*kinds: str, least: Literal["", "zero", "above zero"] = "") -> Any:
-    """A number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below."""
-    words = " or ".join(KINDS[kind].words for kind in kinds)
-    examples = [KINDS[kind].example for kind in kinds]
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below.
 
-    def bounded(number: float, value: Any) -> None:
-        if least and number < 0.0:
-            raise fault(f"{describe(value)} is negative.", "Give a positive value.")
-        if least == "above zero" and number == 0.0:
-            raise fault(f"{describe(value)} is zero.", "Give a positive value.")
+    Of several kinds, the pair that is driven decides; what it decides is checked with the pair. Pydantic calls the two methods.
+    """
 
-    def check(value: Any) -> float | str:
+    kinds: tuple[str, ...]
+    least: Literal["", "zero", "above zero"] = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._check)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        bound = {"zero": {"minimum": 0}, "above zero": {"exclusiveMinimum": 0}}.get(self.least, {})
+        return {
+            "anyOf": [{"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
+            "description": f"{self._words}: a number in the scene's units, or a text with its own unit",
+            "examples": [KINDS[kind].example for kind in self.kinds],
+        }
+
+    @property
+    def _words(self) -> str:
+        return " or ".join(KINDS[kind].words for kind in self.kinds)
+
+    def _check(self, value: Any) -> float | str:
         if not isinstance(value, str):
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise fault(f"{describe(value)} where {words} is wanted.", f"Write a number, or a text such as '{examples[0]}'.")
-            number = _finite(value, words)
-            bounded(number, value)
+                remedy = f"Write a number, or a text such as '{KINDS[self.kinds[0]].example}'."
+                raise fault(f"{describe(value)} where {self._words} is wanted.", remedy)
+            number = _finite(value, self._words)
+            self._bounded(number, value)
             return number
         try:
-            bounded(magnitude(value), value)
-            if len(kinds) == 1 and not math.isfinite(parse(value, kinds[0])):  # of several kinds, the driven pair decides
+            self._bounded(magnitude(value), value)
+            if len(self.kinds) == 1 and not math.isfinite(parse(value, self.kinds[0])):
                 raise QuantityError(f"'{value}' is too large.", "Give a finite value.")
         except QuantityError as error:
             raise fault(str(error), error.remedy) from None
         return value.strip()
 
-    bound = {"zero": {"minimum": 0}, "above zero": {"exclusiveMinimum": 0}}.get(least, {})
-    return Annotated[
-        float | str,
-        PlainValidator(check),
-        WithJsonSchema(
-            {
-                "anyOf": [{"type": "number", **bound}, {"type": "string", "pattern": QUANTITY_PATTERN}],
-                "description": f"{words}: a number in the scene's units, or a text with its own unit",
-                "examples": examples,
-            }
-        ),
-    ]
+    def _bounded(self, number: float, value: float | str) -> None:
+        if self.least and number < 0.0:
+            raise fault(f"{describe(value)} is negative.", "Give a positive value.")
+        if self.least == "above zero" and number == 0.0:
+            raise fault(f"{describe(value)} is zero.", "Give a positive value.")
 
 
-Length = _quantity("length")
-Angle = _quantity("angle")
-Mass = _quantity("mass", least="zero")
-Time = _quantity("time")
-Duration = _quantity("time", least="above zero")
-Force = _quantity("force")
-Torque = _quantity("torque")
-Inertia = _quantity("inertia", least="zero")
-Frequency = _quantity("frequency", least="above zero")
-Distance = _quantity("angle", "length", least="above zero")
-Range = _quantity("angle", "length", least="zero")
-Gravity = _quantity("gravity")
-Coordinate = _quantity("angle", "length")
-Rate = _quantity("angular speed", "linear speed")
-Condition = _quantity("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")
+Length = Annotated[float | str, Quantity(("length",))]
+Angle = Annotated[float | str, Quantity(("angle",))]
+Mass = Annotated[float | str, Quantity(("mass",), "zero")]
+Time = Annotated[float | str, Quantity(("time",))]
+Duration = Annotated[float | str, Quantity(("time",), "above zero")]
+Force = Annotated[float | str, Quantity(("force",))]
+Torque = Annotated[float | str, Quantity(("torque",))]
+Inertia = Annotated[float | str, Quantity(("inertia",), "zero")]
+Frequency = Annotated[float | str, Quantity(("frequency",), "above zero")]
+Gravity = Annotated[float | str, Quantity(("gravity",))]
+# of a revolute pair or of a prismatic one
+Coordinate = Annotated[float | str, Quantity(("angle", "length"))]
+Distance = Annotated[float | str, Quantity(("angle", "length"), "above zero")]
+Range = Annotated[float | str, Quantity(("angle", "length"), "zero")]
+Rate = Annotated[float | str, Quantity(("angular speed", "linear speed"))]
+Condition = Annotated[
+    float | str,
+    Quantity(("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")),
+]
 Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
 
 
@@ -145,12 +166,17 @@ def _name(value: str) -> str:
     if value != value.strip():
         raise fault(f"the name '{value}' begins or ends with a space.", f"Write '{value.strip()}'.")
     if value.startswith("__"):
-        raise fault(f"the name '{value}' begins with two underscores, which recordings keep for themselves.", f"Write '{value.lstrip('_')}'.")
+        raise fault(
+            f"the name '{value}' begins with two underscores, which recordings keep for themselves.",
+            f"Write '{value.lstrip('_')}'.",
+        )
     if value in (".", ".."):
         raise fault(f"the name '{value}' means a folder in paths.", "Use letters or digits.")
     bad = next((c for c in value if c in '/\\"' or not c.isprintable()), "")
     if bad:
-        raise fault(f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'.")
+        raise fault(
+            f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'."
+        )
     return value
 
 
@@ -197,7 +223,10 @@ def _exactly_two(value: Any) -> Any:
 
 def _direction(value: Any) -> list[float] | list[str]:
     if not isinstance(value, list | tuple) or len(value) != 2:
-        raise fault(f"{describe(value)} where a direction is wanted.", "Write it like [1, 0], or name two points of the guide's link.")
+        raise fault(
+            f"{describe(value)} where a direction is wanted.",
+            "Write it like [1, 0], or name two points of the guide's link.",
+        )
     if all(isinstance(v, str) for v in value):
         return list(value)
     numbers = [_number(v) for v in value]

@@ -27,7 +27,13 @@ def links_that_cannot_turn(document: SceneDocument) -> set[str]:
 
 
 def mass_properties(
-    name: str, link: LinkDocument, points: Mapping[str, Vec2], document: SceneDocument, convert: Converter, *, can_turn: bool
+    name: str,
+    link: LinkDocument,
+    points: Mapping[str, Vec2],
+    document: SceneDocument,
+    convert: Converter,
+    *,
+    can_turn: bool,
 ) -> tuple[float, Vec2, float]:
     """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
 
@@ -45,14 +51,26 @@ def mass_properties(
     counts = mass > 0.0 and bool(document.effects) and name != document.frame
     if isinstance(link.centre, str):
         if link.centre not in points:
-            convert.note(f"{path}.centre", f"link '{name}' has no point '{link.centre}'.", did_you_mean(link.centre, points, what="Points"))
+            convert.note(
+                f"{path}.centre",
+                f"link '{name}' has no point '{link.centre}'.",
+                did_you_mean(link.centre, points, what="Points"),
+            )
         centre = points.get(link.centre, (0.0, 0.0))
     elif link.centre is not None:
         centre = convert.vector(link.centre, "length", f"{path}.centre")
     else:
         centre = places[0] if len(places) == 1 else (0.0, 0.0)
         if counts and len(places) > 1:
-            convert.note(path, f"has a mass but no centre, which {listing(document.effects)} needs.", "Add centre = [x, y] (or the name of a point), or shape = \"bar\".")
+            convert.note(
+                path,
+                f"has a mass but no centre, which {listing(document.effects)} needs.",
+                'Add centre = [x, y] (or the name of a point), or shape = "bar".',
+            )
     if counts and can_turn and link.inertia is None and "inertia" in document.effects:
-        convert.note(path, "has a mass but no moment of inertia, which 'inertia' needs.", "Add inertia = \"... kg m^2\", or shape = \"bar\" or \"point\".")
+        convert.note(
+            path,
+            "has a mass but no moment of inertia, which 'inertia' needs.",
+            'Add inertia = "... kg m^2", or shape = "bar" or "point".',
+        )
     return mass, centre, inertia

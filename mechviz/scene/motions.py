@@ -6,7 +6,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .fields import Angle, Condition, Coordinate, Distance, Duration, Flag, Frequency, Number, Range, Rate, Text, Time, fault
+from .fields import (
+    Angle,
+    Condition,
+    Coordinate,
+    Distance,
+    Duration,
+    Flag,
+    Frequency,
+    Number,
+    Range,
+    Rate,
+    Text,
+    Time,
+    fault,
+)
 from .tables import Table, one_of, refuse
 from .units import magnitude
 
@@ -83,9 +97,13 @@ class DriveTable(Table):
     @model_validator(mode="after")
     def _same_length(self) -> DriveTable:
         if len(self.position) != len(self.time):
-            raise fault(f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time.")
+            raise fault(
+                f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time."
+            )
         if self.periodic and len(self.time) < 4:
-            raise fault(f"a periodic table of {len(self.time)} rows.", "Give at least four, the last one the end of the cycle.")
+            raise fault(
+                f"a periodic table of {len(self.time)} rows.", "Give at least four, the last one the end of the cycle."
+            )
         return self
 
 
@@ -137,7 +155,13 @@ class DriveDocument(Table):
         if self.law == "speed" and self.range is not None and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
         if isinstance(self.start, list) and self.law in ("speed", "zones"):
-            found.append(("start", "a list: only segments start with a velocity and an acceleration.", "Give the position alone."))
+            found.append(
+                (
+                    "start",
+                    "a list: only segments start with a velocity and an acceleration.",
+                    "Give the position alone.",
+                )
+            )
         refuse(found)
         return self
 
@@ -159,5 +183,7 @@ class FactorTable(Table):
     @model_validator(mode="after")
     def _same_length(self) -> FactorTable:
         if len(self.position) != len(self.factor):
-            raise fault(f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position.")
+            raise fault(
+                f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position."
+            )
         return self

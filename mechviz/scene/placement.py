@@ -38,9 +38,13 @@ def place_links(document: SceneDocument, convert: Converter) -> Placement:
     for name, link in document.links.items():
         if isinstance(link.points, dict):
             path = f"links.{name}.points"
-            placement.points[name] = {point: convert.vector(place, "length", f"{path}.{point}") for point, place in link.points.items()}
+            placement.points[name] = {
+                point: convert.vector(place, "length", f"{path}.{point}") for point, place in link.points.items()
+            }
     world = {
-        name: convert.vector(entry, "length", f"sketch.{name}") for name, entry in document.sketch.items() if not isinstance(entry, Pose)
+        name: convert.vector(entry, "length", f"sketch.{name}")
+        for name, entry in document.sketch.items()
+        if not isinstance(entry, Pose)
     }
     _add_frame_points(document, placement, world, convert)
     _share_pins(document, world)
@@ -59,12 +63,18 @@ def place_links(document: SceneDocument, convert: Converter) -> Placement:
     return placement
 
 
-def _add_frame_points(document: SceneDocument, placement: Placement, world: dict[str, Vec2], convert: Converter) -> None:
+def _add_frame_points(
+    document: SceneDocument, placement: Placement, world: dict[str, Vec2], convert: Converter
+) -> None:
     """Points of the fixed link with coordinates of its own are places in the world that need no sketch."""
     for point, place in placement.points.get(document.frame, {}).items():
         sketched = world.setdefault(point, place)
         if math.dist(sketched, place) > 1e-9 * math.hypot(*place):
-            convert.note(f"sketch.{point}", f"is not where links.{document.frame} has this point.", f"Leave it out: the place is known from links.{document.frame}.")
+            convert.note(
+                f"sketch.{point}",
+                f"is not where links.{document.frame} has this point.",
+                f"Leave it out: the place is known from links.{document.frame}.",
+            )
 
 
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
@@ -77,11 +87,22 @@ def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
                     world.setdefault(other, world[known])
 
 
-def _draw(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2], name: str, points: list[str], convert: Converter) -> None:
+def _draw(
+    document: SceneDocument,
+    placement: Placement,
+    world: Mapping[str, Vec2],
+    name: str,
+    points: list[str],
+    convert: Converter,
+) -> None:
     """The shape of a link from the places of its points in the sketch."""
     missing = [point for point in points if point not in world]
     for point in missing:
-        convert.note(f"links.{name}.points", f"the sketch does not say where point '{point}' is.", f"Add {point} = [x, y] to [sketch], or give the link's points coordinates.")
+        convert.note(
+            f"links.{name}.points",
+            f"the sketch does not say where point '{point}' is.",
+            f"Add {point} = [x, y] to [sketch], or give the link's points coordinates.",
+        )
     if missing:
         return
     if name == document.frame:
@@ -90,12 +111,19 @@ def _draw(document: SceneDocument, placement: Placement, world: Mapping[str, Vec
     origin = complex(*world[points[0]])
     towards = complex(*world[points[1]]) - origin if len(points) > 1 else 1.0 + 0.0j
     if towards == 0.0:
-        convert.note(f"links.{name}.points", f"'{points[0]}' and '{points[1]}' are drawn at the same place.", "Move one of them in [sketch].")
+        convert.note(
+            f"links.{name}.points",
+            f"'{points[0]}' and '{points[1]}' are drawn at the same place.",
+            "Move one of them in [sketch].",
+        )
         return
     local = {point: (complex(*world[point]) - origin) * towards.conjugate() / abs(towards) for point in points}
     placement.points[name] = {point: (z.real, z.imag) for point, z in local.items()}
     if len(points) > 1:
-        placement.points[name] = {**placement.points[name], points[1]: (abs(towards), 0.0)}  # free of rounding across the line
+        placement.points[name] = {
+            **placement.points[name],
+            points[1]: (abs(towards), 0.0),
+        }  # free of rounding across the line
         placement.poses[name] = (origin.real, origin.imag, math.atan2(towards.imag, towards.real))
         placement.drawn.add(name)
 
@@ -122,7 +150,9 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
                 local = placement.points.get(other, {})
                 sketched = [point for point in local if point in world]
                 if known_link in placement.poses and other not in placement.poses and sketched:
-                    placement.poses[other] = _at(local[sketched[0]], world[sketched[0]], placement.poses[known_link][2] + sign * turn)
+                    placement.poses[other] = _at(
+                        local[sketched[0]], world[sketched[0]], placement.poses[known_link][2] + sign * turn
+                    )
                     grew = True
 
 

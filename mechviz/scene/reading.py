@@ -29,7 +29,10 @@ def find_scene(source: str | Path) -> Path:
         if path.exists():
             return path
     except (OSError, ValueError) as error:
-        raise SceneError(text[:60], Fault("scene", f"this is no path of a file: {error}.", "Give a gallery name or the path of a .toml file.")) from None
+        raise SceneError(
+            text[:60],
+            Fault("scene", f"this is no path of a file: {error}.", "Give a gallery name or the path of a .toml file."),
+        ) from None
     if isinstance(source, Path) or path.suffix or len(path.parts) != 1:
         folder = path.parent
         if not folder.is_dir():
@@ -37,11 +40,24 @@ def find_scene(source: str | Path) -> Path:
         beside = [entry.name for entry in folder.glob("*.toml")]
         near = closest(path.name, beside)
         stem = closest(path.stem, names)
-        remedy = f"Did you mean '{folder / near}'?" if near else f"Did you mean the gallery scene '{stem}'?" if stem else "Check the path; gallery scenes are named without '.toml'."
+        remedy = (
+            f"Did you mean '{folder / near}'?"
+            if near
+            else f"Did you mean the gallery scene '{stem}'?"
+            if stem
+            else "Check the path; gallery scenes are named without '.toml'."
+        )
         raise SceneError(text, Fault("file", "there is no such file.", remedy))
     near = closest(text, names)
     listed = f"Gallery: {', '.join(names)}."
-    raise SceneError(text, Fault("scene", f"neither a gallery scene nor a file is called '{text}'.", f"Did you mean '{near}'? {listed}" if near else listed))
+    raise SceneError(
+        text,
+        Fault(
+            "scene",
+            f"neither a gallery scene nor a file is called '{text}'.",
+            f"Did you mean '{near}'? {listed}" if near else listed,
+        ),
+    )
 
 
 def read_text(path: Path) -> str:
@@ -53,19 +69,30 @@ def read_text(path: Path) -> str:
 
     try:
         if path.is_dir():
-            raise fault("this is a folder.", did_you_mean("", [entry.name for entry in sorted(path.glob("*.toml"))], what="Scenes in it"))
+            raise fault(
+                "this is a folder.",
+                did_you_mean("", [entry.name for entry in sorted(path.glob("*.toml"))], what="Scenes in it"),
+            )
         if path.stat().st_size > LARGEST_FILE:
-            raise fault(f"{path.stat().st_size / 1e6:.0f} MB are too much for a scene (at most {LARGEST_FILE / 1e6:.0f} MB).", "Is it the right file?")
+            raise fault(
+                f"{path.stat().st_size / 1e6:.0f} MB are too much for a scene (at most {LARGEST_FILE / 1e6:.0f} MB).",
+                "Is it the right file?",
+            )
         data = path.read_bytes()
     except OSError as error:
         raise fault(f"cannot be read: {error.strerror or error}.", "Check the path and its permissions.") from None
     if data.startswith(b"RRF2") or path.suffix == ".rrd":
-        raise fault("this is a recording, not a scene.", "Look into it with 'mechviz inspect', or give the scene that made it.")
+        raise fault(
+            "this is a recording, not a scene.", "Look into it with 'mechviz inspect', or give the scene that made it."
+        )
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise fault(f"is not a text in UTF-8: line {line} holds the byte 0x{data[error.start]:02x}.", "Save it as UTF-8, or check that it is the right file.") from None
+        raise fault(
+            f"is not a text in UTF-8: line {line} holds the byte 0x{data[error.start]:02x}.",
+            "Save it as UTF-8, or check that it is the right file.",
+        ) from None
     if "\0" in text:
         raise fault("is a binary file.", "Check that it is the right file.")
     if not text.strip():
@@ -78,15 +105,24 @@ _REMEDIES = (
     ("Duplicate inline table key", "A key stands twice in the same table. Keep one."),
     ("Cannot declare", "The same table is opened twice. Join the two."),
     ("Cannot mutate immutable", "A table in braces cannot be extended below. Put everything inside the braces."),
-    ("Invalid value", "Texts need quotes, numbers a decimal point and no unit: 60, \"60 rpm\", true, [1, 2], { a = 1 }."),
+    ("Invalid value", 'Texts need quotes, numbers a decimal point and no unit: 60, "60 rpm", true, [1, 2], { a = 1 }.'),
     ("Expected '='", "Write key = value. Keys with spaces or other than plain letters need quotes."),
-    ("Unclosed inline table", "Close the braces, on the same line, with commas between the entries; or write a table of its own, such as [links.crank]."),
-    ("Invalid initial character for a key", "A table in braces stays on one line and has no comma at its end; for long ones write [links.crank]."),
+    (
+        "Unclosed inline table",
+        "Close the braces, on the same line, with commas between the entries; or write a table of its own, such as [links.crank].",
+    ),
+    (
+        "Invalid initial character for a key",
+        "A table in braces stays on one line and has no comma at its end; for long ones write [links.crank].",
+    ),
     ("Unclosed array", "Close the bracket, and put commas between the entries."),
     ("Unterminated string", "Close the quotes."),
     ("Illegal character", "A text in quotes stays on one line; tabs and line ends inside it are written \\t and \\n."),
     ("Unescaped '\\'", "Double the backslash, or use single quotes."),
-    ("Expected newline or end of document", "One key = value on a line: put the rest on a line of its own, or into the brackets."),
+    (
+        "Expected newline or end of document",
+        "One key = value on a line: put the rest on a line of its own, or into the brackets.",
+    ),
     ("Expected ']'", "Close the bracket of the table's name."),
     ("Invalid statement", "Write key = value, or [table]."),
 )
@@ -99,7 +135,12 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         said = str(error).splitlines()[0]
     except RecursionError:
-        raise SceneError(name, Fault("file", "brackets are nested too deep to be read.", "A scene needs no more than a handful of levels.")) from None
+        raise SceneError(
+            name,
+            Fault(
+                "file", "brackets are nested too deep to be read.", "A scene needs no more than a handful of levels."
+            ),
+        ) from None
     message, _, place = said.partition(" (at ")
     numbers = [int(n) for n in re.findall(r"[0-9]+", place)]
     line, column = (numbers[0], numbers[1]) if len(numbers) > 1 else (text.count("\n") + 1, 0)
@@ -107,5 +148,7 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     shown = rows[line - 1].strip() if 0 < line <= len(rows) else ""
     where = f"line {line}, column {column}" if column else "end of file"
     quoted = f", in: {shown[:60]}{'...' if len(shown) > 60 else ''}" if shown else "."
-    remedy = next((hint for start, hint in _REMEDIES if message.startswith(start)), "Check the brackets, commas and quotes there.")
+    remedy = next(
+        (hint for start, hint in _REMEDIES if message.startswith(start)), "Check the brackets, commas and quotes there."
+    )
     raise SceneError(name, Fault(where, f"not valid TOML: {message[:1].lower()}{message[1:]}{quoted}", remedy))

@@ -39,7 +39,9 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     """Every fault of reference in what could be read."""
     document = reading.document
     if "*" not in reading.broken["links"] and not link_names(reading):
-        yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
+        yield Fault(
+            "links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link."
+        )
     elif "*" not in reading.broken["links"] and document.frame not in link_names(reading):
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
@@ -79,10 +81,18 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
             yield from _known_link(reading, f"{path}.{pair.kind}[{k}]", link)
         for k, (link, point) in enumerate(zip(pair.links, points_of_pair(name, pair), strict=True)):
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
-            remedy = "" if pair.at is not None else f'Add the point to the link, or name the joined points with at = ["...", "..."].'
+            remedy = (
+                ""
+                if pair.at is not None
+                else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
+            )
             yield from _known_point(reading, where, link, point, remedy)
         if pair.guide is not None and pair.guide not in pair.links:
-            yield Fault(f"{path}.guide", f"'{pair.guide}' is not one of the two links.", did_you_mean(pair.guide, pair.links, what="Links"))
+            yield Fault(
+                f"{path}.guide",
+                f"'{pair.guide}' is not one of the two links.",
+                did_you_mean(pair.guide, pair.links, what="Links"),
+            )
         elif pair.along is not None and isinstance(pair.along[0], str):
             guide = pair.guide or pair.links[0]
             for k, point in enumerate(pair.along):
@@ -96,7 +106,11 @@ def _whole(reading: Reading) -> Iterator[Fault]:
         return
     if not reading.undriven and all(pair.drive is None for pair in document.pairs.values()):
         first = next(iter(document.pairs))
-        yield Fault("pairs", "no pair has a drive: nothing moves.", f"Add one, such as drive = {{ speed = \"60 rpm\" }} in pairs.{first}.")
+        yield Fault(
+            "pairs",
+            "no pair has a drive: nothing moves.",
+            f'Add one, such as drive = {{ speed = "60 rpm" }} in pairs.{first}.',
+        )
     reached, grew = {document.frame}, True
     while grew:
         grew = False
@@ -107,7 +121,11 @@ def _whole(reading: Reading) -> Iterator[Fault]:
     if document.frame in document.links or document.frame in link_names(reading):
         for link in link_names(reading):
             if link not in reached:
-                yield Fault(f"links.{link}", f"no chain of pairs joins it to '{document.frame}'.", "Add the pair that is missing, or remove the link.")
+                yield Fault(
+                    f"links.{link}",
+                    f"no chain of pairs joins it to '{document.frame}'.",
+                    "Add the pair that is missing, or remove the link.",
+                )
 
 
 def _trace(reading: Reading) -> Iterator[Fault]:
@@ -137,7 +155,11 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
         link = text.partition(".")[0]
         if text != link and link in link_names(reading):
             own = point_names(reading, link) or []
-            return Fault("", f"link '{link}' has no point '{text[len(link) + 1:]}'.", did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"))
+            return Fault(
+                "",
+                f"link '{link}' has no point '{text[len(link) + 1 :]}'.",
+                did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"),
+            )
         return Fault("", f"no link has a point '{text}'.", did_you_mean(text, dict.fromkeys(points), what="Points"))
     together, grew = {owners[0]}, True
     while grew:
@@ -161,15 +183,29 @@ def _loads(reading: Reading) -> Iterator[Fault]:
         path = f"loads.{name}"
         yield from _known_link(reading, f"{path}.on", load.on)
         if load.on == document.frame:
-            yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
+            yield Fault(
+                f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link."
+            )
         elif load.at is not None:
             yield from _known_point(reading, f"{path}.at", load.on, load.at)
         elif load.force is not None:
             points = point_names(reading, load.on) or []
             if len(points) > 1:
-                yield Fault(path, "'at' is missing: where on the link does the force act?", f"Points of '{load.on}': {listing(points)}.")
-        if load.table is not None and load.table.drive is not None and load.table.drive not in {*driven, *reading.undriven, *reading.broken["pairs"]}:
-            what = f"pair '{load.table.drive}' has no drive." if load.table.drive in document.pairs else f"there is no pair '{load.table.drive}'."
+                yield Fault(
+                    path,
+                    "'at' is missing: where on the link does the force act?",
+                    f"Points of '{load.on}': {listing(points)}.",
+                )
+        if (
+            load.table is not None
+            and load.table.drive is not None
+            and load.table.drive not in {*driven, *reading.undriven, *reading.broken["pairs"]}
+        ):
+            what = (
+                f"pair '{load.table.drive}' has no drive."
+                if load.table.drive in document.pairs
+                else f"there is no pair '{load.table.drive}'."
+            )
             yield Fault(f"{path}.table.drive", what, did_you_mean(load.table.drive, driven, what="Driven pairs"))
 
 
@@ -183,7 +219,13 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
         if isinstance(entry, Pose):
             yield from _known_link(reading, f"sketch.{name}", name)
             if name == document.frame:
-                yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
+                yield Fault(
+                    f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out."
+                )
         elif name not in points and not any(point_names(reading, link) is None for link in links):
-            hint = "To place a link, write { at = [x, y], angle = ... }." if name in links else did_you_mean(name, points, what="Points")
+            hint = (
+                "To place a link, write { at = [x, y], angle = ... }."
+                if name in links
+                else did_you_mean(name, points, what="Points")
+            )
             yield Fault(f"sketch.{name}", f"no link has a point '{name}'.", hint)

@@ -30,7 +30,9 @@ class Scene:
     name: str  # gallery name, or the file's without its ending
     document: SceneDocument = field(repr=False)
     mechanism: Mechanism = field(repr=False)  # SI units and radians
-    text: str = field(repr=False)  # TOML that gives this scene again: the file's own text, with its comments, if it came from a file
+    text: str = field(
+        repr=False
+    )  # TOML that gives this scene again: the file's own text, with its comments, if it came from a file
 
     @classmethod
     def build(cls, *, name: str = "scene", **document: Any) -> Scene:
@@ -92,7 +94,10 @@ def dump(scene: Scene, path: str | Path) -> None:
     try:
         replace_file(path, scene.to_toml())
     except OSError as error:
-        raise SceneError(path.name, Fault("file", f"cannot be written: {error.strerror or error}.", f"Check the folder '{path.parent}'.")) from None
+        raise SceneError(
+            path.name,
+            Fault("file", f"cannot be written: {error.strerror or error}.", f"Check the folder '{path.parent}'."),
+        ) from None
 
 
 def json_schema() -> dict[str, Any]:

@@ -22,7 +22,9 @@ __all__ = ["KINDS", "QUANTITY_PATTERN", "Kind", "QuantityError", "Units", "magni
 QUANTITY_PATTERN = r"^\s*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?\s*([A-Za-zµμ°(]|1\s*/).*$"
 """A number and a unit. The same pattern goes into the JSON Schema, where it must do without named groups."""
 
-_QUANTITY = re.compile(r"\s*(?P<number>[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>(?:[A-Za-zµμ°(]|1\s*/).*?)\s*")
+_QUANTITY = re.compile(
+    r"\s*(?P<number>[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>(?:[A-Za-zµμ°(]|1\s*/).*?)\s*"
+)
 _UNIT_TEXT = re.compile(r"[A-Za-zµμ°Ω·*/^()0-9.²³⁻¹\s-]{1,60}")
 
 _DEFINITIONS = """
@@ -56,7 +58,7 @@ pound_force = 4.4482216152605 * newton = lbf
 kilogram_force = 9.80665 * newton = kgf
 """
 
-_SYMBOLS = tuple("m mm cm um in ft rad deg turn rpm kg g lb s ms min Hz N kN lbf J".split())
+_SYMBOLS = tuple(["m", "mm", "cm", "um", "in", "ft", "rad", "deg", "turn", "rpm", "kg", "g", "lb", "s", "ms", "min", "Hz", "N", "kN", "lbf", "J"])
 _SPACED = {"Nm": "N m", "Nmm": "N mm", "kNm": "kN m", "kgm^2": "kg m^2", "kgm2": "kg m^2", "kgm²": "kg m^2"}
 
 
@@ -121,7 +123,10 @@ def _unit(text: str) -> Any:
         raise QuantityError(f"unknown unit '{text}'.", f"Put a space between the units: '{_SPACED[text]}'.")
     unknown = next((word for word in re.findall(r"[A-Za-zµμ°]+", text) if word not in registry), text)
     near = closest(unknown, _SYMBOLS)
-    raise QuantityError(f"unknown unit '{unknown}'.", f"Did you mean '{near}'?" if near else f"Known: {', '.join(_SYMBOLS)}, and their products.")
+    raise QuantityError(
+        f"unknown unit '{unknown}'.",
+        f"Did you mean '{near}'?" if near else f"Known: {', '.join(_SYMBOLS)}, and their products.",
+    )
 
 
 def _words(unit: Any) -> str:
@@ -142,7 +147,9 @@ def unit_factor(text: str, kind: str) -> Decimal:
         return Decimal(_registry().Quantity(Decimal(1), unit).to(target).magnitude)
     found = _words(unit)
     if (found, kind) == ("a frequency", "angular speed"):
-        raise QuantityError(f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
+        raise QuantityError(
+            f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s."
+        )
     raise QuantityError(f"{found}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")
 
 
@@ -159,7 +166,9 @@ def split(text: str) -> tuple[str, str]:
         raise QuantityError(f"'{text}' is not a number with a unit.", hint) from None
     if not math.isfinite(bare):
         raise QuantityError(f"'{text}' is not a finite number.", "Give a finite one.")
-    raise QuantityError(f"'{text}' has no unit.", f"Write {text.strip()} without quotes to have it in the scene's units, or add a unit.")
+    raise QuantityError(
+        f"'{text}' has no unit.", f"Write {text.strip()} without quotes to have it in the scene's units, or add a unit."
+    )
 
 
 def magnitude(value: float | str) -> float:

@@ -40,7 +40,10 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
     ("loads", "*", "table"): FactorTable,
 }
 _SECTIONS = ("links", "pairs", "sketch", "loads")
-_SEPARABLE = {("pairs", "drive"), ("loads", "table")}  # faulty parts without which the rest of the item still means the same
+_SEPARABLE = {
+    ("pairs", "drive"),
+    ("loads", "table"),
+}  # faulty parts without which the rest of the item still means the same
 
 # What people call things elsewhere.
 _SYNONYMS = {
@@ -75,12 +78,20 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
         except ValidationError as error:
             details = error.errors(include_url=False)
         for detail in details:
-            loc = tuple(part for part in detail["loc"] if not (isinstance(part, str) and part.startswith("<") and part.endswith(">")))
+            loc = tuple(
+                part
+                for part in detail["loc"]
+                if not (isinstance(part, str) and part.startswith("<") and part.endswith(">"))
+            )
             item = (str(loc[0]), str(loc[1])) if len(loc) > 1 else (str(loc[0]) if loc else "", "")
             if first or item not in silent:
                 reading.faults.extend(_faults(detail, loc, data))
         for detail in details:
-            loc = tuple(part for part in detail["loc"] if not (isinstance(part, str) and part.startswith("<") and part.endswith(">")))
+            loc = tuple(
+                part
+                for part in detail["loc"]
+                if not (isinstance(part, str) and part.startswith("<") and part.endswith(">"))
+            )
             silent |= _prune(data, loc, detail["type"], reading, whole=not first)
         first = False
 
@@ -150,7 +161,11 @@ def _faults(detail: Any, loc: Loc, data: Mapping[str, Any]) -> list[Fault]:
         loc = loc[:-2]  # the message names the key
     if kind == "scene":
         return [
-            Fault(path_text((*loc, key) if key and key in (value if isinstance(value, dict) else {}) else loc) or "scene", message, remedy)
+            Fault(
+                path_text((*loc, key) if key and key in (value if isinstance(value, dict) else {}) else loc) or "scene",
+                message,
+                remedy,
+            )
             for key, message, remedy in context["faults"]
         ]
     path = path_text(loc) or "scene"
@@ -164,14 +179,22 @@ def _faults(detail: Any, loc: Loc, data: Mapping[str, Any]) -> list[Fault]:
         return [Fault(parent, f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")]
     if kind == "literal_error":
         known = [choice.strip("'\"") for choice in context["expected"].replace(" or ", ", ").split(", ")]
-        remedy = did_you_mean(value, known) if isinstance(value, str) else f"Write {' or '.join(repr(k) for k in known)}."
+        remedy = (
+            did_you_mean(value, known) if isinstance(value, str) else f"Write {' or '.join(repr(k) for k in known)}."
+        )
         return [Fault(path, f"{describe(value)} is not one of {listing(known)}.", remedy)]
     if kind in ("too_long", "too_short"):
         return [_wrong_length(path, loc, value, context)]
     if kind in ("greater_than_equal", "less_than_equal"):
         least = context.get("ge")
         bound = f"less than {least}" if least is not None else f"more than {context.get('le')}"
-        return [Fault(path, f"{describe(value)} is {bound}.", f"Give a whole number {'from ' + str(least) if least is not None else 'up to ' + str(context.get('le'))}.")]
+        return [
+            Fault(
+                path,
+                f"{describe(value)} is {bound}.",
+                f"Give a whole number {'from ' + str(least) if least is not None else 'up to ' + str(context.get('le'))}.",
+            )
+        ]
     wanted = {
         "list_type": "a list",
         "dict_type": "a table",
@@ -181,7 +204,10 @@ def _faults(detail: Any, loc: Loc, data: Mapping[str, Any]) -> list[Fault]:
         "int_from_float": "a whole number",
     }.get(kind)
     if wanted:
-        remedy = {"a list": "Write it in brackets: [ ... ].", "a table": "Write it in braces: { key = value, ... }."}.get(wanted, "")
+        remedy = {
+            "a list": "Write it in brackets: [ ... ].",
+            "a table": "Write it in braces: { key = value, ... }.",
+        }.get(wanted, "")
         return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
     return [Fault(path, f"{describe(value)} is not allowed here.", "")]
 
@@ -193,9 +219,11 @@ def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -
     if loc[-1] in ("revolute", "prismatic"):
         if n > 2:
             name = loc[1] if len(loc) > 1 else "P"
-            remedy = f"A pin through {n} links is {n - 1} pairs, each with at = \"{name}\": join the first link to each of the others."
+            remedy = f'A pin through {n} links is {n - 1} pairs, each with at = "{name}": join the first link to each of the others.'
             return Fault(path, f"names {n} links, a pair joins two.", remedy)
-        return Fault(path, f"names {n} link{'' if n == 1 else 's'}, a pair joins two.", 'Write it like ["frame", "crank"].')
+        return Fault(
+            path, f"names {n} link{'' if n == 1 else 's'}, a pair joins two.", 'Write it like ["frame", "crank"].'
+        )
     least, most = context.get("min_length"), context.get("max_length")
     if least is not None and most is None:
         return Fault(path, f"has {entries}.", f"Give at least {least}." if least > 1 else "Give at least one.")

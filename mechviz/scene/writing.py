@@ -33,7 +33,10 @@ def _is_section(key: str, value: Any) -> bool:
 def _section(name: str, section: Mapping[str, Any]) -> list[str]:
     """A table of one line for each entry; tables of their own for all entries (in their order) where one would be too long."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in section.items()]
-    if all(len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping) for line, key in zip(lines, section, strict=True)):
+    if all(
+        len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping)
+        for line, key in zip(lines, section, strict=True)
+    ):
         return [f"[{_key(name)}]", *lines]
     out: list[str] = []
     for key, value in section.items():

@@ -1,0 +1,223 @@
+"""Properties that hold for every mechanism: random ones, valid by construction."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mechanisms import four_bar, load, pin, slider_crank
+
+from mechcore import Forces, solve_forces
+from mechcore.laws import ConstantSpeed
+from mechcore.spec import Drive, Force, Link, Mechanism, Torque
+
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
+SPEED, ACCELERATION = 7.0, 30.0
+EFFECTS = ("inertia", "gravity")
+settings.register_profile("mechviz", deadline=None, max_examples=60, derandomize=True)
+settings.load_profile("mechviz")
+
+number = st.floats(-1.0, 1.0)
+
+
+@st.composite
+def bodies(draw, names):
+    return {
+        n: (draw(st.floats(0.0, 5.0)), (draw(number), draw(number)), draw(st.floats(0.0, 2.0)))
+        for n in names
+    }  # fmt: skip
+
+
+@st.composite
+def crank_rockers(draw):
+    """Four-bars whose crank (1 m) turns fully: valid by construction, so nothing is filtered away."""
+    frame = draw(st.floats(1.1, 5.0))
+    reach = (frame + 1.0) * draw(st.floats(1.01, 3.0))  # coupler + rocker: meets at the outer dead centre
+    excess = (frame - 1.0) * draw(st.floats(-0.99, 0.99))  # coupler - rocker: folds at the inner one
+    turn = draw(st.floats(-np.pi, np.pi))
+    return four_bar(
+        E=(frame * np.cos(turn), frame * np.sin(turn)),
+        AB=1.0,
+        BD=(reach + excess) / 2,
+        DE=(reach - excess) / 2,
+        mode=draw(st.sampled_from(["left", "right"])),
+        coupler_point=(draw(number), draw(number)),
+        bodies=draw(bodies(["crank", "coupler", "rocker"])),
+        effects=EFFECTS,
+        loads=(
+            Force(name="P", link="coupler", point="P", vector=(draw(number) * 50, draw(number) * 50), axes="link"),
+            Torque(name="M", link="rocker", moment=draw(number) * 20),
+        ),
+    )
+
+
+@st.composite
+def slider_cranks(draw):
+    """Slider-cranks whose crank (1 m) turns fully."""
+    offset = draw(st.floats(-2.0, 2.0))
+    return slider_crank(
+        r=1.0,
+        l=(1.0 + abs(offset)) * draw(st.floats(1.02, 4.0)),
+        e=offset,
+        branch=draw(st.sampled_from(["ahead", "behind"])),
+        bodies=draw(bodies(["crank", "rod", "piston"])),
+        effects=EFFECTS,
+        loads=(Force(name="F", link="piston", point="C", vector=(draw(number) * 100, draw(number) * 100)),),
+    )
+
+
+@st.composite
+def six_bars(draw):
+    """A crank-rocker whose rocker pin carries a dyad to the frame, long enough to reach over the whole swing."""
+    base = draw(crank_rockers())
+    names = {link.name: link for link in base.links}
+    frame, rocker = names["frame"], names["rocker"]
+    e = np.array(frame.points["E"])
+    carried = (draw(st.floats(0.2, 1.0)), draw(number))
+    far = draw(st.floats(1.1, 3.0)) * 3.0  # N lies far enough for the pin H to circle nowhere near it
+    turn = draw(st.floats(-np.pi, np.pi))
+    n = e + far * np.array([np.cos(turn), np.sin(turn)])
+    radius = float(np.hypot(*carried))
+    nearest, farthest = far - radius, far + radius
+    total = farthest * draw(st.floats(1.02, 2.0))
+    difference = nearest * draw(st.floats(-0.98, 0.98))
+    more = draw(bodies(["link", "output"]))
+
+    def link(name, points):
+        mass, centre, inertia = more[name]
+        return Link(name=name, points=points, mass=mass, centre=centre, inertia=inertia)
+
+    swap = {
+        "frame": Link(name="frame", points={**frame.points, "N": (float(n[0]), float(n[1]))}),
+        "rocker": Link(
+            name="rocker",
+            points={**rocker.points, "H": carried},
+            mass=rocker.mass,
+            centre=rocker.centre,
+            inertia=rocker.inertia,
+        ),
+    }
+    return Mechanism(
+        name="six-bar",
+        frame="frame",
+        links=(
+            *(swap.get(x.name, x) for x in base.links),
+            link("link", {"H": (0.0, 0.0), "K": ((total + difference) / 2, 0.0)}),
+            link("output", {"N": (0.0, 0.0), "K": ((total - difference) / 2, 0.0)}),
+        ),
+        pairs=(*base.pairs, pin("H", "rocker", "link"), pin("K", "link", "output"), pin("N", "output", "frame")),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        effects=EFFECTS,
+        loads=base.loads,
+        modes={**base.modes, "K": draw(st.sampled_from(["left", "right"]))},
+    )
+
+
+def balance_of_links(forces: Forces) -> float:
+    """Largest force and moment left over on any link, about its frame's origin, relative to the largest acting there.
+
+    Newton-Euler on each link by itself, from published results only: nothing here knows of contours or trees.
+    """
+    m = forces.motion
+    worst = 0.0
+    for link in m.mechanism.links:
+        if link.name == m.mechanism.frame:
+            continue
+        origin = m.pose(link.name)[:, :2]
+        acting = []  # (force, moment, at)
+        for p in m.mechanism.pairs:
+            if link.name in p.links:
+                sign = 1.0 if p.links[1] == link.name else -1.0
+                at = m.pair_position(p.name)
+                for wrench in (forces.reaction(p.name), forces.wrench(p.name)):
+                    acting.append((sign * wrench[:, :2], sign * wrench[:, 2], at))
+        for result in forces.loads.values():
+            if result.link == link.name:
+                acting.append((result.values[:, :2], result.values[:, 2], result.values[:, 3:]))
+        inertia = forces.inertia(link.name)
+        acting.append((inertia[:, :2], inertia[:, 2], m.centre_of_mass(link.name)))
+        force = sum(f for f, _, _ in acting)
+        moments = [mm + (at - origin)[:, 0] * f[:, 1] - (at - origin)[:, 1] * f[:, 0] for f, mm, at in acting]
+        largest_force = max(np.abs(f).max() for f, _, _ in acting) or 1.0
+        largest_moment = max(max(np.abs(mm).max() for mm in moments), 1e-6 * largest_force * m.model.size)
+        worst = max(worst, np.abs(force).max() / largest_force, np.abs(sum(moments)).max() / largest_moment)
+    return worst
+
+
+def check(mechanism: Mechanism) -> None:
+    forces = load(mechanism, ANGLES, SPEED, ACCELERATION)
+    m = forces.motion
+    assert m.closure.max() <= 1e-12 * m.model.size
+    assert np.abs(forces.power_balance).max() <= 1e-9
+    assert balance_of_links(forces) <= 1e-9
+
+
+@given(crank_rockers())
+def test_crank_rockers_close_balance_and_conserve_power(mechanism):
+    check(mechanism)
+
+
+@given(slider_cranks())
+def test_slider_cranks_close_balance_and_conserve_power(mechanism):
+    check(mechanism)
+
+
+@given(six_bars())
+def test_six_bars_close_balance_and_conserve_power(mechanism):
+    check(mechanism)
+
+
+@given(crank_rockers())
+def test_velocities_and_accelerations_are_derivatives_of_poses(mechanism):
+    """Central differences of order 4 with two steps: the error falls at that order, so the derivative is the exact one."""
+    errors = []
+    for h in (2e-2, 1e-2):
+        theta = 1.0 + h * np.arange(-2, 3)
+        m = load(mechanism, theta, 1.0, 0.0).motion
+        weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
+        error = 0.0
+        for link in ("coupler", "rocker"):
+            for lower, higher in ((m.pose(link), m.velocity(link)), (m.velocity(link), m.acceleration(link))):
+                scale = np.abs(higher).max() + np.abs(lower).max()
+                error = max(error, np.abs(weights @ lower - higher[2]).max() / scale)
+        errors.append(error)
+    assert errors[1] < 1e-9 or errors[1] < errors[0] / 8.0, errors
+
+
+@given(crank_rockers(), st.floats(-3.0, 3.0), st.floats(0.01, 100.0))
+def test_torque_does_not_depend_on_where_or_in_what_units_the_mechanism_stands(mechanism, shift, scale):
+    """Similarity: lengths times k and masses, speeds unchanged: inertia torque times k^2, without gravity and loads."""
+    from dataclasses import replace
+
+    plain = replace(mechanism, effects=("inertia",), loads=())
+
+    def scaled(link: Link) -> Link:
+        move = (shift, -2.0 * shift) if link.name == "frame" else (0.0, 0.0)
+        return replace(
+            link,
+            points={k: (scale * (x + move[0]), scale * (y + move[1])) for k, (x, y) in link.points.items()},
+            centre=(scale * link.centre[0], scale * link.centre[1]),
+            inertia=scale**2 * link.inertia,
+        )
+
+    other = replace(plain, links=tuple(scaled(link) for link in plain.links))
+    a = load(plain, ANGLES, SPEED, ACCELERATION).effort("A")
+    b = load(other, ANGLES, SPEED, ACCELERATION).effort("A") / scale**2
+    np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * max(np.abs(a).max(), 1e-9))
+
+
+def test_forces_are_linear_in_the_loads():
+    from dataclasses import replace
+
+    m = slider_crank(r=1.0, l=3.0, loads=(Force(name="F", link="piston", point="C", vector=(3.0, 1.0)),))
+    twice = replace(m, loads=(replace(m.loads[0], vector=(6.0, 2.0)),))
+    one, two = load(m, ANGLES), load(twice, ANGLES)
+    for pair in ("O", "B", "C", "S"):
+        np.testing.assert_allclose(two.reaction(pair), 2.0 * one.reaction(pair), rtol=1e-13, atol=1e-13)
+
+
+def test_naming_no_effect_computes_no_forces_from_masses():
+    m = slider_crank(r=1.0, l=3.0, bodies={"rod": (5.0, (1.0, 0.0), 1.0)})
+    forces = solve_forces(load(m, ANGLES).motion)
+    assert forces.applied == ()
+    assert np.abs(forces.effort("O")).max() == 0.0

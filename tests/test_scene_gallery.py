@@ -1,0 +1,157 @@
+"""The gallery: every scene loads, runs, closes its contours, and is the mechanism that its references describe."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechviz
+from mechcore import Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
+
+NAMES = [entry.name for entry in mechviz.gallery()]
+
+
+def motion_of(name: str, *, at: float | None = None) -> Motion:
+    """A gallery scene over its own run, or at one position of its (first) drive [rad], at the speed that it has at the start."""
+    scene = mechviz.load(name)
+    compiled = compile_mechanism(scene.mechanism)
+    if at is None:
+        return solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
+    drive = scene.mechanism.drives[0]
+    _, speed, acceleration = drive.law(0.0)
+    return solve_motion(compiled, [0.0], drives={drive.pair: ([at], speed, acceleration)})
+
+
+def size_of(motion: Motion) -> float:
+    """A length of the mechanism [m]: its widest link."""
+    return max(np.ptp([*link.points.values()], axis=0).max() for link in motion.mechanism.links)
+
+
+def test_the_gallery_has_what_it_promises():
+    promised = {
+        "crank-rocker", "slider-crank-compressor", "slider-crank-engine", "contour-lever", "kinetostatic-four-bar", "watt-six-bar",
+        "jansen-leg", "triad", "shaper-quick-return", "peaucellier", "elliptic-trammel", "scotch-yoke", "ten-link", "five-bar",
+    }  # fmt: skip
+    assert promised <= set(NAMES)
+    assert sorted(NAMES) == NAMES
+
+
+@pytest.mark.parametrize("entry", mechviz.gallery(), ids=lambda entry: entry.name)
+def test_every_gallery_scene_has_a_title_and_teaches_one_sentence(entry):
+    assert 5 < len(entry.title) < 80
+    assert entry.teaches.endswith(".") and 30 < len(entry.teaches) < 200
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_gallery_scene_runs_and_closes(name):
+    motion = motion_of(name)
+    assert motion.closure.max() <= 1e-12 * size_of(motion)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if mechviz.load(name).effects])
+def test_forces_of_every_gallery_scene_balance_their_power(name):
+    assert forces_of(name).power_balance.max() <= 1e-9
+
+
+def forces_of(name: str, *, at: float | None = None) -> Forces:
+    return solve_forces(motion_of(name, at=at))
+
+
+def test_crank_rocker_is_the_one_of_the_examples():
+    motion = motion_of("crank-rocker")
+    along = motion.point("coupler", "C") - motion.point("frame", "D")
+    np.testing.assert_allclose(np.hypot(*along.T), 0.150, rtol=1e-12)
+    b_to_d = motion.point("frame", "D") - motion.point("coupler", "B")
+    b_to_c = motion.point("coupler", "C") - motion.point("coupler", "B")
+    assert (b_to_d[:, 0] * b_to_c[:, 1] - b_to_d[:, 1] * b_to_c[:, 0]).min() > 0.0, "C lies left of B -> D"
+
+
+def test_kinetostatic_four_bar_is_the_reference_case():
+    """Reference case kinetostatics-fourbar at crank angle 0."""
+    forces = forces_of("kinetostatic-four-bar", at=0.0)
+    assert forces.effort("A")[0] == pytest.approx(6.263621286093999, rel=1e-10)
+    np.testing.assert_allclose(forces.reaction("D")[0, :2], [89.16285328808743, 89.67820599095988], rtol=1e-10)
+    np.testing.assert_allclose(forces.reaction("E")[0, :2], [27.04535250334838, -46.55586818097289], rtol=1e-10)
+
+
+def test_watt_six_bar_is_the_reference_case():
+    """Reference case sixbar-watt at crank angle 50 degrees."""
+    motion = motion_of("watt-six-bar", at=np.radians(50.0))
+    np.testing.assert_allclose(motion.point("rocker2", "K")[0], [0.613664028602389, 0.22989961347248436], rtol=1e-10)
+    np.testing.assert_allclose(
+        motion.point("coupler2", "K", 2)[0], [-3.53361916334756, -0.13881823656637324], rtol=1e-10
+    )
+
+
+def test_jansen_leg_is_the_published_one():
+    """Foot positions published with pyslvs, crank angles 0 and 45 degrees, 6 decimals [mm]."""
+    for angle, foot in ((0.0, [-43.170055, -91.753226]), (45.0, [-24.406394, -91.789596])):
+        motion = motion_of("jansen-leg", at=np.radians(angle))
+        np.testing.assert_allclose(1e3 * motion.point("foot", "H")[0], foot, atol=1e-6)
+
+
+def test_jansen_leg_starts_as_it_is_drawn():
+    np.testing.assert_allclose(1e3 * motion_of("jansen-leg").point("foot", "H")[0], [-22.22, -91.74], atol=1e-9)
+
+
+def test_contour_lever_is_the_article_s():
+    """Reference case lever-canonical-zones at the start, 38 degrees, where the run-up begins."""
+    motion = motion_of("contour-lever")
+    assert motion.drives[0][0][[0, -1]] == pytest.approx(np.radians([38.0, 128.0]))
+    assert motion.point("slider", "D")[0] == pytest.approx([0.27204706564218073, 0.0], abs=1e-15)
+    assert motion.point("slider", "D", 2)[0, 0] == pytest.approx(11.724440159525985, rel=1e-10)
+
+
+def test_triad_is_the_reference_case():
+    """Reference case assur-class-III at crank angle 0."""
+    pose = motion_of("triad").pose("plate")[0]
+    np.testing.assert_allclose(pose, [0.20043043377831354, -0.056232338718055726, 0.780948973535583], rtol=1e-10)
+
+
+def test_shaper_is_the_reference_case():
+    """Reference case lever-quick-return-shaper at crank angles 0 and 90 degrees."""
+    for angle, x in ((0.0, -0.02299935442045899), (90.0, -0.11989578808281799)):
+        assert motion_of("shaper-quick-return", at=np.radians(angle)).point("ram", "D")[0, 0] == pytest.approx(
+            x, rel=1e-10
+        )
+
+
+def test_peaucellier_draws_a_straight_line():
+    """Reference case peaucellier: x = (a^2 - b^2) / (2 r)."""
+    x, y = motion_of("peaucellier").point("side_AQ", "Q").T
+    np.testing.assert_allclose(x, 0.3655, rtol=1e-12)
+    assert np.ptp(y) > 0.4
+
+
+def test_elliptic_trammel_draws_an_ellipse():
+    """Reference case elliptic-trammel: P at c = 0.1 m of 0.4 m from A has the half-axes 0.3 m and 0.1 m."""
+    x, y = motion_of("elliptic-trammel").point("bar", "P").T
+    np.testing.assert_allclose((x / 0.3) ** 2 + (y / 0.1) ** 2, 1.0, rtol=1e-12)
+
+
+def test_scotch_yoke_moves_harmonically():
+    motion = motion_of("scotch-yoke")
+    np.testing.assert_allclose(motion.point("yoke", "S")[:, 0], 0.05 * np.cos(4.0 * np.pi * motion.time), atol=1e-15)
+
+
+def test_five_bar_stops_at_pick_and_at_place():
+    motion = motion_of("five-bar")
+    tool, speed = motion.point("left_rod", "C"), motion.point("left_rod", "C", 1)
+    pick = (motion.time >= 0.4) & (motion.time <= 0.6)
+    assert np.hypot(*speed[pick].T).max() < 1e-12
+    assert np.ptp(tool[pick], axis=0).max() < 1e-12
+    assert np.hypot(*(tool[pick][0] - tool[0])) > 0.05
+    np.testing.assert_allclose(tool[-1], tool[0], atol=1e-12)
+
+
+def test_compressor_is_driven_and_engine_drives():
+    """The compressor takes power [W]; the engine's working torque is about the mean of what its gas force gives, so little is left [N m]."""
+    compressor, engine = forces_of("slider-crank-compressor"), forces_of("slider-crank-engine")
+    assert compressor.power("A")[:-1].mean() > 500.0
+    torque = engine.effort("A")[:-1]
+    assert np.abs(torque).max() > 200.0
+    assert abs(torque.mean()) < 0.005 * np.abs(torque).max()
+
+
+def test_ten_links():
+    assert len(mechviz.load("ten-link").mechanism.links) == 10
