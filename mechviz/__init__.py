@@ -1,7 +1,7 @@
 """mechviz: a desktop-free 3D inspector and recorder of mechanisms.
 
-``mechviz.load("crank-rocker")`` reads a scene of the gallery or a file; ``mechviz.Scene.build`` and ``mechviz.SceneBuilder`` make one in
-Python; ``scene.mechanism`` is what ``mechcore`` computes.
+``mechviz.load("crank-rocker")`` reads a scene of the gallery or a file; ``mechviz.Scene.build`` and
+``mechviz.SceneBuilder`` make one in Python; ``scene.mechanism`` is what ``mechcore`` computes.
 """
 
 from __future__ import annotations

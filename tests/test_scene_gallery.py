@@ -12,7 +12,7 @@ NAMES = [entry.name for entry in mechviz.gallery()]
 
 
 def motion_of(name: str, *, at: float | None = None) -> Motion:
-    """A gallery scene over its own run, or at one position of its (first) drive [rad], at the speed that it has at the start."""
+    """A gallery scene over its own run, or at one position of its first drive [rad] with the speed of the start."""
     scene = mechviz.load(name)
     compiled = compile_mechanism(scene.mechanism)
     if at is None:
@@ -29,8 +29,9 @@ def size_of(motion: Motion) -> float:
 
 def test_the_gallery_has_what_it_promises():
     promised = {
-        "crank-rocker", "slider-crank-compressor", "slider-crank-engine", "contour-lever", "kinetostatic-four-bar", "watt-six-bar",
-        "jansen-leg", "triad", "shaper-quick-return", "peaucellier", "elliptic-trammel", "scotch-yoke", "ten-link", "five-bar",
+        "crank-rocker", "slider-crank-compressor", "slider-crank-engine", "contour-lever", "kinetostatic-four-bar",
+        "watt-six-bar", "jansen-leg", "triad", "shaper-quick-return", "peaucellier", "elliptic-trammel", "scotch-yoke",
+        "ten-link", "five-bar",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES
@@ -145,7 +146,7 @@ def test_five_bar_stops_at_pick_and_at_place():
 
 
 def test_compressor_is_driven_and_engine_drives():
-    """The compressor takes power [W]; the engine's working torque is about the mean of what its gas force gives, so little is left [N m]."""
+    """The compressor takes power [W]; the engine's torque load is about what its gas gives: little is left [N m]."""
     compressor, engine = forces_of("slider-crank-compressor"), forces_of("slider-crank-engine")
     assert compressor.power("A")[:-1].mean() > 500.0
     torque = engine.effort("A")[:-1]

@@ -91,7 +91,9 @@ def _extrapolate(rows: Sequence[Row], p: float) -> dict[str, Array]:
         p0, x, slope, _ = rows[-1]
         return {name: x[name] + (p - p0) * slope[name] for name in x}
     (p0, x0, s0, _), (p1, x1, s1, _) = rows[-2], rows[-1]
-    return {n: CubicHermiteSpline([p0, p1], [x0[n], x1[n]], [s0[n], s1[n]])(p) for n in x0}
+    h, u = p1 - p0, (p - p0) / (p1 - p0)
+    a, b = u * u * (3.0 - 2.0 * u), u * (1.0 - u)  # cubic Hermite polynomial, here with u > 1
+    return {n: x0[n] + a * (x1[n] - x0[n]) + h * b * ((1.0 - u) * s0[n] - u * s1[n]) for n in x0}
 
 
 def _same_branch(old: Row, new: Row) -> bool:
@@ -102,11 +104,9 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
     """Solve one point of the walk; None where Newton ends too far from its start or nowhere."""
     q, speed = drives(p)
     state = place_all(model, [np.float64(v) for v in q], assembly.modes, starts)
-    for name, result in state.newton.items():
-        scale = np.ones(result.x.shape[-1])
+    for result in state.newton.values():
         if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
             return None
-        del scale, name
     contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cols = [bl.columns(model, b, contours) for b in model.blocks]

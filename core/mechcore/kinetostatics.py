@@ -161,17 +161,13 @@ class Forces:
     def _joint(self, pair: str) -> int:
         return self.motion.model.joint_index[pair]
 
-    def _guide(self, j: int) -> Array:
-        joint, ends = self.motion.model.joints[j], self.motion.model.ends[j]
-        return joint.slide * self.motion.rotation(ends[joint.guide])
-
     def _effort(self, j: int) -> Array:
         force, couple = self._transmitted[j]
         joint = self.motion.model.joints[j]
         if joint.coordinate == "angle":
             return couple
         # the coordinate grows where the link without the guide moves along it: the second link if the first guides
-        along = np.real(np.conj(self._guide(j)) * force)
+        along = np.real(np.conj(self.motion.guide(j)) * force)
         return along if joint.guide == 0 else -along
 
     def _drive(self, j: int) -> tuple[Array, Array]:
@@ -181,7 +177,7 @@ class Forces:
         effort = self._effort(j)
         if joint.coordinate == "angle":
             return 0j, effort
-        return effort * self._guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
+        return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
     def _over_frames(self, value: Array) -> Real:
         return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
@@ -258,10 +254,9 @@ def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[A
             if what == "angle":
                 total = by_group[i]
             elif i in child:  # a tree joint: what hangs on the child moves along the guide
-                joint, k = model.joints[i], child[i]
-                guide_link = model.ends[i][joint.guide]
-                along = joint.slide * motion.rotation(guide_link)
-                total = np.real(np.conj(along) * hanging[k]) * (1.0 if guide_link != k else -1.0)
+                k = child[i]
+                guided = model.ends[i][model.joints[i].guide] != k
+                total = np.real(np.conj(motion.guide(i)) * hanging[k]) * (1.0 if guided else -1.0)
             else:
                 total = 0.0
             for c in later.get((what, i), ()):
@@ -302,8 +297,7 @@ def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:
             continue
         done.add(j)
         other = model.ends[j][0] if model.ends[j][1] == k else model.ends[j][1]
-        on_k = -left[k] if not (isinstance(left[k], float) and left[k] == 0.0) else 0.0
-        couples[j] = on_k if model.ends[j][1] == k else -on_k if not isinstance(on_k, float) else -on_k
+        couples[j] = -left[k] if model.ends[j][1] == k else left[k]
         left[other] = left[other] + left[k]
         degree[other] -= 1
         degree[k] -= 1

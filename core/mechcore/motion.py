@@ -173,6 +173,11 @@ class Motion:
     def _group_angles(self) -> dict[int, Array]:
         return {}
 
+    def guide(self, j: int) -> Array:
+        """Direction of a sliding joint's guide in the world."""
+        joint = self.model.joints[j]
+        return joint.slide * self.rotation(self.model.ends[j][joint.guide])
+
     def _slide_direction(self, k: int, j: int, side: int) -> Array | None:
         joint = self.model.joints[j]
         return joint.slide * self.rotation(k) if joint.slide is not None and joint.guide == side else None

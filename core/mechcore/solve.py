@@ -205,7 +205,6 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         ranges.append(f"from {low * factor:.6g}{unit} to {high * factor:.6g}{unit}")
     shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
     worst = float(np.nanmax(np.where(bad, miss, 0.0)))
-    good = ~bad & np.isfinite(q)
     words = f"cannot be assembled for positions of drive {pair} {shown}"
     if worst > 0:
         words += f": its links miss each other by up to {1e3 * worst:.6g} mm."
@@ -215,10 +214,11 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     if block.redundant:
         words = words.replace("cannot be assembled", "the redundant constraint does not close")
         remedy = "Correct the lengths so that the extra constraint agrees"
-    if good.any():
-        reach = [sorted((float(q[a]) * factor, float(q[b]) * factor)) for a, b in _runs(good)]
-        longest = max(reach, key=lambda r: r[1] - r[0])
-        remedy += f", or keep the drive within [{longest[0]:.6g}{unit}, {longest[1]:.6g}{unit}]"
+    if not block.redundant:
+        from .reach import reachable_ranges  # here: only failures need it, and it needs this module
+
+        low, high = reachable_ranges(compiled)[0]
+        remedy += f", or keep the drive within [{low * factor:.7g}{unit}, {high * factor:.7g}{unit}]"
     return Fault(f"pairs.{block.name}", words, remedy + ".")
 
 

@@ -17,6 +17,7 @@ _CLASH = 1000.0
 _FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
 _HEIGHT = 8.0
 _SPAN = 3.0  # a pin that is one layer longer than it needs to be
+_RAIL = 1.0  # rails one layer further from the back, where they hide less
 
 
 @dataclass(frozen=True)
@@ -41,15 +42,16 @@ class Order:
     clashes: int
 
 
-def order_layers(conflicts: Sequence[int], posts: Sequence[Post]) -> Order:
+def order_layers(conflicts: Sequence[int], posts: Sequence[Post], rails: Sequence[int] = ()) -> Order:
     """The best order found: fewest clashes first, then few pedestals in front, few layers and short pins.
 
-    `conflicts[i]` is the bit mask of the groups that must not share a layer with group i.
+    `conflicts[i]` is the bit mask of the groups that must not share a layer with group i; groups in `rails` would
+    rather lie at the back.
     """
     n = len(conflicts)
     if n == 0:
         return Order((), tuple(False for _ in posts), 0)
-    search = _Search(conflicts, posts)
+    search = _Search(conflicts, posts, rails)
     rng = random.Random(0)
     best: list[int] | None = None
     best_cost = float("inf")
@@ -65,10 +67,11 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post]) -> Order:
 
 
 class _Search:
-    def __init__(self, conflicts: Sequence[int], posts: Sequence[Post]) -> None:
+    def __init__(self, conflicts: Sequence[int], posts: Sequence[Post], rails: Sequence[int]) -> None:
         self.n = len(conflicts)
         self.conflicts = conflicts
         self.posts = posts
+        self.rails = rails
         self.near = [(i, j) for i, post in enumerate(posts) for j in post.near if j < i]
 
     def natural_ranks(self) -> list[int]:
@@ -105,7 +108,7 @@ class _Search:
             candidate, candidate_cost = None, cost
             for trial in self._moves(current):
                 trial = _packed(trial)
-                trial_cost = self.cost(trial)
+                trial_cost = self.cost(trial, candidate_cost)
                 if trial_cost < candidate_cost - 1e-9:
                     candidate, candidate_cost = trial, trial_cost
                     if self.n > 12:  # many groups: the first step down will do
@@ -129,24 +132,32 @@ class _Search:
                     trial[g], trial[h] = trial[h], trial[g]
                     yield trial
 
-    def cost(self, layers: Sequence[int]) -> float:
-        """Cost of an order; groups on layer -1 are not placed yet and cost nothing."""
+    def cost(self, layers: Sequence[int], limit: float = float("inf")) -> float:
+        """Cost of an order, or anything above `limit`; groups on layer -1 are not placed yet and cost nothing."""
         top = max(layers)
         masks = self._masks(layers, top)
-        clashes, extra = self._same_layer(layers, masks), _HEIGHT * top
+        clashes = self._same_layer(layers, masks)
+        extra = _HEIGHT * top + _RAIL * sum(max(layers[g], 0) for g in self.rails)
+        spans = []
         for post in self.posts:
+            if _CLASH * clashes + extra > limit:
+                break
             placed = [layers[g] for g in post.groups if layers[g] >= 0]
             if not placed:
+                spans.append((0, 0))
                 continue
             low, high = min(placed), max(placed)
-            between, front = self._reach(post, low, high, masks, top)
-            clashes += between
+            hit, front = self._reach(post, low, high, masks, top)
+            clashes += hit
             if post.ground:
                 extra += _FRONT if front else 0.0
-                extra += _SPAN * ((top + 1 - low if front else high + 1) - 1)
+                low, high = (low, top + 1) if front else (-1, high)
+                extra += _SPAN * (high - low - 1)
             else:
                 extra += _SPAN * max(0, high - low - len(set(placed)) + 1)
-        clashes += self._posts_too_close(layers, masks, top)
+            spans.append((low, high))
+        else:
+            clashes += self._posts_too_close(spans)
         return _CLASH * clashes + extra
 
     def clashes(self, layers: Sequence[int]) -> int:
@@ -174,26 +185,18 @@ class _Search:
 
     def _reach(self, post: Post, low: int, high: int, masks: list[int], top: int) -> tuple[int, bool]:
         """Groups that a post runs into between its layers, and whether it reaches to the front to avoid more."""
-        hit = sum((masks[k] & post.hits).bit_count() for k in range(low + 1, high))
+        hits = post.hits
+        if not hits:
+            return 0, False
+        hit = sum((mask & hits).bit_count() for mask in masks[low + 1 : high])
         if not post.ground:
             return hit, False
-        behind = sum((masks[k] & post.hits).bit_count() for k in range(low))
-        before = sum((masks[k] & post.hits).bit_count() for k in range(high + 1, top + 1))
+        behind = sum((mask & hits).bit_count() for mask in masks[:low])
+        before = sum((mask & hits).bit_count() for mask in masks[high + 1 :])
         return hit + min(behind, before), before < behind
 
-    def _posts_too_close(self, layers: Sequence[int], masks: list[int], top: int) -> int:
-        """Pairs of posts that come close to each other at the same height."""
-        if not self.near:
-            return 0
-        spans = []
-        for post in self.posts:
-            placed = [layers[g] for g in post.groups if layers[g] >= 0]
-            if not placed:
-                spans.append((0, 0))
-                continue
-            low, high = min(placed), max(placed)
-            front = self._reach(post, low, high, masks, top)[1]
-            spans.append((-1 if post.ground and not front else low, top + 1 if front else high))
+    def _posts_too_close(self, spans: Sequence[tuple[int, int]]) -> int:
+        """Pairs of posts that come close to each other on a layer that both of them pass."""
         # A post fills the open interval between its ends; at the ends it lies inside its links, which are checked.
         return sum(min(spans[i][1], spans[j][1]) - max(spans[i][0], spans[j][0]) > 1 for i, j in self.near)
 

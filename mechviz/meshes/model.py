@@ -196,7 +196,7 @@ def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Mar
                 continue
             if all(_distance(xy, other) >= _SAME for other in [*pins, *kept]):
                 kept.append(xy)
-        marks[link] = tuple(kept)
+        marks[link] = tuple(kept) if link != mechanism.frame else ()
     return marks
 
 
@@ -218,11 +218,9 @@ def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks
     centres, owner = cluster
     room = 10.0
     for link, xy in centres.items():
-        if link == mechanism.frame:
-            continue
         others = [c[link] for c, _ in clusters if link in c and c is not centres]
         room = min([room, *(_distance(xy, other) for other in others)])
-        room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less than a pin
+        room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less room than a pin
     room = max(room, 10.0 * _SAME)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 

@@ -53,6 +53,11 @@ def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     parts += _necks(model, draft, levels)
     parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
     parts += _pedestals(model, draft, levels)
+    if not any(part.link == model.frame for part in parts):  # nothing stands on the ground: show at least where it is
+        low, high = levels.plate(-1)
+        foot = pedestal((0.0, 0.0), model.proportions.r, model.segments)
+        shell = plate(foot, (low, high), model.proportions.bevel)
+        parts.append(Part(model.frame, "pedestal", shell, None, (Prism(foot, low, high),)))
     return parts
 
 
@@ -190,51 +195,58 @@ def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: flo
     return tuple(profile)
 
 
-def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
-    """Bearing feet of the ground pivots with their columns, behind all layers (or in front, where a column would be hit)."""
-    size = model.proportions
-    stands: list[tuple[Vec2, float, int, int, bool]] = []  # centre, column radius, lowest and highest layer, in front
+@dataclass(frozen=True)
+class _Stand:
+    """What holds a ground pivot or a fixed block: a column from a pedestal to the nearest layer of its links."""
+
+    centre: Vec2
+    radius: float
+    layers: tuple[int, ...]
+    front: bool
+
+    def column(self, levels: Levels, low: float, high: float) -> Turned:
+        """The column on a pedestal between the heights low and high."""
+        chamfer, radius = levels.size.bevel, self.radius
+        if self.front:
+            end = levels.slab(max(self.layers))[1] + levels.size.clearance
+            return Turned(
+                self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end))
+            )
+        end = levels.slab(min(self.layers))[0] - levels.size.clearance
+        return Turned(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
+
+
+def _stands(model: Model, draft: Draft, levels: Levels) -> list[_Stand]:
+    stands = []
     for axle, front in zip(model.axles, levels.axle_front, strict=True):
         if model.frame in axle.centres:
-            reached = [levels.of(link) for link in axle.centres if link != model.frame] or [0]
-            stands.append((axle.centres[model.frame], axle.sleeve, min(reached), max(reached), front))
+            layers = tuple(levels.of(link) for link in axle.centres if link != model.frame) or (0,)
+            stands.append(_Stand(axle.centres[model.frame], axle.sleeve, layers, front))
     for (centre, group), front in zip(draft.fixed_blocks, levels.block_front, strict=True):
-        stands.append((centre, 0.6 * size.r, levels.layer[group], levels.layer[group], front))
+        stands.append(_Stand(centre, 0.6 * model.proportions.r, (levels.layer[group],), front))
+    return stands
+
+
+def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """Feet of the ground pivots with their columns: behind all layers, or in front where a column would be hit."""
+    size = model.proportions
+    stands = _stands(model, draft, levels)
     parts = []
     for front in (False, True):
-        side = [stand for stand in stands if stand[4] == front]
+        side = [stand for stand in stands if stand.front == front]
         low, high = levels.plate(levels.top + 1 if front else -1)
-        feet = unary_union([pedestal(stand[0], size.r, model.segments) for stand in side])
+        feet = unary_union([pedestal(stand.centre, size.r, model.segments) for stand in side])
         for foot in polygons(feet):
-            columns = [_column(levels, stand, low, high) for stand in side if foot.contains(Point(stand[0]))]
-            # Bearings that coincide share one column.
-            turned: list[Turned] = []
-            for column in columns:
-                spot = Point(column.centre)
-                if all(spot.distance(Point(other.centre)) > column.rim + other.rim for other in turned):
-                    turned.append(column)
+            columns: list[Turned] = []
+            for stand in side:
+                column, spot = stand.column(levels, low, high), Point(stand.centre)
+                # Stands that all but coincide share one column.
+                if foot.contains(spot) and all(spot.distance(Point(c.centre)) > column.rim + c.rim for c in columns):
+                    columns.append(column)
             space = [Prism(foot, low, high)]
-            for column in turned:
+            for column in columns:
                 ends = [z for _, z in (column.top or column.bottom)]
                 space.append(Prism(disc(column.centre, column.rim, model.segments), min(ends), max(ends)))
-            parts.append(
-                Part(
-                    model.frame,
-                    "pedestal",
-                    plate(foot, (low, high), size.bevel, turned, model.segments),
-                    None,
-                    tuple(space),
-                )
-            )
+            shell = plate(foot, (low, high), size.bevel, columns, model.segments)
+            parts.append(Part(model.frame, "pedestal", shell, None, tuple(space)))
     return parts
-
-
-def _column(levels: Levels, stand: tuple[Vec2, float, int, int, bool], low: float, high: float) -> Turned:
-    """A column from a pedestal to the slab of the nearest link."""
-    centre, radius, lowest, highest, front = stand
-    chamfer = levels.size.bevel
-    if front:
-        end = levels.slab(highest)[1] + levels.size.clearance
-        return Turned(centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
-    end = levels.slab(lowest)[0] - levels.size.clearance
-    return Turned(centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))

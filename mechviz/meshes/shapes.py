@@ -1,14 +1,14 @@
-"""The flat pieces that links are made of, before layers are known: plates, slots, blocks, rails and necks between layers.
+"""The flat pieces that links are made of, before layers are known: plates, blocks, rails and necks between layers.
 
 Pieces of one group lie on one layer. A small block that slides in a slot lies on the layer of the slotted link and
-belongs to its group; the rails of the frame belong to the group of the block between them. All outlines are in the frame
-of their link, in units of the mechanism's size.
+belongs to its group; the rails of the frame belong to the group of the block between them. All outlines are in the
+frame of their link, in units of the mechanism's size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from shapely.geometry import Point, Polygon
@@ -57,6 +57,7 @@ class Draft:
 
 def draft_pieces(model: Model) -> Draft:
     """Choose the form of every guide and draw all pieces."""
+    model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
     draft = Draft(groups={name: name for name in model.links if name != model.frame})
     forms = {guide.pair: _form(model, guide) for guide in model.guides}
     homes = _homes(model, draft, forms)
@@ -80,6 +81,33 @@ def _form(model: Model, guide: Guide) -> str:
         if guide.rail in axle.centres and slot.distance(Point(axle.centres[guide.rail])) < margin:
             return "saddle"  # the block passes over a pin of its rail
     return "slot"
+
+
+def _on_material(model: Model, guide: Guide) -> Guide:
+    """The guide with its block moved along the guide line, off the slots of its own link.
+
+    A block may sit anywhere along its line. The middle of a yoke's slot is a handy point for equations, but there is
+    nothing to hold on to: the nearest pin or mark on the line takes its place, else a spot just beside the slot.
+    """
+    r = model.proportions.r
+    slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
+
+    def free(s: float) -> bool:
+        spot = Point(_along(guide.block_point, guide.block_along, s))
+        return all(slot.distance(spot) > 1.1 * r for slot in slots)
+
+    if guide.block == model.frame or free(0.0):
+        return guide
+    points = [*model.pins(guide.block), *model.marks[guide.block]]
+    along, across = _coordinates(points, guide.block_point, guide.block_along)
+    on_line = [float(s) for s, lateral in zip(along, across, strict=True) if abs(lateral) < r]
+    steps = [sign * k * r for k in range(1, 60) for sign in (1.0, -1.0)]
+    for s in [*sorted(on_line, key=abs), *steps]:
+        if free(s):
+            low, high = guide.travel
+            point = _along(guide.block_point, guide.block_along, s)
+            return replace(guide, block_point=point, travel=(low + s, high + s))
+    return guide
 
 
 def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, str]:

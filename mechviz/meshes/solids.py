@@ -106,8 +106,6 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
 
 def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int | tuple[int, ...]) -> Solid:
     """Parts of one link put together and scaled to metres."""
-    if not parts:
-        return _empty(name, color, layer)
     meshes, arrays = [], []
     for part in parts:
         shell = part.shell
@@ -141,13 +139,6 @@ def _mesh(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> trime
     return trimesh.Trimesh(vertices=vertices, faces=faces, face_normals=normals, process=False)
 
 
-def _empty(name: str, color: Color, layer: int | tuple[int, ...]) -> Solid:
-    """A frame without any pair has nothing to show."""
-    none = np.zeros((0, 3), np.float32)
-    colors = np.zeros((0, 4), np.uint8)
-    return Solid(name, trimesh.Trimesh(), (), (), none, none.astype(np.uint32), none, colors, color, layer)
-
-
 def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
     layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
     heights = [part.space[0].low for part in parts if part.link == model.frame and part.kind != "pin"]
@@ -159,15 +150,11 @@ def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
     """The box around all solids over the run (2, 3) [m]."""
     lows, highs = [], []
     for name, solid in links.items():
-        if not len(solid.vertices):
-            continue
         pose = poses_of(model, name) * (model.size, model.size, 1.0)
         flat = place(_rim(solid), pose).reshape(-1, 2)
         z = solid.mesh.vertices[:, 2]
         lows.append([*flat.min(axis=0), z.min()])
         highs.append([*flat.max(axis=0), z.max()])
-    if not lows:
-        return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]) * model.size
     return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
 
 

@@ -70,7 +70,8 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
         Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k])
         for k, reach in enumerate(reaches)
     ]
-    order = order_layers(conflicts, posts)
+    rails = sorted({number[piece.group] for piece in draft.pieces if piece.kind == "rail"})
+    order = order_layers(conflicts, posts, rails)
     layer = {name: order.layers[number[name]] for name in names}
     axles, necks = len(model.axles), len(draft.necks)
     top = max(order.layers, default=0)

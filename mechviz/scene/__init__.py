@@ -1,7 +1,7 @@
 """Scenes: a declarative description of a mechanism, read with every fault at once.
 
-``load`` reads a gallery name or a file, ``loads`` a text, ``Scene.build`` and ``SceneBuilder`` take Python values; all go through
-the same validation and give a ``Scene``, whose ``mechanism`` the core computes.
+``load`` reads a gallery name or a file, ``loads`` a text, ``Scene.build`` and ``SceneBuilder`` take Python values. All
+go through the same validation and give a ``Scene``, whose ``mechanism`` the core computes.
 """
 
 from __future__ import annotations

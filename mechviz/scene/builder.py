@@ -48,9 +48,16 @@ class SceneBuilder:
         return self
 
     def link(
-        self, name: str, points: Mapping[str, Sequence[Value]] | Sequence[str] | None = None, *, mass: Value | None = None,
-        centre: Sequence[Value] | str | None = None, inertia: Value | None = None, shape: str | None = None, **more_points: Sequence[Value],
-    ) -> SceneBuilder:  # fmt: skip
+        self,
+        name: str,
+        points: Mapping[str, Sequence[Value]] | Sequence[str] | None = None,
+        *,
+        mass: Value | None = None,
+        centre: Sequence[Value] | str | None = None,
+        inertia: Value | None = None,
+        shape: str | None = None,
+        **more_points: Sequence[Value],
+    ) -> SceneBuilder:
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
         places: Any = (
             {**points, **more_points}
@@ -68,9 +75,17 @@ class SceneBuilder:
         )
 
     def revolute(
-        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, side: str | None = None,
-        assembly: str | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
-    ) -> SceneBuilder:  # fmt: skip
+        self,
+        name: str,
+        first: str,
+        second: str,
+        *,
+        at: str | Sequence[str] | None = None,
+        side: str | None = None,
+        assembly: str | None = None,
+        branch: str | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:
         """A pin between two links; the keywords are the keys of a scene file."""
         entry = {
             "revolute": [first, second],
@@ -83,9 +98,18 @@ class SceneBuilder:
         return self._add("pairs", name, entry)
 
     def prismatic(
-        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, along: Sequence[float] | Sequence[str] | None = None,
-        guide: str | None = None, angle: Value | None = None, branch: str | None = None, drive: Mapping[str, Any] | None = None,
-    ) -> SceneBuilder:  # fmt: skip
+        self,
+        name: str,
+        first: str,
+        second: str,
+        *,
+        at: str | Sequence[str] | None = None,
+        along: Sequence[float] | Sequence[str] | None = None,
+        guide: str | None = None,
+        angle: Value | None = None,
+        branch: str | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:
         """A sliding pair between two links; the keywords are the keys of a scene file."""
         entry = {
             "prismatic": [first, second],
@@ -116,7 +140,7 @@ class SceneBuilder:
         return self._add("loads", name, {"torque": moment, "on": on, "table": table})
 
     def sketch(self, **places: Sequence[Value] | Mapping[str, Any]) -> SceneBuilder:
-        """Rough start places of points, ``B=(60, 0)``, or poses of links, ``coupler={"at": (60, 0), "angle": "30 deg"}``."""
+        """Rough start places of points, ``B=(60, 0)``, or poses of links, ``rod={"at": (60, 0), "angle": "30 deg"}``."""
         for name, place in places.items():
             self._add("sketch", name, place)
         return self

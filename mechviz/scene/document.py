@@ -1,6 +1,7 @@
 """The scene document: what may stand in a scene file, key by key. The JSON Schema for editors comes from here.
 
-Values stay as the user wrote them (``"60 rpm"`` remains a text); units and cross-references are the business of ``assemble``.
+Values stay as the user wrote them (``"60 rpm"`` remains a text); units and cross-references are the business of
+``assemble``.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class LinkDocument(Table):
     """A rigid link."""
 
     points: Points
-    """Named points: a table of coordinates in the link's own frame, or a list of names whose places the sketch gives."""
+    """Named points: a table of coordinates in the link's own frame, or a list of names that the sketch places."""
     mass: Mass | None = None
     """Mass. It acts only where `effects` names inertia or gravity."""
     centre: Centre | None = None
@@ -99,7 +100,7 @@ class LinkDocument(Table):
     inertia: Inertia | None = None
     """Moment of inertia about the centre of mass."""
     shape: Literal["bar", "point"] | None = None
-    """Instead of centre and inertia. "bar": uniform slender bar between the first two points. "point": all mass at the first."""
+    """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:
@@ -145,7 +146,7 @@ class PairDocument(Table):
     angle: Angle | None = None
     """Prismatic: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
     side: Literal["left", "right"] | None = None
-    """Assembly mode: on which side of the line from the first link's other pin to the second link's other pin this pin lies."""
+    """Assembly mode: the pin lies on this side of the line from the first link's other pin to the second link's."""
     assembly: Literal["open", "crossed"] | None = None
     """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
     branch: Literal["ahead", "behind"] | None = None

@@ -47,7 +47,7 @@ def law_of(
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
-    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] that the drive starts from if it states no start.
+    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)

@@ -80,7 +80,7 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
 
 
 def in_file_order(faults: Iterable[Fault], document: Mapping[str, Any]) -> list[Fault]:
-    """Faults without repetitions, sorted by where their paths stand in the document; those about missing things last."""
+    """Faults without repetitions, sorted by where their paths stand in the document; those that stand nowhere last."""
     places: dict[str, int] = {}
     for path in _paths(document, ""):
         places.setdefault(path, len(places))

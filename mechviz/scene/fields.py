@@ -1,6 +1,7 @@
 """The types of the values in a scene: names, numbers, and quantities that may carry their own unit.
 
-Each type checks its value by itself and says in one sentence what is wrong with it, where pydantic's unions would say it once per branch.
+Each type checks its value by itself and says in one sentence what is wrong with it, where pydantic's unions would say
+it once per branch.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector", "Frequency",
-    "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Point", "Quantity", "Range", "Rate",
-    "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
+    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector",
+    "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Point", "Quantity",
+    "Range", "Rate", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
 
@@ -75,7 +76,7 @@ def _number(value: Any) -> float:
 class Quantity:
     """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below.
 
-    Of several kinds, the pair that is driven decides; what it decides is checked with the pair. Pydantic calls the two methods.
+    Of several kinds, the pair that is driven decides, and the check is left to it. Pydantic calls the two methods.
     """
 
     kinds: tuple[str, ...]

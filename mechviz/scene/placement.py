@@ -1,7 +1,7 @@
 """Where links are at the start, as far as the sketch says, and the shapes of links that are drawn there.
 
-A link whose points are a list of names takes its shape from the sketch: its frame has the origin at the first of them and x towards the
-second (axes parallel to the world's if there is no second; the world frame itself for the fixed link).
+A link whose points are a list of names takes its shape from the sketch: its frame has the origin at the first of them
+and x towards the second (axes parallel to the world's if there is no second; for the fixed link, the world frame).
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ Pose2 = tuple[float, float, float]
 
 @dataclass
 class Placement:
-    """``points``: link -> point -> place in the link's frame [m]. ``poses``: link -> x, y [m], angle [rad] at the start, roughly.
+    """``points``: link -> point -> place in the link's frame [m].
 
-    ``drawn`` holds the links whose poses follow exactly from the sketch, the fixed link among them.
+    ``poses``: link -> x, y [m], angle [rad] at the start, roughly. ``drawn`` holds the links whose poses follow exactly
+    from the sketch, the fixed link among them.
     """
 
     points: dict[str, Mapping[str, Vec2]] = field(default_factory=dict)

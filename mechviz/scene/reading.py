@@ -109,7 +109,7 @@ _REMEDIES = (
     ("Expected '='", "Write key = value. Keys with spaces or other than plain letters need quotes."),
     (
         "Unclosed inline table",
-        "Close the braces, on the same line, with commas between the entries; or write a table of its own, such as [links.crank].",
+        "Close the braces on the same line, with commas between the entries; or write a table such as [links.crank].",
     ),
     (
         "Invalid initial character for a key",

@@ -1,4 +1,4 @@
-"""Do the parts of a scene fit together? Checks of names that refer to other parts, over what could be read of the scene."""
+"""Do the parts of a scene fit together? Checks of the names that refer to other parts, over what could be read."""
 
 from __future__ import annotations
 
@@ -135,9 +135,8 @@ def _trace(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
             continue
         found = resolve_trace(reading, text)
-        if isinstance(found, Fault):
-            if not reading.broken["links"]:
-                yield Fault(f"trace[{k}]", found.message, found.remedy)
+        if isinstance(found, Fault) and all(point_names(reading, link) is not None for link in link_names(reading)):
+            yield Fault(f"trace[{k}]", found.message, found.remedy)
 
 
 def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:

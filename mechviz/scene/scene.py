@@ -22,8 +22,9 @@ __all__ = ["Scene", "dump", "json_schema", "load", "loads"]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A mechanism with its drives, loads and effects, as a scene file states it. Make one with ``load``, ``loads`` or ``Scene.build``.
+    """A mechanism with its drives, loads and effects, as a scene file states it.
 
+    Made by ``load``, ``loads``, ``Scene.build`` or a ``SceneBuilder``, never half valid.
     Two scenes are equal if they say the same; the name, which only tells where a scene came from, does not count.
     """
 
@@ -36,7 +37,7 @@ class Scene:
 
     @classmethod
     def build(cls, *, name: str = "scene", **document: Any) -> Scene:
-        """A scene from the same structure as a scene file: ``Scene.build(title=..., units={...}, links={...}, pairs={...})``.
+        """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, pairs={...})``.
 
         Tuples may stand for lists and numpy numbers for numbers. SceneError reports every fault at once.
         """
@@ -121,7 +122,7 @@ def _scene(raw: Mapping[str, Any], name: str, *, text: str | None, source: str |
 
 
 def _plain(value: Any) -> Any:
-    """Python values as TOML would hold them: lists for tuples and arrays, plain numbers for numpy's; None entries left out."""
+    """Python values as TOML would hold them: lists for tuples and arrays, plain numbers for numpy's; no None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(inner) for key, inner in value.items() if inner is not None}
     if isinstance(value, tuple | list):

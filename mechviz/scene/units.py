@@ -1,8 +1,9 @@
 """Quantities of a scene: bare numbers in the scene's units, or texts such as ``"60 rpm"``, to SI units and radians.
 
-Conversions are made in decimal arithmetic and rounded once, so that ``"80 mm"``, ``80`` in a scene in mm and ``0.08`` in a scene in m are the
-same double. The unit registry is our own and small: an angle is a dimension of its own here, which keeps turns per minute and
-cycles per second apart (the usual registries take both for 1/s and are off by 2 pi without a word).
+Conversions are made in decimal arithmetic and rounded once, so that ``"80 mm"``, ``80`` in a scene in mm and ``0.08``
+in a scene in m are the same double. The unit registry is our own and small: an angle is a dimension of its own here,
+which keeps turns per minute and cycles per second apart (the usual registries take both for 1/s and are off by 2 pi
+without a word).
 """
 
 from __future__ import annotations
@@ -58,7 +59,10 @@ pound_force = 4.4482216152605 * newton = lbf
 kilogram_force = 9.80665 * newton = kgf
 """
 
-_SYMBOLS = tuple(["m", "mm", "cm", "um", "in", "ft", "rad", "deg", "turn", "rpm", "kg", "g", "lb", "s", "ms", "min", "Hz", "N", "kN", "lbf", "J"])
+_SYMBOLS = (
+    "m", "mm", "cm", "um", "in", "ft", "rad", "deg", "turn", "rpm", "kg", "g", "lb", "s", "ms", "min", "Hz", "N", "kN",
+    "lbf", "J",
+)  # fmt: skip
 _SPACED = {"Nm": "N m", "Nmm": "N mm", "kNm": "kN m", "kgm^2": "kg m^2", "kgm2": "kg m^2", "kgm²": "kg m^2"}
 
 

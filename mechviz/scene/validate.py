@@ -6,6 +6,7 @@ Where parts of a scene are faulty, the rest is still read, so that cross-referen
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -47,10 +48,11 @@ _SEPARABLE = {
 
 # What people call things elsewhere.
 _SYNONYMS = {
-    "joints": "pairs", "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed", "motor": "drive",
-    "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia", "name": "title", "description": "teaches",
-    "direction": "along", "axis": "along", "mode": "side", "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque",
-    "hinge": "revolute", "pin": "revolute", "slider": "prismatic", "traced": "trace", "nodes": "points",
+    "joints": "pairs", "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
+    "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
+    "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
+    "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
+    "pin": "revolute", "slider": "prismatic", "traced": "trace", "nodes": "points",
 }  # fmt: skip
 
 
@@ -66,11 +68,15 @@ class Reading:
 
 
 def read_document(raw: Mapping[str, Any]) -> Reading:
-    """Plain data (as TOML or JSON readers return it) -> what can be read of it, and every fault of form."""
+    """Plain data (as TOML or JSON readers return it) -> what can be read of it, and every fault of form.
+
+    A faulty part is taken out and the rest read again, until the rest is sound. What shows only then counts too, unless
+    it may be a mere consequence of what was taken out.
+    """
     data = copy.deepcopy(dict(raw))
     reading = Reading(SceneDocument(), raw)
+    silent: set[tuple[str, str]] = set()
     first = True
-    silent: set[tuple[str, str]] = set()  # items whose further faults would be mere consequences
     while True:
         try:
             reading.document = SceneDocument.model_validate(data)
@@ -78,48 +84,50 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
         except ValidationError as error:
             details = error.errors(include_url=False)
         for detail in details:
-            loc = tuple(
-                part
-                for part in detail["loc"]
-                if not (isinstance(part, str) and part.startswith("<") and part.endswith(">"))
-            )
-            item = (str(loc[0]), str(loc[1])) if len(loc) > 1 else (str(loc[0]) if loc else "", "")
-            if first or item not in silent:
-                reading.faults.extend(_faults(detail, loc, data))
+            loc = _loc(detail["loc"])
+            if _item(loc) not in silent:
+                reading.faults.extend(_faults(detail, loc))
         for detail in details:
-            loc = tuple(
-                part
-                for part in detail["loc"]
-                if not (isinstance(part, str) and part.startswith("<") and part.endswith(">"))
-            )
-            silent |= _prune(data, loc, detail["type"], reading, whole=not first)
+            loc = _loc(detail["loc"])
+            if _take_out(data, loc, detail["type"], reading, whole=not first):
+                silent.add(_item(loc))
         first = False
 
 
-def _prune(data: dict[str, Any], loc: Loc, kind: str, reading: Reading, *, whole: bool) -> set[tuple[str, str]]:
-    """Take the faulty part out of the data; returns the item if what is left of it may be faulty for that reason alone."""
-    section, name = str(loc[0]) if loc else "", str(loc[1]) if len(loc) > 1 else ""
-    if section not in _SECTIONS or not name or not isinstance(data.get(section), dict):
+def _loc(loc: Loc) -> Loc:
+    """A place without the marks of the branches that unions took."""
+    return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("<") and part.endswith(">")))
+
+
+def _item(loc: Loc) -> tuple[str, str]:
+    """Section and name of the link, pair, load ... that a place is in; a top-level key has no name."""
+    section = str(loc[0]) if loc else ""
+    return (section, str(loc[1])) if section in _SECTIONS and len(loc) > 1 else (section, "")
+
+
+def _take_out(data: dict[str, Any], loc: Loc, kind: str, reading: Reading, *, whole: bool) -> bool:
+    """Remove the faulty part from the data; true if what is left of its item may seem faulty for that reason alone."""
+    section, name = _item(loc)
+    entries = data.get(section)
+    if not name or not isinstance(entries, dict):
         data.pop(section, None)
         if section in _SECTIONS:
             reading.broken[section].add("*")
-        return set()
-    entries = data[section]
+        return False
     if kind == "extra_forbidden" and not whole:
         table = _inside(data, loc[:-1])
-        known = _known_keys(loc[:-1])
         if isinstance(table, dict):
             table.pop(loc[-1], None)
         reading.broken[section].add(name)
-        return {(section, name)} if _meant(str(loc[-1]), known) else set()
+        return bool(_meant(str(loc[-1]), _known_keys(loc[:-1])))
     if len(loc) > 2 and (section, str(loc[2])) in _SEPARABLE and not whole and isinstance(entries.get(name), dict):
         entries[name].pop(loc[2], None)
         if section == "pairs":
             reading.undriven.add(name)
-        return set()
+        return False
     entries.pop(name, None)
     reading.broken[section].add(name)
-    return {(section, name)}
+    return True
 
 
 def _inside(data: Any, loc: Iterable[int | str]) -> Any:
@@ -154,77 +162,65 @@ def path_text(loc: Iterable[int | str]) -> str:
     return text
 
 
-def _faults(detail: Any, loc: Loc, data: Mapping[str, Any]) -> list[Fault]:
+def _faults(detail: Any, loc: Loc) -> list[Fault]:
     """One of pydantic's errors -> faults in our words."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if loc and loc[-1] == "[key]":
         loc = loc[:-2]  # the message names the key
+    path, parent = path_text(loc) or "scene", path_text(loc[:-1]) or "scene"
     if kind == "scene":
+        keys = value if isinstance(value, dict) else {}
         return [
-            Fault(
-                path_text((*loc, key) if key and key in (value if isinstance(value, dict) else {}) else loc) or "scene",
-                message,
-                remedy,
-            )
+            Fault(path_text((*loc, key)) if key in keys else path, message, remedy)
             for key, message, remedy in context["faults"]
         ]
-    path = path_text(loc) or "scene"
-    parent = path_text(loc[:-1]) or "scene"
     if kind == "extra_forbidden":
-        key, known = str(loc[-1]), _known_keys(loc[:-1])
-        meant = _meant(key, known)
+        known = _known_keys(loc[:-1])
+        meant = _meant(str(loc[-1]), known)
         remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
-        return [Fault(parent, f"unknown key '{key}'.", remedy)]
+        return [Fault(parent, f"unknown key '{loc[-1]}'.", remedy)]
     if kind == "missing":
         return [Fault(parent, f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")]
     if kind == "literal_error":
-        known = [choice.strip("'\"") for choice in context["expected"].replace(" or ", ", ").split(", ")]
-        remedy = (
-            did_you_mean(value, known) if isinstance(value, str) else f"Write {' or '.join(repr(k) for k in known)}."
-        )
+        known = re.findall(r"'([^']*)'", context["expected"])
+        near = closest(value, known) if isinstance(value, str) else ""
+        remedy = f"Did you mean '{near}'?" if near else "Write one of these."
         return [Fault(path, f"{describe(value)} is not one of {listing(known)}.", remedy)]
     if kind in ("too_long", "too_short"):
         return [_wrong_length(path, loc, value, context)]
-    if kind in ("greater_than_equal", "less_than_equal"):
-        least = context.get("ge")
-        bound = f"less than {least}" if least is not None else f"more than {context.get('le')}"
-        return [
-            Fault(
-                path,
-                f"{describe(value)} is {bound}.",
-                f"Give a whole number {'from ' + str(least) if least is not None else 'up to ' + str(context.get('le'))}.",
-            )
-        ]
-    wanted = {
-        "list_type": "a list",
-        "dict_type": "a table",
-        "model_type": "a table",
-        "model_attributes_type": "a table",
-        "int_type": "a whole number",
-        "int_from_float": "a whole number",
-    }.get(kind)
-    if wanted:
-        remedy = {
-            "a list": "Write it in brackets: [ ... ].",
-            "a table": "Write it in braces: { key = value, ... }.",
-        }.get(wanted, "")
-        return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
-    return [Fault(path, f"{describe(value)} is not allowed here.", "")]
+    if kind == "greater_than_equal":
+        return [Fault(path, f"{describe(value)} is too small.", f"Give at least {context['ge']}.")]
+    if kind == "less_than_equal":
+        return [Fault(path, f"{describe(value)} is too large.", f"Give at most {context['le']}.")]
+    wanted, remedy = _WANTED.get(kind, ("something else", ""))
+    return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
+
+
+_LIST = ("a list", "Write it in brackets: [ ... ].")
+_TABLE = ("a table", "Write it in braces: { key = value, ... }.")
+_WHOLE = ("a whole number", "Write it like 360.")
+_WANTED = {
+    "list_type": _LIST,
+    "dict_type": _TABLE,
+    "model_type": _TABLE,
+    "model_attributes_type": _TABLE,
+    "int_type": _WHOLE,
+    "int_from_float": _WHOLE,
+    "int_parsing_size": _WHOLE,
+}
 
 
 def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
-    entries = f"{n} entr{'y' if n == 1 else 'ies'}" if n else "no entries"
     if loc[-1] in ("revolute", "prismatic"):
-        if n > 2:
-            name = loc[1] if len(loc) > 1 else "P"
-            remedy = f'A pin through {n} links is {n - 1} pairs, each with at = "{name}": join the first link to each of the others.'
-            return Fault(path, f"names {n} links, a pair joins two.", remedy)
-        return Fault(
-            path, f"names {n} link{'' if n == 1 else 's'}, a pair joins two.", 'Write it like ["frame", "crank"].'
+        found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
+        if n < 3:
+            return Fault(path, found, 'Write it like ["frame", "crank"].')
+        remedy = (
+            f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
         )
+        return Fault(path, found, remedy)
+    found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
     least, most = context.get("min_length"), context.get("max_length")
-    if least is not None and most is None:
-        return Fault(path, f"has {entries}.", f"Give at least {least}." if least > 1 else "Give at least one.")
-    return Fault(path, f"has {entries}, at most {most} are allowed.", f"Leave out {n - int(most or 0)}.")
+    return Fault(path, found, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")

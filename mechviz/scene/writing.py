@@ -31,7 +31,7 @@ def _is_section(key: str, value: Any) -> bool:
 
 
 def _section(name: str, section: Mapping[str, Any]) -> list[str]:
-    """A table of one line for each entry; tables of their own for all entries (in their order) where one would be too long."""
+    """A table of one line for each entry; where one is too long, a table for each entry, which keeps their order."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in section.items()]
     if all(
         len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping)

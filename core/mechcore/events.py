@@ -1,0 +1,147 @@
+"""Events of a motion: where coordinates turn back, where drives start, stop and change their law, where a group is near singular."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .motion import Motion
+
+__all__ = ["SINGULAR", "Event", "find_events"]
+
+Real = NDArray[np.float64]
+
+SINGULAR = 1e8
+"""Condition number of a block from which half of the digits of a result are gone."""
+
+NOISE = 1e-9
+"""Speeds below this part of the run's largest are standstill."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens at a time [s] to a named item."""
+
+    time: float
+    level: Literal["INFO", "WARN"]
+    item: str
+    text: str
+
+
+def find_events(motion: Motion) -> list[Event]:
+    """All events of a motion, sorted by time."""
+    found = [*_limits(motion), *_drive_events(motion), *_singular(motion)]
+    return sorted(found, key=lambda e: e.time)
+
+
+def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
+    """Times (n,) at which a speed (F,) passes through zero and changes its sign.
+
+    Between two frames the speed is the cubic with the given accelerations as slopes; its root is found by bisection of the
+    sign change, for all crossings at once. Standstill in between counts as one turning point, in its middle.
+    """
+    largest = np.abs(speed).max(initial=0.0)
+    moving = np.flatnonzero(np.abs(speed) > NOISE * largest)
+    if largest == 0.0 or len(moving) < 2:
+        return np.zeros(0)
+    flips = np.flatnonzero(speed[moving][:-1] * speed[moving][1:] < 0)
+    i, j = moving[flips], moving[flips + 1]
+    h = time[j] - time[i]
+    low, high = np.zeros(len(i)), np.ones(len(i))
+    for _ in range(50):
+        u = 0.5 * (low + high)
+        same = np.sign(_cubic(u, speed[i], h * acceleration[i], speed[j], h * acceleration[j])) == np.sign(speed[i])
+        low, high = np.where(same, u, low), np.where(same, high, u)
+    return np.asarray(time[i] + 0.5 * (low + high) * h)
+
+
+def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
+    """Hermite cubic on [0, 1] with values v and slopes d at the ends."""
+    w = 1.0 - u
+    return np.asarray(w * w * ((1.0 + 2.0 * u) * v0 + u * d0) + u * u * ((1.0 + 2.0 * w) * v1 - w * d1))
+
+
+def _at(motion: Motion, rows: Real, t: float) -> float:
+    """A coordinate at a time between frames, from the nearest frame's value, speed and acceleration (F, 3)."""
+    k = int(np.argmin(np.abs(motion.time - t)))
+    d = t - motion.time[k]
+    return float(rows[k, 0] + d * (rows[k, 1] + 0.5 * d * rows[k, 2]))
+
+
+def _words(motion: Motion, pair: str, value: float) -> str:
+    if motion.model.joints[motion.model.joint_index[pair]].coordinate == "angle":
+        return f"{np.degrees(value):.4g}°"
+    return f"{1e3 * value:.5g} mm"
+
+
+def _at_drive(motion: Motion, t: float) -> str:
+    """Where the drives are at a time, in words."""
+    names = [d.pair for d in motion.mechanism.drives]
+    places = [f"drive {p} at {_words(motion, p, _at(motion, motion.coordinate(p), t))}" for p in names]
+    return ", ".join(places)
+
+
+def _limits(motion: Motion) -> Iterator[Event]:
+    """Limit positions of undriven pairs at the frame: the link there turns back while the drives go on."""
+    driven = {d.pair for d in motion.mechanism.drives}
+    stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
+    reversals = np.concatenate([np.zeros(0), *stops])
+    near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
+    for pair in motion.mechanism.pairs:
+        if pair.name in driven or motion.mechanism.frame not in pair.links:
+            continue
+        rows = motion.coordinate(pair.name)
+        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
+            continue
+        for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
+            if np.any(np.abs(reversals - t) < near):
+                continue
+            side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
+            where = _words(motion, pair.name, _at(motion, rows, float(t)))
+            text = f"limit position: coordinate {side}, {where}, {_at_drive(motion, float(t))}"
+            yield Event(float(t), "INFO", pair.name, text)
+
+
+def _still(motion: Motion, rows: Real) -> float:
+    """A speed that is rounding noise: that of a coordinate that moves by 1e-9 of its scale over the run."""
+    scale = max(motion.model.size, float(np.abs(rows[:, 0]).max(initial=0.0)))
+    return NOISE * scale / max(float(np.ptp(motion.time)), 1e-300)
+
+
+def _drive_events(motion: Motion) -> Iterator[Event]:
+    """Starts, stops and reversals of drives, and the zone boundaries of their laws."""
+    first, last = (float(motion.time[0]), float(motion.time[-1])) if motion.frames else (0.0, 0.0)
+    for drive, (q, v, a) in zip(motion.mechanism.drives, motion.drives, strict=True):
+        rows = np.column_stack([np.broadcast_to(x, motion.frames) for x in (q, v, a)])
+        for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
+            yield Event(float(t), "INFO", drive.pair, f"drive reverses at {_words(motion, drive.pair, _at(motion, rows, float(t)))}")
+        moving = np.abs(rows[:, 1]) > NOISE * np.abs(rows[:, 1]).max(initial=0.0)
+        if moving.any() and not moving[0]:
+            k = max(int(np.argmax(moving)) - 1, 0)
+            yield Event(float(motion.time[k]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, rows[k, 0])}")
+        if moving.any() and not moving[-1]:
+            k = min(motion.frames - int(np.argmax(moving[::-1])), motion.frames - 1)
+            yield Event(float(motion.time[k]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, rows[k, 0])}")
+        if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
+            continue  # the motion was made with other drive values than the law's
+        breaks = np.asarray(drive.law.breaks, float)
+        cycles = np.arange(int(np.floor(last / drive.law.duration)) + 1)
+        for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
+            if first < t < last:
+                where = _words(motion, drive.pair, float(drive.law(t)[0]))
+                yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}")
+
+
+def _singular(motion: Motion) -> Iterator[Event]:
+    """Ranges of frames in which a group's equations are near singular."""
+    bad = ~(motion.condition <= SINGULAR)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+    for start, end in zip(edges[::2], edges[1::2] - 1, strict=True):
+        worst = float(np.max(motion.condition[start : end + 1]))
+        t0, t1 = float(motion.time[start]), float(motion.time[end])
+        text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {_at_drive(motion, t0)}"
+        yield Event(t0, "WARN", "mechanism", text)

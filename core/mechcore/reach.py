@@ -1,0 +1,62 @@
+"""How far the first drive can go with the mechanism assembled in its stated mode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .continuation import follow
+from .solve import STEP, TURN, Compiled, solve_motion
+
+__all__ = ["reachable_ranges"]
+
+Array = Any
+
+
+def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[float, float]]:
+    """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
+
+    A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
+    to 1e-10 of that range. Groups without a closed form are followed from the start, so only the range around it is known.
+    """
+    model = compiled.model
+    q0 = compiled.start[0]
+    rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
+    half = 0.5 * TURN if rotary else 5.0 * model.size
+    if compiled.assembly.starts:
+        others = list(compiled.start[1:])
+        step = STEP["angle"] if rotary else STEP["slide"] * model.size
+        rates = [1.0] + [0.0] * len(others)
+        full = half * (2.0 if rotary else 1.0)
+        track = follow(model, compiled.assembly, lambda p: ([p, *others], rates), q0, q0 - full, q0 + full, step)
+        low, high = track.ends
+        return [(q0 - half, q0 + half)] if rotary and high - low >= 2.0 * half else [(low, high)]
+
+    def assembled(q: Array) -> Array:
+        given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
+            model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
+        given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
+        motion = solve_motion(compiled, np.zeros(len(q)), drives=given, strict=False)
+        return np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
+            np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
+        )
+
+    grid = q0 + np.linspace(-half, half, samples)
+    ok = assembled(grid)
+    edges = np.flatnonzero(ok[1:] != ok[:-1])
+    low, high = grid[edges].copy(), grid[edges + 1].copy()
+    for _ in range(40):  # bisection of all edges at once
+        if not len(edges):
+            break
+        middle = 0.5 * (low + high)
+        same = assembled(middle) == ok[edges]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    cuts = [grid[0], *np.where(ok[edges], low, high), grid[-1]] if len(edges) else [grid[0], grid[-1]]
+    out = []
+    state = bool(ok[0])
+    for a, b in zip(cuts, cuts[1:], strict=False):
+        if state:
+            out.append((float(a), float(b)))
+        state = not state
+    return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])

@@ -1,0 +1,167 @@
+"""What a mechanism is made of: mobility, structural groups (Assur), contours. Answers for people, from the compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .model import Model
+from .motion import Motion
+
+__all__ = ["Group", "contour_pairs", "groups", "gruebler", "redundant_pairs", "rank_mobility"]
+
+ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
+
+
+@dataclass(frozen=True)
+class Group:
+    """A structural group in solving order. ``kind``: the pair letters of a dyad such as RRR (outer, inner, outer)."""
+
+    links: tuple[str, ...]
+    pairs: tuple[str, ...]
+    assur_class: str  # "I" for a driven link, "II" for dyads, ...
+    kind: str
+    solved_by: str  # "drive", "closed form" or "Newton"
+
+    def __str__(self) -> str:
+        kind = f" {self.kind}" if self.kind else ""
+        return f"class {self.assur_class}{kind}: {', '.join(self.links)} (pairs {', '.join(self.pairs)})"
+
+
+def gruebler(model: Model) -> tuple[int, int, int, int]:
+    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 pairs with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
+    n = len(model.links) - 1
+    p5 = sum(1 for j in model.joints if j.freedoms == 1)
+    p4 = sum(1 for j in model.joints if j.freedoms == 2)
+    welds = sum(1 for j in model.joints if j.freedoms == 0)
+    return n, p5, p4, 3 * n - 2 * p5 - p4 - 3 * welds
+
+
+def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) -> int:
+    """Freedoms that the constraints of all pairs, drives left out, really leave at a frame: 3n minus the numerical rank.
+
+    Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
+    lengths in units of the mechanism's size, rank from the singular values.
+    """
+    model = motion.model
+    n = len(model.links) - 1
+    rows = []
+    for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
+        block = np.zeros((2, 3 * (n + 1)))
+        for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
+            arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.size
+            block[0, 3 * k], block[1, 3 * k + 1] = sign, sign
+            block[0, 3 * k + 2], block[1, 3 * k + 2] = -sign * arm.imag, sign * arm.real
+        if joint.slide is not None:
+            d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+            block = np.array([[-d.imag, d.real]]) @ block
+        rows.append(block)
+        if not joint.turns:
+            turn = np.zeros((1, 3 * (n + 1)))
+            turn[0, 3 * p + 2], turn[0, 3 * q + 2] = 1.0, -1.0
+            rows.append(turn)
+    jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
+    if 0 in jacobian.shape:
+        return 3 * n
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    return int(3 * n - (s > tolerance * s[0]).sum())
+
+
+def groups(model: Model) -> tuple[Group, ...]:
+    """Structural groups in the order in which they are solved: driven links first, then Assur groups."""
+    last = len(model.order.blocks)
+    rank = [0] * len(model.links)
+    for k, (_, unknowns) in enumerate(model.order.blocks):
+        for u in unknowns:
+            rank[u // 3 + 1] = max(rank[u // 3 + 1], k)
+    for u in model.order.free:
+        rank[u // 3 + 1] = last
+    members: dict[int, list[int]] = {}
+    for k in range(1, len(model.links)):
+        members.setdefault(rank[k], []).append(k)
+    found, solved = [], {0}
+    for _, own in sorted(members.items()):
+        inside = set(own)
+        pairs = [j for j, e in enumerate(model.ends) if set(e) & inside and set(e) <= solved | inside]
+        solved |= inside
+        found.append(_group(model, own, pairs))
+    return tuple(found)
+
+
+def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
+    inside = set(own)
+    inner = [j for j in pairs if set(model.ends[j]) <= inside]
+    outer = [j for j in pairs if j not in inner]
+    names = tuple(model.links[k] for k in own)
+    pair_names = tuple(model.joints[j].name for j in pairs)
+    general = any(
+        b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks
+    )
+    driven = any(j in model.driven for j in pairs)
+    if driven and len(own) == 1:
+        return Group(names, pair_names, "I", "", "drive")
+    kind = ""
+    if len(own) == 2 and len(inner) == 1 and len(outer) == 2:
+        first = next(j for j in outer if own[0] in model.ends[j])
+        second = next(j for j in outer if j != first)
+        kind = "".join(model.joints[j].kind[0].upper() for j in (first, inner[0], second))
+        kind = max(kind, kind[::-1])  # RRP and PRR are one kind
+    return Group(names, pair_names, _class_of(model, own, inner, pairs), kind, "Newton" if general else "closed form")
+
+
+def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Sequence[int]) -> str:
+    """Class after Assur and Artobolevsky: II for dyads, III where a link carries three pairs, k for an inner contour of k pairs."""
+    if len(own) <= 2:
+        return "II" if len(own) == 2 else "I"
+    near: dict[int, list[int]] = {k: [] for k in own}
+    for j in inner:
+        p, q = model.ends[j]
+        near[p].append(q)
+        near[q].append(p)
+    longest = 0
+    for j in inner:  # shortest inner contour through each pair
+        p, q = model.ends[j]
+        distance, queue = {p: 0}, [p]
+        while queue:
+            k = queue.pop(0)
+            for other in near[k]:
+                if {k, other} != {p, q} and other not in distance:
+                    distance[other] = distance[k] + 1
+                    queue.append(other)
+        if q in distance:
+            longest = max(longest, distance[q] + 1)
+    most = max(sum(1 for j in pairs if k in model.ends[j]) for k in own)
+    number = max(longest, 3 if most >= 3 else 2)
+    return ROMAN[number] if number < len(ROMAN) else str(number)
+
+
+def contour_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The pairs of each independent contour, in the order of the way round from the tree's side to the closing pair."""
+    out = []
+    for c in model.contours:
+        p, q = model.ends[c.closing]
+        up, down = [], []
+        line = []
+        k = p
+        while True:
+            line.append(k)
+            if k == 0:
+                break
+            k = model.tree.parent[k]
+        k = q
+        while k not in line:
+            down.append(model.tree.joint[k])
+            k = model.tree.parent[k]
+        for link in line[: line.index(k)]:
+            up.append(model.tree.joint[link])
+        out.append(tuple(model.joints[j].name for j in [*reversed(up), c.closing, *down]))
+    return tuple(out)
+
+
+def redundant_pairs(model: Model) -> tuple[str, ...]:
+    """Pairs at which constraints are left over: their reactions are not determined by statics alone."""
+    names = [model.joints[j].name for j in model.angles.spare]
+    names += [b.name for b in model.blocks if b.redundant]
+    return tuple(dict.fromkeys(names))

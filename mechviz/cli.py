@@ -1,0 +1,252 @@
+"""The command line. Data goes to stdout, talk to stderr; bad input exits with 2; heavy libraries load only where they are used."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from .run import Run
+    from .scene import Scene
+
+app = typer.Typer(
+    name="mechviz",
+    help="Inspect and record mechanisms: kinematics, forces, solids, rerun recordings, a browser viewer.\n\n"
+    "SCENE is the name of a gallery scene (see: mechviz scenes) or the path of a scene file.\n\n"
+    "Start with: mechviz record crank-rocker, then mechviz inspect recordings/crank-rocker.rrd, or mechviz view crank-rocker.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+SceneArg = Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")]
+FramesOpt = Annotated[
+    int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="frames over the whole run [default: the scene's]")
+]
+CyclesOpt = Annotated[
+    float | None, typer.Option("--cycles", min=1e-6, max=1e6, help="cycles of the first drive [default: the scene's]")
+]
+
+
+def say(text: str) -> None:
+    """Talk, to stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def fail(text: str, code: int = 2) -> NoReturn:
+    """Say what is wrong and leave."""
+    say(text)
+    raise typer.Exit(code)
+
+
+@contextmanager
+def clear_errors(source: str) -> Iterator[None]:
+    """Every expected fault as a message of ours; never a traceback."""
+    from mechcore.errors import MechanismError
+
+    try:
+        yield
+    except MechanismError as e:
+        fail(str(e) if hasattr(e, "source") else _faults_text(source, e))
+    except KeyboardInterrupt:
+        fail("interrupted: nothing was left half-written.", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(0) from None
+    except OSError as e:
+        fail(f"{e.filename or source}: {e.strerror or e}.")
+
+
+def _faults_text(source: str, error: Any) -> str:
+    from .scene.faults import SceneError
+
+    if isinstance(error, SceneError):
+        return str(error)
+    n = len(error.faults)
+    width = max(len(f.path) for f in error.faults)
+    lines = [f"{source}: {n} problem{'s' if n != 1 else ''}"]
+    for f in error.faults:
+        lines.append(f"  {f.path:<{width}}  {f.message}")
+        if f.remedy:
+            lines.append(f"  {'':<{width}}  {f.remedy}")
+    return "\n".join(lines)
+
+
+def load_scene(source: str) -> Scene:
+    from .scene import load
+
+    return load(source)
+
+
+def solve(scene: Scene, frames: int | None, cycles: float | None) -> Run:
+    from .run import run_scene
+
+    return run_scene(scene, frames=frames, cycles=cycles)
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """A bar on stderr for long work; silent where stderr is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(label, total=1.0)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@app.command()
+def scenes(names: Annotated[bool, typer.Option("--names", help="bare names only, one a line, for scripts")] = False) -> None:
+    """List the gallery: one line a scene with what it teaches."""
+    from .scene import gallery
+
+    entries = gallery()
+    width = max(len(e.name) for e in entries)
+    for e in entries:
+        print(e.name if names else f"{e.name:<{width}}  {e.teaches}")
+
+
+@app.command()
+def show(scene: SceneArg) -> None:
+    """Print a scene's TOML text: a starting point for your own."""
+    with clear_errors(scene):
+        print(load_scene(scene).to_toml(), end="")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scene files, for editors."""
+    from .scene import json_schema
+
+    print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+@app.command()
+def check(scene: SceneArg) -> None:
+    """Validate a scene and print its mobility, groups, contours, assembly modes and reachable range."""
+    from .report import check_lines
+
+    with clear_errors(scene):
+        print("\n".join(check_lines(load_scene(scene))))
+
+
+@app.command()
+def plan(scene: SceneArg) -> None:
+    """Print what will be computed for a scene, what not, and why."""
+    from mechcore.plan import make_plan
+
+    from .report import plan_lines
+
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        print(loaded.title)
+        print("\n".join(plan_lines(make_plan(loaded.mechanism))))
+
+
+@app.command()
+def record(
+    scene: SceneArg,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="recording to write [default: recordings/<scene>.rrd]")
+    ] = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
+    from .record import RecordingError, write_recording
+
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        path = output
+        if path is None:
+            Path("recordings").mkdir(exist_ok=True)
+            path = Path("recordings") / f"{loaded.name}.rrd"
+        run = solve(loaded, frames, cycles)
+        try:
+            with progress_bar("recording") as bar:
+                summary = write_recording(run, path, progress=bar)
+        except RecordingError as e:
+            fail(str(e), 1)
+        say(str(summary))
+        print(path)
+
+
+@app.command()
+def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:
+    """Print what a recording holds, without a viewer: links, joints, peaks of forces and torque, health, events."""
+    from .record import RecordingError, format_inspection
+    from .record import inspect as inspect_recording
+
+    with clear_errors(str(recording)):
+        try:
+            print(format_inspection(inspect_recording(recording)))
+        except RecordingError as e:
+            fail(str(e))
+
+
+@app.command()
+def view(
+    scene: SceneArg,
+    port: Annotated[int, typer.Option("--port", "-p", min=0, max=65535, help="port on 127.0.0.1; 0 takes a free one")] = 8080,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C."""
+    from .viewer import ViewerError, serve
+
+    with clear_errors(scene):
+        run = solve(load_scene(scene), frames, cycles)
+        try:
+            serve(run, port=port)
+        except ViewerError as e:
+            fail(str(e), 1)
+
+
+@app.command()
+def export(
+    scene: SceneArg,
+    csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
+    parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
+    stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Write results as tables or the links as solids."""
+    from . import export as ex
+
+    if csv is None and parquet is None and stl is None:
+        fail("nothing to export: add --csv FILE, --parquet FILE or --stl FOLDER.")
+    with clear_errors(scene):
+        run = solve(load_scene(scene), frames, cycles)
+        try:
+            if csv is not None:
+                ex.export_csv(run, csv)
+                print(csv)
+            if parquet is not None:
+                ex.export_parquet(run, parquet)
+                print(parquet)
+            if stl is not None:
+                for path in ex.export_stl(run, stl):
+                    print(path)
+        except ex.ExportError as e:
+            fail(str(e), 1)
+
+
+def main() -> None:
+    """Entry point of the `mechviz` command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Files that are replaced whole or not at all, with clear words where that cannot be done."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["OutputError", "check_target", "put_in_place", "replacing", "reason"]
+
+
+class OutputError(Exception):
+    """A file that could not be written or read: what happened and what to do about it."""
+
+    def __init__(self, message: str, remedy: str = ""):
+        self.message = message
+        self.remedy = remedy
+        super().__init__(f"{message} {remedy}".strip())
+
+
+def reason(error: OSError, path: Path) -> OutputError:
+    """Words for an operating system error at a path."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return OutputError(f"'{path}' cannot be written: the disk is full.", "Free some space or write elsewhere.")
+    if error.errno == errno.EFBIG:
+        return OutputError(
+            f"'{path}' cannot be written: it would be larger than the limit for files.", "Raise the limit or use fewer frames."
+        )
+    words = (error.strerror or str(error)).lower()
+    return OutputError(f"'{path}' cannot be written: {words}.", "Choose another place.")
+
+
+def check_target(path: Path) -> Path:
+    """The real path of a file that is to be written; raises `OutputError` if nothing can be put there.
+
+    Devices, pipes and folders are refused: a file that is renamed onto ``/dev/null`` would replace the device.
+    """
+    real = Path(os.path.realpath(path))
+    if real.is_dir():
+        raise OutputError(f"'{path}' is a folder.", "Name a file in it.")
+    if real.exists() and not real.is_file():
+        raise OutputError(f"'{path}' is not a regular file.", "Name a file that may be replaced.")
+    if not real.parent.exists():
+        raise OutputError(f"The folder '{path.parent}' does not exist.", "Create it, or write to another folder.")
+    if not real.parent.is_dir():
+        raise OutputError(f"'{path.parent}' is not a folder.", "Write to another folder.")
+    if not os.access(real.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"The folder '{path.parent}' is not writable.", "Change its permissions, or write elsewhere.")
+    return real
+
+
+def put_in_place(temporary: Path, target: Path) -> None:
+    """Rename a complete file onto its target, after its data are on the disk."""
+    with open(temporary, "rb") as file:
+        os.fsync(file.fileno())
+    os.replace(temporary, target)
+    with suppress(OSError):  # some file systems cannot sync folders
+        folder = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary file next to ``path`` that takes its place if the block succeeds and vanishes if it does not."""
+    target = check_target(path)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+    except OSError as error:
+        raise reason(error, path) from None
+    temporary = Path(name)
+    try:
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # mkstemp lets nobody else read
+        yield temporary
+        put_in_place(temporary, target)
+    except OSError as error:
+        raise reason(error, path) from None
+    finally:
+        temporary.unlink(missing_ok=True)

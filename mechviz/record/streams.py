@@ -1,0 +1,216 @@
+"""Entities of a recording as streams of rows, written block by block, and as static archetypes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec import Revolute
+
+from ..tables import Table, drive_unit, point_name
+from .arrows import COLORS, Arc, Arrow, Scales, arc_strips, visible
+from .paths import entity
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run
+
+__all__ = ["Static", "Stream", "Timelines", "arrow_streams", "mechanism_streams", "picture_stride", "static_shapes", "table_streams"]
+
+Real = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PICTURES_A_CYCLE = 720
+"""Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames."""
+
+    path: str
+    columns: Callable[[Index], Any]
+    every: int = 1
+
+
+@dataclass(frozen=True)
+class Static:
+    """A static archetype of an entity."""
+
+    path: str
+    archetype: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Timelines:
+    """Integer times of the frames: nanoseconds, and milli-degrees or micrometres of the first rotary and sliding drive."""
+
+    time: Index  # [ns]
+    drives: tuple[tuple[str, Index], ...]
+
+    @classmethod
+    def of(cls, run: Run) -> Timelines:
+        """The timelines of a run."""
+        motion = run.motion
+        found: dict[str, Index] = {}
+        for drive in motion.mechanism.drives:
+            position = motion.coordinate(drive.pair)[:, 0]
+            if drive_unit(motion.mechanism, drive.pair) == "rad":
+                found.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
+            else:
+                found.setdefault("drive_um", _integers(position * 1e6))
+        return cls(time=_integers(motion.time * 1e9), drives=tuple(found.items()))
+
+    def columns(self, frames: Index) -> list[Any]:
+        """Time columns of some frames."""
+        return self._columns(self.time[frames], [(name, ticks[frames]) for name, ticks in self.drives])
+
+    def columns_at(self, times: Real) -> list[Any]:
+        """Time columns of moments [s] that need not be frames; the drives' positions are interpolated."""
+        ns = _integers(times * 1e9)
+        return self._columns(ns, [(name, _integers(np.interp(ns, self.time, ticks))) for name, ticks in self.drives])
+
+    def _columns(self, ns: Index, drives: list[tuple[str, Index]]) -> list[Any]:
+        import rerun as rr
+
+        return [
+            rr.TimeColumn("time", duration=ns.astype("timedelta64[ns]")),
+            *(rr.TimeColumn(name, sequence=ticks) for name, ticks in drives),
+        ]
+
+
+def _integers(values: Real) -> Index:
+    return np.round(values).astype(np.int64)
+
+
+def picture_stride(run: Run) -> int:
+    """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive."""
+    motion = run.motion
+    if motion.frames < 2 or not motion.mechanism.drives:
+        return 1
+    step = float(np.ptp(motion.time)) / (motion.frames - 1)
+    frames_a_cycle = motion.mechanism.drives[0].law.duration / step if step > 0 else 1.0
+    return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
+
+
+def table_streams(all_tables: list[Table]) -> Iterator[Stream]:
+    """The float64 numbers."""
+    import rerun as rr
+
+    for table in all_tables:
+        values = np.ascontiguousarray(table.values)
+
+        def columns(frames: Index, values: Real = values) -> Any:
+            chosen = values[frames]
+            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+
+        yield Stream(entity(*table.path), columns)
+
+
+def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
+    """Poses of the links and places of the joints."""
+    import rerun as rr
+
+    motion = run.motion
+    for link in motion.model.links:
+        pose = motion.pose(link)
+
+        def place(frames: Index, pose: Real = pose) -> Any:
+            half = 0.5 * pose[frames, 2]
+            nothing = np.zeros(len(frames))
+            return rr.Transform3D.columns(
+                translation=_in_space(pose[frames, :2], 0.0),
+                quaternion=np.column_stack([nothing, nothing, np.sin(half), np.cos(half)]).astype(np.float32),
+            )
+
+        yield Stream(entity("mechanism", "links", link), place)
+    for pair in motion.mechanism.pairs:
+        position = motion.pair_position(pair.name)
+
+        def point(frames: Index, position: Real = position) -> Any:
+            return rr.Points3D.columns(positions=_in_space(position[frames], solids.z_top))
+
+        yield Stream(entity("mechanism", "joints", pair.name), point)
+
+
+def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, every: int) -> Iterator[Stream]:
+    """Arrows and arcs above the mechanism; what is too short to be seen has no instance in its row."""
+    import rerun as rr
+
+    z, size = solids.z_top, solids.size
+    for arrow in arrows:
+        scale = scales.of(arrow.family)
+        seen = visible(arrow.vectors, scale, size)
+
+        def draw(frames: Index, arrow: Arrow = arrow, seen: Any = seen, scale: float = scale) -> Any:
+            shown = frames[seen[frames]]
+            return rr.Arrows3D.columns(
+                origins=_in_space(arrow.origins[shown], z), vectors=_in_space(arrow.vectors[shown] / scale, 0.0)
+            ).partition(seen[frames].astype(np.int64))
+
+        yield Stream(entity(*arrow.path), draw, every)
+    for arc in arcs:
+
+        def bend(frames: Index, arc: Arc = arc) -> Any:
+            rows = [
+                arc_strips(arc.centres[f], arc.moments[f], z, scales.newton_metres_per_metre, size) if arc.shown[f] else []
+                for f in frames
+            ]
+            return rr.LineStrips3D.columns(strips=_strips([s for row in rows for s in row])).partition(
+                np.array([len(row) for row in rows], np.int64)
+            )
+
+        yield Stream(entity(*arc.path), bend, every)
+
+
+def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]) -> Iterator[Static]:
+    """View coordinates, meshes, traced paths, and how joints, arrows and arcs look."""
+    import rerun as rr
+
+    motion, size = run.motion, solids.size
+    yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
+    for name, solid in solids.links.items():
+        if not len(solid.faces):
+            continue
+        _check_mesh(name, solid)
+        mesh = rr.Mesh3D(
+            vertex_positions=solid.vertices,
+            triangle_indices=solid.faces,
+            vertex_normals=solid.normals,
+            vertex_colors=solid.colors,
+        )
+        yield Static(entity("mechanism", "links", name, "mesh"), mesh)
+    for pair in motion.mechanism.pairs:
+        color = (250, 250, 250) if isinstance(pair, Revolute) else (200, 210, 225)
+        style = rr.Points3D.from_fields(colors=[color], radii=[0.0045 * size], labels=[pair.name], show_labels=True)
+        yield Static(entity("mechanism", "joints", pair.name), style)
+    for link, point in motion.mechanism.traced:
+        path = _in_space(motion.point(link, point), solids.z_top)
+        color = tuple(int(0.5 * c + 127) for c in solids.links[link].color[:3])
+        strip = rr.LineStrips3D([path], colors=[color], radii=[0.0025 * size])
+        yield Static(entity("mechanism", "paths", point_name(link, point)), strip)
+    for arrow in arrows:
+        radius = (0.004 if arrow.family in ("velocity", "acceleration") else 0.0055) * size
+        yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[arrow.family]], radii=[radius]))
+    for arc in arcs:
+        yield Static(entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.family]], radii=[0.0055 * size]))
+
+
+def _check_mesh(name: str, solid: Any) -> None:
+    """rerun takes any indices and NaN coordinates without a word, and the viewer then shows nothing."""
+    if not (np.isfinite(solid.vertices).all() and np.isfinite(solid.normals).all() and solid.faces.max() < len(solid.vertices)):
+        raise ValueError(f"the mesh of link '{name}' is broken")
+
+
+def _strips(strips: list[Real]) -> Any:
+    """Line strips as arrow data: the SDK's own conversion walks through every strip in Python."""
+    return strips
+
+
+def _in_space(xy: Real, z: float) -> NDArray[np.float32]:
+    """Points or vectors (n, 2) of the plane -> (n, 3) float32."""
+    return np.column_stack([xy, np.full(len(xy), z)]).astype(np.float32)

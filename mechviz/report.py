@@ -1,0 +1,82 @@
+"""What `mechviz check` and `mechviz plan` print: structure, reach and plan of a scene, as plain lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore import Compiled, compile_mechanism, solve_motion
+from mechcore.plan import Plan
+from mechcore.reach import reachable_ranges
+from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+__all__ = ["check_lines", "plan_lines"]
+
+
+def check_lines(scene: Scene) -> list[str]:
+    """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run."""
+    from mechcore import default_times
+
+    compiled = compile_mechanism(scene.mechanism)
+    model = compiled.model
+    motion = solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
+    n, p5, p4, w = gruebler(model)
+    rank = rank_mobility(motion)
+    drives = len(scene.mechanism.drives)
+    lines = [
+        scene.title,
+        "",
+        f"mobility   W = 3·{n} - 2·{p5} - {p4} = {w} (Gruebler-Kutzbach); {rank} by the rank of the constraints; "
+        f"{drives} drive{'s' if drives != 1 else ''}",
+    ]
+    redundant = redundant_pairs(model)
+    if redundant:
+        lines.append(f"redundant  constraints are left over at {', '.join(redundant)}: reactions there are not determined by statics")
+    lines.append("groups     in the order in which they are solved")
+    lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
+    lines.append(f"contours   {len(model.contours)} independent")
+    lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
+    lines += _modes(compiled)
+    lines += _reach(compiled)
+    lines.append(
+        f"health     contours close to {np.max(motion.closure) * 1e3:.1e} mm over {motion.frames} frames; "
+        f"largest condition number {np.max(motion.condition):.3g}"
+    )
+    return lines
+
+
+def _modes(compiled: Compiled) -> list[str]:
+    stated = compiled.mechanism.modes
+    lines = []
+    for block in compiled.model.blocks:
+        if block.kind in ("theta_theta", "theta_slide", "arm_slide", "general"):
+            how = next((f"{w} (stated)" for p, w in stated.items() if p == block.name), "")
+            lines.append(f"  {block.name}: {how or 'from the sketch' if compiled.mechanism.sketch or how else 'only one exists'}")
+    return ["assembly   mode of each group", *lines] if lines else []
+
+
+def _reach(compiled: Compiled) -> list[str]:
+    drive = compiled.mechanism.drives[0]
+    rotary = compiled.model.joints[compiled.model.joint_index[drive.pair]].coordinate == "angle"
+    factor, unit = (180.0 / np.pi, "°") if rotary else (1e3, " mm")
+    ranges = reachable_ranges(compiled)
+    full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
+    if full:
+        words = "a full turn"
+    else:
+        words = ", ".join(f"{a * factor:.7g}{unit} to {b * factor:.7g}{unit}" for a, b in ranges)
+    return [f"reach      drive {drive.pair}: {words}"]
+
+
+def plan_lines(plan: Plan) -> list[str]:
+    """Computed and skipped stages with their reasons."""
+    width = max(len(s.name) for s in (*plan.computed, *plan.skipped))
+    lines = ["computed"]
+    lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.computed]
+    lines.append("left out")
+    lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.skipped]
+    return lines

@@ -1,0 +1,151 @@
+"""The numbers of a run as named tables in SI units: what a recording holds as float64 and what CSV and Parquet export."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec import Mechanism, Prismatic
+
+if TYPE_CHECKING:
+    from .run import Run
+
+__all__ = ["Table", "centre_name", "drive_unit", "links_with_mass", "point_name", "tables"]
+
+Real = NDArray[np.float64]
+Columns = tuple[tuple[str, str], ...]
+
+_POSE: Columns = (("x", "m"), ("y", "m"), ("angle", "rad"))
+_VELOCITY: Columns = (("vx", "m/s"), ("vy", "m/s"), ("omega", "rad/s"))
+_ACCELERATION: Columns = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s^2"))
+_WRENCH: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component."""
+
+    path: tuple[str, ...]
+    item: str
+    columns: Columns
+    values: Real
+
+    def headers(self) -> list[str]:
+        """Column names with units, such as ``crank.x [m]``."""
+        return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
+
+
+def point_name(link: str, point: str) -> str:
+    """The name of a traced point."""
+    return f"{link}.{point}"
+
+
+def centre_name(mechanism: Mechanism, link: str) -> str:
+    """The name of a link's centre of mass: ``link.S``, or spelt out where the link has a point S of its own."""
+    named = next(body for body in mechanism.links if body.name == link).points
+    return f"{link}.S" if "S" not in named else f"{link}.centre_of_mass"
+
+
+def links_with_mass(run: Run) -> list[str]:
+    """Moving links whose mass counts: those with a mass or a moment of inertia, where inertia or gravity is computed."""
+    mechanism = run.motion.mechanism
+    if run.forces is None or not {"inertia", "gravity"} & set(mechanism.effects):
+        return []
+    return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]
+
+
+def drive_unit(mechanism: Mechanism, pair: str) -> str:
+    """Unit of a pair's coordinate: ``m`` for a prismatic one, else ``rad``."""
+    return "m" if isinstance(next(p for p in mechanism.pairs if p.name == pair), Prismatic) else "rad"
+
+
+def tables(run: Run) -> list[Table]:
+    """All tables of a run; what the scene does not call for is not there."""
+    return [*_links(run), *_points(run), *_joints(run), *_drives(run), *_loads(run), *_health(run)]
+
+
+def _links(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    inertia = run.forces is not None and "inertia" in motion.mechanism.effects
+    heavy = links_with_mass(run)
+    for name in motion.model.links:
+        path = ("data", "links", name)
+        yield Table((*path, "pose"), name, _POSE, motion.pose(name))
+        yield Table((*path, "velocity"), name, _VELOCITY, motion.velocity(name))
+        yield Table((*path, "acceleration"), name, _ACCELERATION, motion.acceleration(name))
+        if inertia and name in heavy and run.forces is not None:
+            yield Table((*path, "inertia"), f"{name}.inertia", _WRENCH, run.forces.inertia(name))
+
+
+def _points(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    found = [(point_name(*traced), [motion.point(*traced, k) for k in range(3)]) for traced in motion.mechanism.traced]
+    for link in links_with_mass(run):
+        found.append((centre_name(motion.mechanism, link), [motion.centre_of_mass(link, k) for k in range(3)]))
+    columns = (_POSE[:2], _VELOCITY[:2], _ACCELERATION[:2])
+    for name, derivatives in found:
+        for kind, cols, values in zip(("position", "velocity", "acceleration"), columns, derivatives, strict=True):
+            yield Table(("data", "points", name, kind), name, cols, values)
+
+
+def _joints(run: Run) -> Iterator[Table]:
+    motion, forces = run.motion, run.forces
+    for pair in motion.mechanism.pairs:
+        path, name = ("data", "joints", pair.name), pair.name
+        what, unit = ("slide", "m") if isinstance(pair, Prismatic) else ("angle", "rad")
+        rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
+        yield Table((*path, "motion"), f"{name}.motion", rates, motion.coordinate(name))
+        yield Table((*path, "position"), f"{name}.position", _POSE[:2], motion.pair_position(name))
+        if forces is not None:
+            columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
+            yield Table((*path, "reaction"), f"{name}.reaction", columns, forces.reaction(name))
+
+
+def _drives(run: Run) -> Iterator[Table]:
+    motion, forces = run.motion, run.forces
+    for drive in motion.mechanism.drives:
+        unit = drive_unit(motion.mechanism, drive.pair)
+        effort = ("force", "N") if unit == "m" else ("torque", "N m")
+        columns: Columns = (
+            ("coordinate", unit),
+            ("speed", f"{unit}/s"),
+            ("acceleration", f"{unit}/s^2"),
+            effort,
+            ("power", "W"),
+        )
+        nothing = np.full(motion.frames, np.nan)  # pure kinematics: no effort was computed
+        efforts = (nothing, nothing) if forces is None else (forces.effort(drive.pair), forces.power(drive.pair))
+        values = np.column_stack([motion.coordinate(drive.pair), *efforts])
+        yield Table(("data", "drive", drive.pair), f"{drive.pair}.drive", columns, values)
+        if forces is not None:
+            wrench = forces.wrench(drive.pair)
+            yield Table(("data", "drive", drive.pair, "wrench"), f"{drive.pair}.drive_wrench", _WRENCH, wrench)
+
+
+def _loads(run: Run) -> Iterator[Table]:
+    if run.forces is None:
+        return
+    columns: Columns = (*_WRENCH, *_POSE[:2])
+    for name, load in run.forces.loads.items():
+        parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
+        yield Table(("data", "loads", *parts), f"{name}.load", columns, load.values)
+    energies: Columns = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
+    yield Table(("data", "energy"), "energy", energies, run.forces.energy)
+
+
+def _health(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    values = {
+        ("closure", "m"): motion.closure,
+        ("velocity_closure", "m/s"): motion.velocity_closure,
+        ("acceleration_closure", "m/s^2"): motion.acceleration_closure,
+        ("condition", "1"): motion.condition,
+    }
+    if run.forces is not None:
+        values["power_balance", "1"] = run.forces.power_balance
+    for column, value in values.items():
+        yield Table(("health", column[0]), "health", (column,), np.reshape(value, (-1, 1)))

@@ -1,0 +1,224 @@
+"""Vectors and moments of a solved scene over all frames, by family and item, and the scales at which they are drawn.
+
+Pure functions of a `Run`: whoever draws arrows takes what is drawn from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec import Mechanism, Prismatic
+
+if TYPE_CHECKING:
+    from .run import Run
+
+__all__ = [
+    "FAMILIES",
+    "FORCE_FAMILIES",
+    "Family",
+    "Moment",
+    "Scales",
+    "Vector",
+    "centre_name",
+    "find_moments",
+    "find_scales",
+    "find_vectors",
+    "point_name",
+]
+
+Real = NDArray[np.float64]
+
+LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
+LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of vector: its name, what it means, its unit and its colour (red, green, blue)."""
+
+    name: str
+    label: str
+    meaning: str
+    unit: str
+    color: tuple[int, int, int]
+
+
+FAMILIES: Mapping[str, Family] = {
+    f.name: f
+    for f in (
+        Family("reaction", "Reactions", "force of a joint on the second link of its pair", "N", (206, 32, 58)),
+        Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0)),
+        Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38)),
+        Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178)),
+        Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70)),
+        Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220)),
+        Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170)),
+    )
+}
+FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "drive")
+
+
+@dataclass(frozen=True, eq=False)
+class Vector:
+    """One vector over all frames: ``origin`` (F, 2) [m] and ``value`` (F, 2) in the family's unit."""
+
+    family: str
+    item: str
+    origin: Real
+    value: Real
+
+    @property
+    def magnitude(self) -> Real:
+        return np.hypot(self.value[:, 0], self.value[:, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One moment over all frames: ``origin`` (F, 2) [m] and ``value`` (F,) [N m], counter-clockwise positive."""
+
+    family: str
+    item: str
+    origin: Real
+    value: Real
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How large a value is drawn as one metre. Forces of all families share a scale, so that arrows can be compared."""
+
+    newtons_per_metre: float
+    newton_metres_per_metre: float  # along the arc
+    mps_per_metre: float
+    mps2_per_metre: float
+
+    def per_metre(self, family: str) -> float:
+        """The scale of a family's arrows."""
+        return {"velocity": self.mps_per_metre, "acceleration": self.mps2_per_metre}.get(family, self.newtons_per_metre)
+
+
+def point_name(link: str, point: str) -> str:
+    """Name of a link's point among all points."""
+    return f"{link}.{point}"
+
+
+def centre_name(link: str) -> str:
+    """Name of a link's centre of mass among all points."""
+    return f"{link} centre of mass"
+
+
+def find_vectors(run: Run) -> dict[str, dict[str, Vector]]:
+    """All vectors of a run by family and item. Families without any item are left out."""
+    found = [*_motion_vectors(run), *_force_vectors(run)]
+    return {f: items for f in FAMILIES if (items := {v.item: v for v in found if v.family == f})}
+
+
+def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
+    """All moments of a run by family and item: drive torques, applied torques, and couples in sliding pairs."""
+    forces, motion = run.forces, run.motion
+    if forces is None:
+        return {}
+    found = []
+    for drive in motion.mechanism.drives:
+        found.append(Moment("drive", drive.pair, motion.pair_position(drive.pair), forces.wrench(drive.pair)[:, 2]))
+    for name, load in forces.loads.items():
+        if load.kind == "torque":
+            found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
+    for pair in motion.mechanism.pairs:
+        if isinstance(pair, Prismatic):
+            position, couple = motion.pair_position(pair.name), forces.reaction(pair.name)[:, 2]
+            found.append(Moment("reaction", pair.name, position, couple))
+    largest = max((_peak(m.value) for m in found), default=0.0)
+    found = [m for m in found if _peak(m.value) > 1e-9 * largest]  # the rest is round-off
+    return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
+
+
+def find_scales(
+    vectors: Mapping[str, Mapping[str, Vector]], moments: Mapping[str, Mapping[str, Moment]], size: float
+) -> Scales:
+    """Scales by which the largest force, velocity and acceleration is drawn as a third of ``size`` [m].
+
+    Where nothing is to be drawn a scale is 1.
+    """
+
+    def largest(families: Iterable[str]) -> float:
+        return max((_peak(v.magnitude) for f in families for v in vectors.get(f, {}).values()), default=0.0)
+
+    def scale(peak: float, length: float) -> float:
+        return peak / (length * size) if peak > 0.0 else 1.0
+
+    turning = max((_peak(m.value) for items in moments.values() for m in items.values()), default=0.0)
+    return Scales(
+        newtons_per_metre=scale(largest(FORCE_FAMILIES), LARGEST_ARROW),
+        newton_metres_per_metre=scale(turning, LARGEST_ARC),
+        mps_per_metre=scale(largest(["velocity"]), LARGEST_ARROW),
+        mps2_per_metre=scale(largest(["acceleration"]), LARGEST_ARROW),
+    )
+
+
+def _peak(values: Real) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+
+
+def _motion_vectors(run: Run) -> list[Vector]:
+    motion, mechanism = run.motion, run.motion.mechanism
+    points = [(point_name(*key), [motion.point(*key, d) for d in range(3)]) for key in mechanism.traced]
+    points += [
+        (centre_name(link), [motion.centre_of_mass(link, d) for d in range(3)]) for link in _links_with_mass(mechanism)
+    ]
+    return [
+        Vector(family, name, derivatives[0], derivatives[order])
+        for name, derivatives in points
+        for order, family in ((1, "velocity"), (2, "acceleration"))
+    ]
+
+
+def _force_vectors(run: Run) -> list[Vector]:
+    forces, motion = run.forces, run.motion
+    if forces is None:
+        return []
+    mechanism = motion.mechanism
+    found = []
+    for pair in mechanism.pairs:
+        found.append(Vector("reaction", pair.name, motion.pair_position(pair.name), forces.reaction(pair.name)[:, :2]))
+    for name, load in forces.loads.items():
+        if load.kind != "torque":
+            family, item = ("gravity", load.link) if load.kind == "gravity" else ("applied", name)
+            found.append(Vector(family, item, load.values[:, 3:], load.values[:, :2]))
+    if "inertia" in mechanism.effects:
+        found += [_inertia_resultant(run, link) for link in _links_with_mass(mechanism)]
+    for drive in mechanism.drives:
+        force = forces.wrench(drive.pair)[:, :2]
+        if np.any(force):
+            found.append(Vector("drive", drive.pair, motion.pair_position(drive.pair), force))
+    return found
+
+
+def _inertia_resultant(run: Run, link: str) -> Vector:
+    """The inertia force of a link on its line of action: moved from the centre of mass by moment over force."""
+    assert run.forces is not None
+    values = run.forces.inertia(link)
+    force, moment = values[:, :2], values[:, 2]
+    square = (force**2).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # the arm at right angles to the force for which arm x force = moment
+        arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
+    arm[square == 0.0] = 0.0
+    return Vector("inertia", link, run.motion.centre_of_mass(link) + arm, force)
+
+
+def _links_with_mass(mechanism: Mechanism) -> list[str]:
+    return [link.name for link in mechanism.links if link.mass > 0.0 and link.name != mechanism.frame]
+
+
+def _middle_of_pins(run: Run, link: str) -> Real:
+    """Where a free moment on a link is drawn: at its pin on the frame if it has one, else in the middle of its pairs."""
+    mechanism = run.motion.mechanism
+    pairs = [p for p in mechanism.pairs if link in p.links]
+    grounded = [p for p in pairs if mechanism.frame in p.links]
+    positions = [run.motion.pair_position(p.name) for p in grounded[:1] or pairs]
+    return np.mean(positions, axis=0)

@@ -1,0 +1,181 @@
+"""The clock of the viewer: one thread that decides which frame is shown, at most 60 times a second, and sleeps while paused."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Player"]
+
+LARGEST_RATE = 60.0  # pictures a second
+LEAST_REST = 0.002  # [s] between pictures, however slow the drawing is: viser's own thread must get its turn
+
+
+class Player:
+    """Plays frames at times ``times`` (F,) [s] by calling ``show(frame, playing)`` from its own thread, and only from there.
+
+    ``rate`` is run time per wall time. After a change while paused, ``show`` is called once; nothing else happens while paused.
+    ``failed(error)`` is told of an exception in ``show``; the player then pauses and lives on.
+    """
+
+    def __init__(
+        self,
+        times: NDArray[np.float64],
+        show: Callable[[int, bool], None],
+        failed: Callable[[Exception], None],
+        rate: float = 1.0,
+    ):
+        self._times = np.asarray(times, float)
+        self._show = show
+        self._failed = failed
+        self._changed = threading.Condition()
+        self._rate = rate
+        self._loop = True
+        self._playing = False
+        self._closed = False
+        self._frame = 0
+        self._clock = float(self._times[0])  # run time now
+        self._wanted = 1  # serial number of the last request, of which ...
+        self._done = 0  # ... this one has been shown
+        self._thread = threading.Thread(target=self._run, name="mechviz-player", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread; harmless if it has ended or was never started."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(timeout=5.0)
+
+    # -- state --------------------------------------------------------------------------------------------------------
+    @property
+    def frame(self) -> int:
+        return self._frame
+
+    @property
+    def playing(self) -> bool:
+        return self._playing
+
+    @property
+    def loop(self) -> bool:
+        return self._loop
+
+    @property
+    def rate(self) -> float:
+        return self._rate
+
+    # -- requests, from any thread ------------------------------------------------------------------------------------
+    def play(self) -> None:
+        with self._changed:
+            if self._frame == len(self._times) - 1:
+                self._go_to(0)  # at the end, play means play again
+            self._playing = True
+            self._ask()
+
+    def pause(self) -> None:
+        with self._changed:
+            self._playing = False
+            self._ask()
+
+    def toggle(self) -> None:
+        with self._changed:
+            if self._playing:
+                self.pause()
+            else:
+                self.play()
+
+    def seek(self, frame: int) -> None:
+        """Show a frame and pause there; frames out of range are brought into it."""
+        with self._changed:
+            self._playing = False
+            self._go_to(frame)
+            self._ask()
+
+    def step(self, frames: int) -> None:
+        """Go on by some frames, over the ends where the motion loops, and pause."""
+        with self._changed:
+            last = len(self._times) - 1
+            target = self._frame + frames
+            if self._loop and last > 0 and not 0 <= target <= last:
+                target %= last  # the last frame of a cycle is the first of the next
+            self.seek(target)
+
+    def set_rate(self, rate: float) -> None:
+        with self._changed:
+            self._rate = rate
+
+    def set_loop(self, loop: bool) -> None:
+        with self._changed:
+            self._loop = loop
+            self._ask()
+
+    def refresh(self) -> None:
+        """Show the present frame again: what is drawn of it has changed."""
+        with self._changed:
+            self._ask()
+
+    def wait(self, timeout: float = 5.0) -> bool:
+        """Until all requests so far have been shown. False if that takes longer than ``timeout`` [s]."""
+        with self._changed:
+            wanted = self._wanted
+            return self._changed.wait_for(lambda: self._done >= wanted or self._closed, timeout)
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _go_to(self, frame: int) -> None:
+        self._frame = int(np.clip(frame, 0, len(self._times) - 1))
+        self._clock = float(self._times[self._frame])
+
+    def _ask(self) -> None:
+        self._wanted += 1
+        self._changed.notify_all()
+
+    def _advance(self, seconds: float) -> None:
+        """Move on by wall time."""
+        first, last = float(self._times[0]), float(self._times[-1])
+        clock = self._clock + self._rate * seconds
+        if clock >= last and not (self._loop and last > first):
+            self._go_to(len(self._times) - 1)
+            self._playing = False
+            self._wanted += 1
+            return
+        self._clock = first + (clock - first) % (last - first)
+        after = int(np.searchsorted(self._times, self._clock))
+        before = max(after - 1, 0)
+        nearer = self._clock - self._times[before] < self._times[after] - self._clock
+        self._frame = before if nearer else after
+
+    def _run(self) -> None:
+        ticked = time.perf_counter()
+        shown = -1
+        while True:
+            with self._changed:
+                if not self._playing and self._done >= self._wanted:
+                    self._changed.wait_for(lambda: self._playing or self._closed or self._done < self._wanted)
+                    ticked = time.perf_counter()
+                if self._closed:
+                    return
+                now = time.perf_counter()
+                if self._playing:
+                    self._advance(now - ticked)
+                ticked = now
+                frame, playing, wanted = self._frame, self._playing, self._wanted
+                needed = frame != shown or wanted > self._done
+            if needed:
+                shown = frame
+                try:
+                    self._show(frame, playing)
+                except Exception as error:
+                    with self._changed:
+                        self._playing = False
+                    self._failed(error)
+            with self._changed:
+                self._done = max(self._done, wanted)
+                self._changed.notify_all()
+            time.sleep(max(LEAST_REST, now + 1.0 / LARGEST_RATE - time.perf_counter()))
