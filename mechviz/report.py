@@ -65,10 +65,7 @@ def _reach(compiled: Compiled) -> list[str]:
     factor, unit = (180.0 / np.pi, "°") if rotary else (1e3, " mm")
     ranges = reachable_ranges(compiled)
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
-    if full:
-        words = "a full turn"
-    else:
-        words = ", ".join(f"{a * factor:.7g}{unit} to {b * factor:.7g}{unit}" for a, b in ranges)
+    words = "a full turn" if full else ", ".join(f"{a * factor:.7g}{unit} to {b * factor:.7g}{unit}" for a, b in ranges)
     return [f"reach      drive {drive.pair}: {words}"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -191,7 +192,7 @@ def drawn(
         sketch[name] = (x, y, 0.0)
     pairs: list[Pair] = []
     for p, on in where.items():
-        for i, (first, second) in enumerate(zip(on, on[1:], strict=False)):
+        for i, (first, second) in enumerate(itertools.pairwise(on)):
             pairs.append(Revolute(name=p if i == 0 else f"{p}{i}", links=(first, second), points=(p, p)))
     for p, direction in (guides or {}).items():
         made.append(Link(name=f"slider{p}", points={p: (0.0, 0.0)}))

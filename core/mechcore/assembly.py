@@ -144,7 +144,7 @@ def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[f
 
 def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tuple[str, int], complex | float]:
     """A block's unknowns (rotations and displacements) in one mode, without changing ``state``."""
-    trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+    trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         bl.place(model, block, trial, mode)
     out: dict[tuple[str, int], complex | float] = {
@@ -158,7 +158,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
 
 def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     """Where the block's pair is in one mode, in millimetres, for a message."""
-    trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+    trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         bl.place(model, block, trial, mode)
     j = model.joint_index[block.name]
@@ -216,7 +216,7 @@ def _open_mode(model: Model, block: Block, state: State) -> float | None:
     inner = model.joint_index[block.name]
 
     def crossing(mode: float) -> bool:
-        trial = State(delta=state.delta, rot=list(state.rot), slide=dict(state.slide))
+        trial = state.copy()
         with np.errstate(invalid="ignore", divide="ignore"):
             bl.place(model, block, trial, mode)
 
@@ -268,7 +268,7 @@ def _sketched_slide(model: Model, j: int) -> float | None:
     for link, local in zip(joint.links, (joint.a, joint.b), strict=True):
         x, y, angle = sketch[link]
         at.append(x + 1j * y + local * cmath.exp(1j * angle))
-    d = joint.slide * cmath.exp(1j * sketch[joint.links[joint.guide]][2])
+    d = (joint.slide or 0j) * cmath.exp(1j * sketch[joint.links[joint.guide]][2])
     way = (at[1] - at[0]) if joint.guide == 0 else (at[0] - at[1])
     return (way * d.conjugate()).real
 
@@ -347,19 +347,17 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400) 
     x = np.concatenate(
         [rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1
     )
-    trial = State(
-        delta=state.delta, rot=list(state.rot), slide={j: s for j, s in state.slide.items()}, newton=dict(state.newton)
-    )
+    trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         bl.place(model, block, trial, 0.0, x)
     found = trial.newton[block.name].x
     found = found[np.isfinite(found).all(axis=-1)]
     found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
-    unique: list[Array] = []
+    unique: list[tuple[Array, Array]] = []
     for row in found:
         key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])
         if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):
             unique.append((key, row))
-    rows = sorted((row for _, row in unique), key=lambda r: tuple(np.round(r, 9)))
+    rows = sorted((row for _, row in unique), key=lambda r: [round(float(v), 9) for v in r])
     return np.array(rows) if rows else np.empty((0, n + k))
 

@@ -48,6 +48,10 @@ class State:
     slide: dict[int, Array]
     newton: dict[str, Newton] = field(default_factory=dict)
 
+    def copy(self) -> State:
+        """A state that can be filled in further without changing this one."""
+        return State(delta=self.delta, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton))
+
 
 @dataclass(frozen=True)
 class Newton:
@@ -71,7 +75,7 @@ class Vectors:
 class Columns:
     """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero."""
 
-    table: tuple[tuple[Array | None, ...], ...]
+    table: tuple[tuple[Array, ...], ...]
     det: Array | None  # of the two columns, where there is one contour and two unknowns
 
 
@@ -230,8 +234,8 @@ def _unknowns(block: Block) -> list[tuple[str, int]]:
     return [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
 
 
-def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array | None:
-    """Derivative of one contour by one unknown."""
+def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:
+    """Derivative of one contour by one unknown, None where it is zero."""
     what, i = unknown
     if what == "slide":
         for j, _, along in v.slides:
@@ -294,8 +298,8 @@ def condition(model: Model, block: Block, cols: Columns) -> Array:
         return 1.0
     k = len(block.angles)
     if cols.det is not None:
-        first = [c / model.size if i < k else c for i, c in enumerate(cols.table[0])]
-        total = sum(c.real**2 + c.imag**2 for c in first)
+        first: list[Array] = [c / model.size if i < k else c for i, c in enumerate(cols.table[0]) if c is not None]
+        total: Array = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first if c is not None)
         product = abs(cf.cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))

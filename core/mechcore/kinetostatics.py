@@ -292,9 +292,10 @@ def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:
     leaves = [k for k, d in degree.items() if d == 1 and k != 0]
     while leaves:
         k = leaves.pop()
-        j = next((i for i in near[k] if i not in done), None)
-        if j is None:
+        open_edges = [i for i in near[k] if i not in done]
+        if not open_edges:
             continue
+        j = open_edges[0]
         done.add(j)
         other = model.ends[j][0] if model.ends[j][1] == k else model.ends[j][1]
         couples[j] = -left[k] if model.ends[j][1] == k else left[k]

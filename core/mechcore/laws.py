@@ -195,7 +195,7 @@ class Table:
         if self.period is not None:
             x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
         if not self.smooth or len(x) < 3:
-            spline = make_interp_spline(x, y, k=1)
+            spline: object = make_interp_spline(x, y, k=1)
         else:
             spline = CubicSpline(x, y, bc_type="periodic" if self.period is not None else "not-a-knot")
         object.__setattr__(self, "_spline", spline)

@@ -209,9 +209,9 @@ def _blocks(
                 redundant=2 * len(own) - len(unknowns),
             )
         )
-    for c in range(len(sums)):
-        if c not in placed:
-            blocks.append(Block("check", (c,), (), (), joints[sums[c].closing].name, redundant=2))
+    for i, contour in enumerate(sums):
+        if i not in placed:
+            blocks.append(Block("check", (i,), (), (), joints[contour.closing].name, redundant=2))
     return tuple(blocks), [unknown[u] for u in sorted(order.loose)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -45,17 +46,17 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     grid = q0 + np.linspace(-half, half, samples)
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])
-    low, high = grid[edges].copy(), grid[edges + 1].copy()
+    before, after = grid[edges].copy(), grid[edges + 1].copy()
     for _ in range(40):  # bisection of all edges at once
         if not len(edges):
             break
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (before + after)
         same = assembled(middle) == ok[edges]
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    cuts = [grid[0], *np.where(ok[edges], low, high), grid[-1]] if len(edges) else [grid[0], grid[-1]]
+        before, after = np.where(same, middle, before), np.where(same, after, middle)
+    cuts = [grid[0], *np.where(ok[edges], before, after), grid[-1]] if len(edges) else [grid[0], grid[-1]]
     out = []
     state = bool(ok[0])
-    for a, b in zip(cuts, cuts[1:], strict=False):
+    for a, b in itertools.pairwise(cuts):
         if state:
             out.append((float(a), float(b)))
         state = not state

@@ -78,7 +78,8 @@ def solve_motion(
     values = []
     for d in model.mechanism.drives:
         given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
-        values.append(tuple(np.broadcast_to(np.asarray(v, float), time.shape) for v in given))
+        q, v, a = (np.broadcast_to(np.asarray(x, float), time.shape) for x in given)
+        values.append((q, v, a))
     positions = [v[0] for v in values]
     starts = None
     parameter, track = None, None

@@ -10,7 +10,7 @@ import numpy as np
 from .model import Model
 from .motion import Motion
 
-__all__ = ["Group", "contour_pairs", "groups", "gruebler", "redundant_pairs", "rank_mobility"]
+__all__ = ["Group", "contour_pairs", "groups", "gruebler", "rank_mobility", "redundant_pairs"]
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
 

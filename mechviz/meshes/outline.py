@@ -75,9 +75,9 @@ def _ground(start: Vec2, end: Vec2, r: float, thickness: float | None = None) ->
     bar = 0.4 * r if thickness is None else thickness
     # A base is drawn around its left edge, so that it meets the foot above it.
     parts = [Polygon([a, b, b + bar * n, a + bar * n])]
-    rib, height = 0.2 * r, 0.75 * r
+    rib, height, end = 0.2 * r, 0.75 * r, 0.1 * r
     count = max(3, round(length / (0.95 * r)))
-    pitch = (length - height - rib) / (count - 1)
+    pitch = (length - height - rib - end) / (count - 1)
     for k in range(count):
         foot = a + (height + k * pitch) * u + 0.5 * bar * n
         tip = foot + (0.5 * bar + height) * n - height * u

@@ -16,7 +16,7 @@ from ..tables import centre_name, links_with_mass, point_name
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["COLORS", "Arc", "Arrow", "Scales", "arc_strips", "inertia_line", "shapes", "visible"]
+__all__ = ["COLORS", "Arc", "Arrow", "Scales", "arc_strips", "arc_sweep", "inertia_line", "shapes", "visible"]
 
 Real = NDArray[np.float64]
 
@@ -185,19 +185,24 @@ def _inertia_moments(run: Run, arrows: list[Arrow], scales: Scales, size: float)
     return found
 
 
-def arc_strips(centre: Real, moment: float, z: float, scale: float, size: float) -> list[Real]:
-    """An arc whose length stands for a moment [N m], and its head: strips (n, 3). Empty where it would be too short."""
-    sweep = float(np.clip(moment / (scale * ARC_RADIUS * size), -ARC_LARGEST, ARC_LARGEST))
-    if not abs(sweep) * ARC_RADIUS > SHORTEST:
-        return []
+def arc_sweep(moments: Real, scale: float, size: float) -> Real:
+    """Signed angles (F,) [rad] that arcs span so that their length stands for moments (F,) [N m]; 0 where too short to see."""
+    sweep = np.nan_to_num(moments / (scale * ARC_RADIUS * size))
+    sweep = np.clip(sweep, -ARC_LARGEST, ARC_LARGEST)
+    return np.where(np.abs(sweep) * ARC_RADIUS > SHORTEST, sweep, 0.0)
+
+
+def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> NDArray[np.float32]:
+    """Arcs with arrow heads about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
     radius = ARC_RADIUS * size
-    middle = 0.5 * np.pi  # the arc opens evenly about the vertical
-    angles = middle + np.linspace(-0.5 * sweep, 0.5 * sweep, ARC_POINTS)
-    arc = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    head = 0.32 * radius
-    tip, end = arc[-1], angles[-1]
-    along = np.sign(sweep) * np.array([-np.sin(end), np.cos(end)])
-    across = np.array([np.cos(end), np.sin(end)])
-    tip = tip + 0.5 * head * along
-    barbs = np.array([tip - head * along + 0.6 * head * across, tip, tip - head * along - 0.6 * head * across])
-    return [np.column_stack([s, np.full(len(s), z)]) for s in (arc, barbs)]
+    # the arc opens evenly about the vertical
+    angles = 0.5 * np.pi + sweep[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+    arc = centres[:, None] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    end = angles[:, -1]
+    along = np.sign(sweep)[:, None] * np.column_stack([-np.sin(end), np.cos(end)])
+    across = np.column_stack([np.cos(end), np.sin(end)])
+    head = 0.3 * radius
+    tip = arc[:, -1] + 0.5 * head * along
+    barbs = [tip - head * along + side * 0.6 * head * across for side in (1, -1)]
+    strip = np.concatenate([arc, np.stack([tip, barbs[0], tip, barbs[1]], axis=1)], axis=1)
+    return np.concatenate([strip, np.full((*strip.shape[:2], 1), z)], axis=-1).astype(np.float32)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechcore.spec import Revolute
 
 from ..tables import Table, drive_unit, point_name
-from .arrows import COLORS, Arc, Arrow, Scales, arc_strips, visible
+from .arrows import COLORS, Arc, Arrow, Scales, arc_strips, arc_sweep, visible
 from .paths import entity
 
 if TYPE_CHECKING:
@@ -154,15 +154,12 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
 
         yield Stream(entity(*arrow.path), draw, every)
     for arc in arcs:
+        sweep = np.where(arc.shown, arc_sweep(arc.moments, scales.newton_metres_per_metre, size), 0.0)
 
-        def bend(frames: Index, arc: Arc = arc) -> Any:
-            rows = [
-                arc_strips(arc.centres[f], arc.moments[f], z, scales.newton_metres_per_metre, size) if arc.shown[f] else []
-                for f in frames
-            ]
-            return rr.LineStrips3D.columns(strips=_strips([s for row in rows for s in row])).partition(
-                np.array([len(row) for row in rows], np.int64)
-            )
+        def bend(frames: Index, arc: Arc = arc, sweep: Real = sweep) -> Any:
+            shown = frames[sweep[frames] != 0]
+            strips = arc_strips(arc.centres[shown], sweep[shown], z, size)
+            return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
 
         yield Stream(entity(*arc.path), bend, every)
 
@@ -204,11 +201,6 @@ def _check_mesh(name: str, solid: Any) -> None:
     """rerun takes any indices and NaN coordinates without a word, and the viewer then shows nothing."""
     if not (np.isfinite(solid.vertices).all() and np.isfinite(solid.normals).all() and solid.faces.max() < len(solid.vertices)):
         raise ValueError(f"the mesh of link '{name}' is broken")
-
-
-def _strips(strips: list[Real]) -> Any:
-    """Line strips as arrow data: the SDK's own conversion walks through every strip in Python."""
-    return strips
 
 
 def _in_space(xy: Real, z: float) -> NDArray[np.float32]:

@@ -35,7 +35,9 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
     for key, link in document.links.items():
         points = placement.points.get(key)
         if points:
-            mass, centre, inertia = mass_properties(key, link, points, document, convert, can_turn=key not in parallel)
+            settled = key == document.frame or key in reading.broken["links"]  # nothing is missing, or it is not known
+            effects = () if settled else tuple(document.effects)
+            mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=key not in parallel)
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia))
     pairs = [_pair(key, pair, placement, convert) for key, pair in document.pairs.items()]
     drives = []

@@ -140,7 +140,7 @@ class SceneBuilder:
         return self._add("loads", name, {"torque": moment, "on": on, "table": table})
 
     def sketch(self, **places: Sequence[Value] | Mapping[str, Any]) -> SceneBuilder:
-        """Rough start places of points, ``B=(60, 0)``, or poses of links, ``rod={"at": (60, 0), "angle": "30 deg"}``."""
+        """Rough start: places of points, ``B=(60, 0)``, poses of links, ``rod={"at": (60, 0), "angle": "9 deg"}``."""
         for name, place in places.items():
             self._add("sketch", name, place)
         return self

@@ -53,7 +53,10 @@ def describe(value: Any) -> str:
         return "a table"
     if isinstance(value, list):
         return f"a list of {len(value)}" if len(str(value)) > 40 else str(value).replace("'", '"')
-    return str(value)
+    if isinstance(value, int) and value.bit_length() > 200:
+        return f"an integer of about {value.bit_length() * 0.30103:.0f} digits"  # Python refuses to print the longest
+    text = str(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def _finite(value: Any, wanted: str) -> float:
@@ -216,9 +219,10 @@ class UnitName:
 
 def _exactly_two(value: Any) -> Any:
     if not isinstance(value, list | tuple):
-        raise fault(f"{describe(value)} where a pair of numbers is wanted.", "Write it like [60, 0].")
+        raise fault(f"{describe(value)} where a pair of numbers is wanted.", "Write it like [x, y].")
     if len(value) != 2:
-        raise fault(f"{describe(value)} has {len(value)} entries, two are wanted.", "Write it like [60, 0].")
+        entries = "1 entry" if len(value) == 1 else f"{len(value)} entries"
+        raise fault(f"{describe(value)} has {entries}, two are wanted.", "Write it like [x, y].")
     return value
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from .convert import Converter
 from .document import LinkDocument, SceneDocument
@@ -30,14 +30,14 @@ def mass_properties(
     name: str,
     link: LinkDocument,
     points: Mapping[str, Vec2],
-    document: SceneDocument,
+    effects: Sequence[str],
     convert: Converter,
     *,
     can_turn: bool,
 ) -> tuple[float, Vec2, float]:
     """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
 
-    What an effect needs and the scene does not say is a fault; what nothing needs stays zero.
+    What one of the effects needs and the scene does not say is a fault; what nothing needs stays zero.
     """
     path = f"links.{name}"
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
@@ -48,7 +48,7 @@ def mass_properties(
         return mass, (0.5 * (ax + bx), 0.5 * (ay + by)), mass * math.dist((ax, ay), (bx, by)) ** 2 / 12.0
     if link.shape == "point":
         return mass, places[0], 0.0
-    counts = mass > 0.0 and bool(document.effects) and name != document.frame
+    counts = mass > 0.0 and bool(effects)
     if isinstance(link.centre, str):
         if link.centre not in points:
             convert.note(
@@ -64,10 +64,10 @@ def mass_properties(
         if counts and len(places) > 1:
             convert.note(
                 path,
-                f"has a mass but no centre, which {listing(document.effects)} needs.",
+                f"has a mass but no centre, which {listing(effects)} needs.",
                 'Add centre = [x, y] (or the name of a point), or shape = "bar".',
             )
-    if counts and can_turn and link.inertia is None and "inertia" in document.effects:
+    if counts and can_turn and link.inertia is None and "inertia" in effects:
         convert.note(
             path,
             "has a mass but no moment of inertia, which 'inertia' needs.",

@@ -12,10 +12,13 @@ from mechcore.errors import Fault
 from .catalogue import GALLERY_FOLDER, gallery_names
 from .faults import SceneError, closest, did_you_mean
 
-__all__ = ["find_scene", "parse_toml", "read_text"]
+__all__ = ["DEEPEST_NESTING", "LARGEST_FILE", "find_scene", "parse_toml", "read_text"]
 
 LARGEST_FILE = 8_000_000
 """Largest scene file [bytes]: far beyond any scene, short of what would keep a machine busy for minutes."""
+
+DEEPEST_NESTING = 20
+"""Levels of tables and lists in a scene file; a scene needs six."""
 
 
 def find_scene(source: str | Path) -> Path:
@@ -131,24 +134,36 @@ _REMEDIES = (
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """TOML text -> plain data; SceneError with line and column in words where it is no TOML."""
     try:
-        return tomllib.loads(text)
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        said = str(error).splitlines()[0]
+        raise SceneError(name, _syntax_fault(str(error), text)) from None
+    except ValueError as error:  # Python refuses integers of thousands of digits
+        raise SceneError(name, Fault("file", f"cannot be read: {error}.", "Write long numbers as 1e6.")) from None
     except RecursionError:
-        raise SceneError(
-            name,
-            Fault(
-                "file", "brackets are nested too deep to be read.", "A scene needs no more than a handful of levels."
-            ),
-        ) from None
-    message, _, place = said.partition(" (at ")
+        data = None
+    if data is None or not _is_shallow(data, DEEPEST_NESTING):
+        fault = Fault("file", "brackets are nested too deep.", f"A scene needs no more than {DEEPEST_NESTING} levels.")
+        raise SceneError(name, fault)
+    return data
+
+
+def _is_shallow(value: Any, levels: int) -> bool:
+    """Are tables and lists nested at most this deep?"""
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return levels > 0 and all(_is_shallow(item, levels - 1) for item in inner)
+
+
+def _syntax_fault(said: str, text: str) -> Fault:
+    """What the TOML reader said, with the line that it stumbled over."""
+    message, _, place = said.splitlines()[0].partition(" (at ")
     numbers = [int(n) for n in re.findall(r"[0-9]+", place)]
-    line, column = (numbers[0], numbers[1]) if len(numbers) > 1 else (text.count("\n") + 1, 0)
     rows = text.splitlines()
+    if len(numbers) > 1:
+        line, where = numbers[0], f"line {numbers[0]}, column {numbers[1]}"
+    else:
+        line = len(text.rstrip().splitlines())
+        where = f"line {line}, end of file"
     shown = rows[line - 1].strip() if 0 < line <= len(rows) else ""
-    where = f"line {line}, column {column}" if column else "end of file"
     quoted = f", in: {shown[:60]}{'...' if len(shown) > 60 else ''}" if shown else "."
-    remedy = next(
-        (hint for start, hint in _REMEDIES if message.startswith(start)), "Check the brackets, commas and quotes there."
-    )
-    raise SceneError(name, Fault(where, f"not valid TOML: {message[:1].lower()}{message[1:]}{quoted}", remedy))
+    remedy = next((hint for start, hint in _REMEDIES if message.startswith(start)), "Check brackets and quotes there.")
+    return Fault(where, f"not valid TOML: {message[:1].lower()}{message[1:]}{quoted}", remedy)

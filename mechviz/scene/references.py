@@ -19,7 +19,8 @@ def point_names(reading: Reading, link: str) -> list[str] | None:
         return list(reading.document.links[link].points)
     raw = reading.raw.get("links", {}) if isinstance(reading.raw.get("links"), dict) else {}
     points = raw.get(link, {}).get("points") if isinstance(raw.get(link), dict) else None
-    return [name for name in points if isinstance(name, str)] if isinstance(points, dict | list) else None
+    names = [name for name in points if isinstance(name, str)] if isinstance(points, dict | list) else []
+    return names or None
 
 
 def points_of_pair(name: str, pair: PairDocument) -> tuple[str, str]:
@@ -55,7 +56,9 @@ def check_references(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"effects[{k}]", f"'{effect}' is listed twice.", "Leave it out once.")
     if document.effects and not reading.broken["links"] and all(link.mass is None for link in document.links.values()):
         remedy = "Give the moving links a mass, or leave out the effects."
-        yield Fault("effects", f"{' and '.join(document.effects)} act on masses, and no link has a mass.", remedy)
+        yield Fault(
+            "effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy
+        )
 
 
 def _known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from mechcore.errors import Fault
 
 from .document import LinkDocument, LoadDocument, PairDocument, Pose, RunDocument, SceneDocument, UnitsDocument
-from .faults import closest, did_you_mean, listing
+from .faults import closest, listing
 from .fields import describe
 from .motions import DriveDocument, DriveTable, FactorTable, OscillationDocument, SegmentDocument, ZonesDocument
 from .tables import Table
@@ -41,10 +41,17 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
     ("loads", "*", "table"): FactorTable,
 }
 _SECTIONS = ("links", "pairs", "sketch", "loads")
-_SEPARABLE = {
-    ("pairs", "drive"),
-    ("loads", "table"),
-}  # faulty parts without which the rest of the item still means the same
+_SEPARABLE = {  # faulty parts without which the rest of the item still means the same
+    ("pairs", "drive"), ("pairs", "side"), ("pairs", "assembly"), ("pairs", "branch"), ("pairs", "along"),
+    ("pairs", "guide"), ("pairs", "angle"), ("loads", "table"), ("loads", "axes"),
+}  # fmt: skip
+_STANDS_FOR: Mapping[tuple[str, str], Any] = {  # sound values in place of faulty ones, so that the rest can be checked
+    ("links", "mass"): 1.0,
+    ("links", "inertia"): 1.0,
+    ("links", "centre"): [0.0, 0.0],
+    ("loads", "force"): [1.0, 0.0],
+    ("loads", "torque"): 1.0,
+}
 
 # What people call things elsewhere.
 _SYNONYMS = {
@@ -65,6 +72,7 @@ class Reading:
     faults: list[Fault] = field(default_factory=list)
     broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
     undriven: set[str] = field(default_factory=set)  # pairs whose drive could not be read
+    invented: int = 0  # number of places that stand for faulty ones
 
 
 def read_document(raw: Mapping[str, Any]) -> Reading:
@@ -120,14 +128,31 @@ def _take_out(data: dict[str, Any], loc: Loc, kind: str, reading: Reading, *, wh
             table.pop(loc[-1], None)
         reading.broken[section].add(name)
         return bool(_meant(str(loc[-1]), _known_keys(loc[:-1])))
-    if len(loc) > 2 and (section, str(loc[2])) in _SEPARABLE and not whole and isinstance(entries.get(name), dict):
-        entries[name].pop(loc[2], None)
-        if section == "pairs":
-            reading.undriven.add(name)
+    entry, key = entries.get(name), str(loc[2]) if len(loc) > 2 else ""
+    if not whole and isinstance(entry, dict):
+        if (section, key) in _SEPARABLE:
+            entry.pop(key, None)
+            if key == "drive":
+                reading.undriven.add(name)
+            return False
+        if (section, key) in _STANDS_FOR:
+            entry[key] = _STANDS_FOR[section, key]
+            return False
+        if (section, key) == ("links", "points") and len(loc) > 3 and loc[-1] != "[key]":
+            entry[key][loc[3]] = _somewhere(reading)
+            return False
+    if section == "sketch" and not whole:
+        entries[name] = _somewhere(reading)
         return False
     entries.pop(name, None)
     reading.broken[section].add(name)
     return True
+
+
+def _somewhere(reading: Reading) -> list[float]:
+    """A place for a point whose own could not be read: no two of them at the same place."""
+    reading.invented += 1
+    return [1.0 + 0.1 * reading.invented, 0.7 * reading.invented]
 
 
 def _inside(data: Any, loc: Iterable[int | str]) -> Any:
@@ -166,7 +191,7 @@ def _faults(detail: Any, loc: Loc) -> list[Fault]:
     """One of pydantic's errors -> faults in our words."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if loc and loc[-1] == "[key]":
-        loc = loc[:-2]  # the message names the key
+        loc = loc[:-1] if loc[-2] else loc[:-2]
     path, parent = path_text(loc) or "scene", path_text(loc[:-1]) or "scene"
     if kind == "scene":
         keys = value if isinstance(value, dict) else {}
@@ -178,7 +203,7 @@ def _faults(detail: Any, loc: Loc) -> list[Fault]:
         known = _known_keys(loc[:-1])
         meant = _meant(str(loc[-1]), known)
         remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
-        return [Fault(parent, f"unknown key '{loc[-1]}'.", remedy)]
+        return [Fault(parent if len(loc) > 1 else path, f"unknown key '{loc[-1]}'.", remedy)]
     if kind == "missing":
         return [Fault(parent, f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")]
     if kind == "literal_error":

@@ -1,0 +1,101 @@
+"""What a recording says about itself: properties, connectivity, notes."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from mechcore.spec import Prismatic
+
+from .arrows import Scales
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run, Stage
+
+__all__ = ["SCHEMA", "model_json", "notes", "package_version", "properties", "scene_text"]
+
+SCHEMA = 1
+"""Version of the recording contract; a change of meaning raises it."""
+
+TOLERANCE = 1e-12
+"""Contour residual that the solver promises, in sizes of the mechanism."""
+
+
+def package_version() -> str:
+    """The version of mechviz."""
+    try:
+        return version("mechviz")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"
+
+
+def scene_text(run: Run) -> str:
+    """The scene as TOML: the file's own text where there is one."""
+    return getattr(run.scene, "text", "") or run.scene.to_toml()
+
+
+def model_json(run: Run) -> str:
+    """The connectivity that a reader needs to check the physics, as JSON."""
+    mechanism = run.motion.mechanism
+    loads = {} if run.forces is None else run.forces.loads
+    model = {
+        "frame": mechanism.frame,
+        "links": [link.name for link in mechanism.links],
+        "joints": {
+            p.name: {"type": "prismatic" if isinstance(p, Prismatic) else "revolute", "links": list(p.links)}
+            for p in mechanism.pairs
+        },
+        "drives": [d.pair for d in mechanism.drives],
+        "loads": {name: {"kind": load.kind, "links": [load.link]} for name, load in loads.items()},
+    }
+    return json.dumps(model, ensure_ascii=False)
+
+
+def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
+    """The recording's properties; lists of strings as arrow arrays, so that an empty one keeps its type."""
+    import pyarrow as pa
+
+    return {
+        "schema": SCHEMA,
+        "version": package_version(),
+        "scene": run.scene.name,
+        "title": run.scene.title or run.scene.name,
+        "frames": run.motion.frames,
+        "tolerance": TOLERANCE * run.motion.model.size,
+        "model": model_json(run),
+        "effects": pa.array(list(run.plan.effects), pa.string()),
+        "skipped": pa.array([s.name for s in run.plan.skipped], pa.string()),
+        "newtons_per_metre": scales.newtons_per_metre,
+        "newton_metres_per_metre": scales.newton_metres_per_metre,
+        "mps_per_metre": scales.mps_per_metre,
+        "mps2_per_metre": scales.mps2_per_metre,
+        "wall_seconds": wall_seconds,
+        "complete": complete,
+    }
+
+
+def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> str:
+    """Markdown: what was computed, what was left out and why, what each stage cost, what an arrow's length means."""
+    scene, plan = run.scene, run.plan
+    lines = [f"# {scene.title or scene.name}", "", scene.teaches, ""]
+    if not complete:
+        lines += ["**Unfinished**: writing was interrupted; the frames up to then are here.", ""]
+    lines += ["## Computed", "", *(f"- **{s.name}**: {s.why}" for s in plan.computed), ""]
+    lines += ["## Left out", "", *(f"- **{s.name}**: {s.why}" for s in plan.skipped), ""]
+    lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
+    lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
+    shown = [
+        (scales.newtons_per_metre, "N of force per metre of an arrow"),
+        (scales.newton_metres_per_metre, "N m of moment per metre of an arc's length"),
+        (scales.mps_per_metre, "m/s of velocity per metre of an arrow"),
+        (scales.mps2_per_metre, "m/s² of acceleration per metre of an arrow"),
+    ]
+    lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown if value == value)]
+    lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
+    if every > 1:
+        lines += [f"- arrows are drawn at every {every}th frame; all numbers under /data are there at every frame"]
+    for a, b in solids.clashes:
+        lines += ["", f"The solids of {a} and {b} pass through each other: no order of layers avoids it."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,166 @@
+"""Writes a solved scene as a rerun recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+import numpy as np
+
+from mechcore.events import Event, find_events
+
+from ..run import Stage, stopwatch
+from ..tables import tables
+from .arrows import Scales, shapes
+from .describe import notes, properties, scene_text
+from .events import peak_events
+from .stream_file import Part, recording_file
+from .streams import Stream, Timelines, arrow_streams, mechanism_streams, picture_stride, static_shapes, table_streams
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run
+
+__all__ = ["RecordingSummary", "write_recording"]
+
+BLOCK = 2000
+"""Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
+
+
+@dataclass(frozen=True)
+class RecordingSummary:
+    """What was written. ``stages`` are the writer's own; those of the solver are in the run."""
+
+    path: Path
+    recording_id: str
+    frames: int
+    entities: int
+    bytes: int
+    stages: tuple[Stage, ...]
+    events: tuple[Event, ...]
+    clashes: tuple[tuple[str, str], ...]  # links whose solids pass through each other
+
+    @property
+    def seconds(self) -> float:
+        """Time that the recording took [s]."""
+        return sum(s.seconds for s in self.stages)
+
+
+def write_recording(
+    run: Run,
+    path: Path | str,
+    *,
+    recording_id: str | None = None,
+    solids: Solids | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> RecordingSummary:
+    """Write a run to ``path``, replaced as a whole when complete. ``progress`` is told the frames written and their number.
+
+    Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
+    exception, see `interruption`.
+    """
+    path = Path(path)
+    recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
+    stages: list[Stage] = []
+    with stopwatch(stages, "solid meshes"):
+        solids = solids or _solids(run)
+    with stopwatch(stages, "tables, arrows and events"):
+        arrows, arcs, scales = shapes(run, solids.size)
+        every = picture_stride(run)
+        timelines = Timelines.of(run)
+        events = sorted([*find_events(run.motion), *peak_events(run)], key=lambda e: e.time)
+        streams = [*mechanism_streams(run, solids), *table_streams(tables(run))]
+        streams += arrow_streams(arrows, arcs, scales, solids, every)
+    with stopwatch(stages, "blueprint"):
+        from .blueprint import make_blueprint
+        from .plots import plot_streams, plot_styles
+
+        blueprint = make_blueprint(run, solids, events)
+        streams += plot_streams(run)
+        statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run)]
+    with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
+        with stopwatch(stages, "writing"):
+            _describe(part.stream, run, solids, scales, stages, every, complete=False)
+            for static in statics:
+                part.stream.log(static.path, static.archetype, static=True)
+            for link in _properties_of_links(run):
+                part.stream.log(*link, static=True)
+            _send_events(part.stream, timelines, events)
+            _send_streams(part, streams, timelines, progress)
+        _describe(part.stream, run, solids, scales, stages, every, complete=True)
+    return RecordingSummary(
+        path=path,
+        recording_id=recording_id,
+        frames=run.motion.frames,
+        entities=len({s.path for s in streams} | {s.path for s in statics}),
+        bytes=path.stat().st_size,
+        stages=tuple(stages),
+        events=tuple(events),
+        clashes=tuple(solids.clashes),
+    )
+
+
+def _solids(run: Run) -> Solids:
+    from ..meshes import build_solids
+
+    return build_solids(run.motion.mechanism, {link: run.motion.pose(link) for link in run.motion.model.links})
+
+
+def _describe(
+    stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool
+) -> None:
+    """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
+    import rerun as rr
+
+    spent = [*run.stages, *stages]
+    wall = sum(s.seconds for s in spent)
+    stream.send_property("mechviz", rr.AnyValues(**properties(run, scales, wall, complete=complete)))
+    if not complete:
+        stream.log("scene", rr.TextDocument(scene_text(run)), static=True)
+    text = notes(run, solids, scales, spent, every, complete=complete)
+    stream.log("notes", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def _properties_of_links(run: Run) -> list[tuple[str, Any]]:
+    """Mass [kg], centre of mass in the link frame [m], J_S [kg m^2] of the links whose mass counts."""
+    import rerun as rr
+
+    from ..tables import links_with_mass
+    from .paths import entity
+
+    masses = {link.name: [link.mass, *link.centre, link.inertia] for link in run.motion.mechanism.links}
+    return [(entity("data", "links", k, "properties"), rr.Scalars(masses[k])) for k in links_with_mass(run)]
+
+
+def _send_events(stream: Any, timelines: Timelines, events: list[Event]) -> None:
+    if not events:
+        return
+    import rerun as rr
+
+    lines = [f"{e.item}: {e.text} (t = {e.time:.6g} s)" for e in events]
+    columns = rr.TextLog.columns(text=lines, level=[e.level for e in events])
+    stream.send_columns("events", timelines.columns_at(np.array([e.time for e in events])), columns)
+
+
+def _send_streams(
+    part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None
+) -> None:
+    """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
+    total = len(timelines.time)
+    for start in range(0, total, BLOCK):
+        frames = np.arange(start, min(start + BLOCK, total))
+        times: dict[int, Any] = {}
+        for stream in streams:
+            chosen = frames[frames % stream.every == 0]
+            if len(chosen) == 0:
+                continue
+            if stream.every not in times:
+                times[stream.every] = timelines.columns(chosen)
+            part.stream.send_columns(stream.path, times[stream.every], stream.columns(chosen))
+        part.flush(int(frames[-1]) + 1)
+        if progress is not None:
+            progress(part.frames, total)

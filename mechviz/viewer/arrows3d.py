@@ -1,0 +1,141 @@
+"""Vectors as arrows and moments as arcs with a head, by family, each family with a switch and all with a common size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ..vectors import FAMILIES, Moment, Scales, Vector
+
+__all__ = ["ArrowNodes", "arc_vertices", "arrow_points"]
+
+Real = NDArray[np.float64]
+
+# In parts of the mechanism's size
+SHAFT = 0.0042
+HEAD_RADIUS = 0.0115
+HEAD_LENGTH = 0.034
+ARC_RADIUS = 0.085
+ARC_WIDTH = 0.0085
+
+ARC_STEPS = 40
+ARC_HEAD = 0.42  # [rad]
+LARGEST_TURN = 1.8 * np.pi
+ARC_FACES = np.array(
+    [f for k in range(ARC_STEPS) for f in ([2 * k, 2 * k + 1, 2 * k + 2], [2 * k + 1, 2 * k + 3, 2 * k + 2])]
+    + [[2 * ARC_STEPS + 2, 2 * ARC_STEPS + 3, 2 * ARC_STEPS + 4]],
+    np.uint32,
+)
+
+
+def arrow_points(origins: Real, arrows: Real, z: float, least: float) -> NDArray[np.float32]:
+    """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] in the plane ``z`` that can be seen.
+
+    viser draws an arrow that is shorter than its head, even one of no length, as a whole head: such arrows are left out.
+    """
+    with np.errstate(invalid="ignore"):
+        visible = np.hypot(arrows[:, 0], arrows[:, 1]) >= least
+    visible &= np.isfinite(origins).all(axis=1) & np.isfinite(arrows).all(axis=1)
+    start, end = origins[visible], origins[visible] + arrows[visible]
+    points = np.full((len(start), 2, 3), z, np.float32)
+    points[:, 0, :2], points[:, 1, :2] = start, end
+    return points
+
+
+def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> NDArray[np.float32]:
+    """Corners of a flat arc with a head, through ``turn`` [rad] about ``centre`` (2,) [m], beginning at the right; see `ARC_FACES`."""
+    sign = np.sign(turn)
+    head = min(ARC_HEAD, abs(turn))
+    along = np.linspace(0.0, sign * (abs(turn) - head), ARC_STEPS + 1)
+    rim = np.array([radius + 0.5 * width, radius - 0.5 * width])
+    body = (rim * np.exp(1j * along)[:, None]).ravel()
+    base = np.array([radius + 1.7 * width, radius - 1.7 * width]) * np.exp(1j * along[-1])
+    flat = np.concatenate([body, base, [radius * np.exp(1j * sign * abs(turn))]]) + complex(*centre)
+    return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
+
+
+class ArrowNodes:
+    """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        vectors: Mapping[str, Mapping[str, Vector]],
+        moments: Mapping[str, Mapping[str, Moment]],
+        scales: Scales,
+        size: float,
+        z: float,
+    ):
+        self._server = server
+        self._size, self._z = size, z
+        self._on = {family: False for family in FAMILIES if family in vectors or family in moments}
+        self._factor = 1.0
+        self._arrows: dict[str, tuple[viser.ArrowsHandle, Real, Real]] = {}
+        self._arcs: list[tuple[str, viser.MeshHandle, Real, Real]] = []
+        for family, items in vectors.items():
+            origins = np.stack([v.origin for v in items.values()], axis=1)
+            lengths = np.stack([v.value for v in items.values()], axis=1) / scales.per_metre(family)
+            self._arrows[family] = self._add_arrows(family), origins, lengths
+        for family, found in moments.items():
+            for moment in found.values():
+                turn = moment.value / scales.newton_metres_per_metre / (ARC_RADIUS * size)
+                self._arcs.append((family, self._add_arc(family, moment.item), moment.origin, turn))
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        return tuple(self._on)
+
+    def is_on(self, family: str) -> bool:
+        return self._on[family]
+
+    def switch(self, family: str, on: bool) -> None:
+        """Draw a family from the next ``show`` on, or no more."""
+        self._on[family] = on
+
+    def enlarge(self, factor: float) -> None:
+        """Draw all arrows longer by a factor from the next ``show`` on."""
+        self._factor = factor
+
+    def show(self, frame: int) -> None:
+        for family, (node, origins, lengths) in self._arrows.items():
+            if not self._on[family]:
+                node.visible = False
+                continue
+            least = 1.15 * HEAD_LENGTH * self._size
+            points = arrow_points(origins[frame], lengths[frame] * self._factor, self._z, least)
+            node.visible = len(points) > 0
+            if len(points):
+                node.points = points
+        for family, arc, origin, turns in self._arcs:
+            turn = float(np.clip(turns[frame] * self._factor, -LARGEST_TURN, LARGEST_TURN))
+            arc.visible = self._on[family] and abs(turn) >= 0.5 * ARC_HEAD
+            if arc.visible:
+                arc.vertices = arc_vertices(
+                    origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z
+                )
+
+    def _add_arrows(self, family: str) -> viser.ArrowsHandle:
+        return self._server.scene.add_arrows(
+            f"/vectors/{family}",
+            np.zeros((1, 2, 3)),
+            FAMILIES[family].color,
+            shaft_radius=SHAFT * self._size,
+            head_radius=HEAD_RADIUS * self._size,
+            head_length=HEAD_LENGTH * self._size,
+            visible=False,
+        )
+
+    def _add_arc(self, family: str, item: str) -> viser.MeshHandle:
+        return self._server.scene.add_mesh_simple(
+            f"/moments/{family}/{item.replace('/', '_')}",
+            arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z),
+            ARC_FACES,
+            color=FAMILIES[family].color,
+            side="double",
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
+        )

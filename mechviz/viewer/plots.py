@@ -1,0 +1,152 @@
+"""Plots of chosen quantities against the drive or time, each with a cursor that moves with the mechanism."""
+
+from __future__ import annotations
+
+import html
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from ..run import Run
+from .curves import Curves
+from .quantities import Axis, Quantity, find_axes, find_quantities, first_choice
+
+__all__ = ["Plots", "number"]
+
+COUNT = 3
+HEIGHT = 178  # [px]
+COLORS = ("#2563c9", "#d97706", "#0f8a5f")
+CURSOR = "#c2255c"
+CURSOR_RATE = 20.0  # moves a second while playing: each sends the whole plot
+ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
+
+Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
+
+
+def number(value: float) -> str:
+    """A value for reading, five significant digits with a true minus."""
+    text = f"{value:.5g}" if np.isfinite(value) else "not finite"
+    return text.replace("-", "−", 1) if text.startswith("-") else text
+
+
+class Plots:
+    """A column of plots; ``show`` moves their cursors. Build it inside the container of a panel."""
+
+    def __init__(self, server: viser.ViserServer, run: Run, callback: Callback):
+        gui = server.gui
+        self._lock = threading.RLock()
+        self._frame, self._moved = 0, 0.0
+        self._quantities = {q.title: q for q in find_quantities(run)}
+        self._axes = {a.title: a for a in find_axes(run)}
+        titles = tuple(self._axes)
+        self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+        self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
+        self._axis: Axis = self._axes[titles[0]]
+        chosen = first_choice(run, COUNT)
+        self.slots = [
+            Slot(server, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis) for k, quantity in enumerate(chosen)
+        ]
+        for slot in self.slots:
+            slot.choice.on_update(callback("Changing a plot", lambda _, slot=slot: self.choose(slot, slot.choice.value)))
+        self.show(0, playing=False)
+
+    def choose_axis(self, title: str) -> None:
+        """Plot against the drive or time; an unknown title changes nothing."""
+        with self._lock:
+            self._axis = self._axes.get(title, self._axis)
+            for slot in self.slots:
+                slot.plot(slot.quantity, self._axis, self._frame)
+
+    def choose(self, slot: Slot, title: str) -> None:
+        """Plot another quantity; an unknown title changes nothing."""
+        with self._lock:
+            if title in self._quantities:
+                slot.plot(self._quantities[title], self._axis, self._frame)
+
+    def show(self, frame: int, playing: bool) -> None:
+        with self._lock:
+            now = time.perf_counter()
+            if playing and now - self._moved < 1.0 / CURSOR_RATE:
+                return
+            self._frame, self._moved = frame, now
+            for slot in self.slots:
+                slot.show(frame)
+
+
+class Slot:
+    """One plot with the choice of its quantity and the values at the present frame."""
+
+    def __init__(self, server: viser.ViserServer, label: str, titles: tuple[str, ...], quantity: Quantity, axis: Axis):
+        self._gui = server.gui
+        self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
+        self._readout = self._gui.add_html("")
+        self._container = self._gui._get_container_uuid()
+        self._order: float | None = None
+        self.chart: viser.GuiUplotHandle | None = None
+        self.plot(quantity, axis, 0)
+
+    def plot(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+        """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
+        self.quantity = quantity
+        self._values = quantity.values()
+        self._curves = Curves(axis.values, self._values)
+        series: list[Any] = [uplot.Series(label=axis.title)]
+        for name, color in zip(quantity.curves, COLORS, strict=False):
+            series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
+        series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
+        data = self._curves.at(frame)
+        horizontal: Any = uplot.Axis(label=axis.title, size=34, labelSize=18, labelGap=-2, font="11px sans-serif", labelFont="12px sans-serif")
+        if axis.unit == "°":
+            horizontal["incrs"] = ANGLE_STEPS
+        vertical: Any = uplot.Axis(label=quantity.title, size=52, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
+        if self.chart is not None:
+            self._order = self.chart.order
+            self.chart.remove()
+        with _inside(self._gui, self._container):
+            self.chart = self._gui.add_uplot(
+                data,
+                tuple(series),
+                scales={
+                    "x": uplot.Scale(time=False, range=(float(data[0][0]), float(data[0][-1]))),
+                    "y": uplot.Scale(range=self._curves.range),
+                },
+                axes=(horizontal, vertical),
+                legend=uplot.Legend(show=False),
+                height=HEIGHT,
+                padding=(8, 14, 0, 0),
+                order=self._order,
+            )
+        self.show(frame)
+
+    def show(self, frame: int) -> None:
+        """Move the cursor to a frame and say the values there."""
+        assert self.chart is not None
+        self.chart.data = self._curves.at(frame)
+        parts = [
+            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(value)} {html.escape(self.quantity.unit)}</span>'
+            for name, color, value in zip(self.quantity.curves, COLORS, self._values[frame], strict=False)
+        ]
+        self._readout.content = (
+            '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'
+            + "".join(parts)
+            + "</div>"
+        )
+
+
+class _inside:
+    """Adds go into a container that was left long ago."""
+
+    def __init__(self, gui: viser.GuiApi, container: str):
+        self._gui, self._container = gui, container
+
+    def __enter__(self) -> None:
+        self._before = self._gui._snapshot_container_context()
+        self._gui._set_container_uuid(self._container)
+
+    def __exit__(self, *_: object) -> None:
+        self._gui._restore_container_context(self._before)

@@ -1,0 +1,44 @@
+"""Light and ground behind the mechanism."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+__all__ = ["grid_cell", "set_stage"]
+
+
+def grid_cell(size: float) -> float:
+    """A round length (1, 2 or 5 times a power of ten) [m] near a tenth of the mechanism's size."""
+    wanted = size / 10.0
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)))
+
+
+def set_stage(server: viser.ViserServer, bounds: NDArray[np.float64], size: float) -> viser.GridHandle:
+    """Lights without shadows (they double what a picture costs) and a light grid in the plane behind everything."""
+    scene = server.scene
+    scene.set_up_direction("+y")
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.world_axes.visible = False
+    cell = grid_cell(size)
+    # Whole sections, so that the lines stand at round coordinates
+    extent = np.ceil(3.0 * size / (5.0 * cell)) * 5.0 * cell
+    centre = np.round(bounds.mean(axis=0)[:2] / (5.0 * cell)) * 5.0 * cell
+    return scene.add_grid(
+        "/grid",
+        width=2.0 * extent,
+        height=2.0 * extent,
+        plane="xy",
+        position=(centre[0], centre[1], bounds[0, 2] - 0.02 * size),
+        cell_size=cell,
+        section_size=5.0 * cell,
+        cell_color=(228, 231, 235),
+        section_color=(208, 213, 219),
+        cell_thickness=0.6,
+        section_thickness=0.9,
+        fade_distance=1e4 * size,
+        fade_strength=0.0,
+        shadow_opacity=0.0,
+    )
