@@ -36,14 +36,13 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
     m = model.mechanism
     faults: list[Fault] = []
     known_names = {b.name for b in model.blocks}
-    used: set[str] = set()
+    stated = _stated(model)
+    used = set(stated.values())
     state = initial_state(model, [np.float64(q) for q in drives])
     modes: list[float] = []
     starts: dict[str, Array] = {}
     for block in model.blocks:
-        pair = _stated_at(model, block)
-        if pair:
-            used.add(pair)
+        pair = stated.get(block.name)
         mode = 0.0
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
@@ -79,21 +78,23 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
     return Assembly(modes=tuple(modes), starts=starts, state=state)
 
 
-def _stated_at(model: Model, block: Block) -> str | None:
-    """The pair of a block at which the mechanism states a mode: its own, or any other pair between its unknown links."""
-    modes = model.mechanism.modes
-    if block.name in modes:
-        return block.name
-    inner = set(block.angles)
-    names = {b.name for b in model.blocks}
-    for j, (p, q) in enumerate(model.ends):
-        name = model.joints[j].name
-        if name not in modes or name in names:
+def _stated(model: Model) -> dict[str, str]:
+    """Block -> pair at which the mechanism states its mode: the block's own pair, or another one at its unknown links."""
+    found: dict[str, str] = {}
+    of_group = {g: block for block in model.blocks for g in block.angles}
+    own = {block.name for block in model.blocks}
+    for pair in model.mechanism.modes:
+        if pair in own:
+            found[pair] = pair
             continue
-        between = {model.angles.group[p], model.angles.group[q]}
-        if (between & inner) and (between <= inner or block.kind != "theta_theta"):
-            return name
-    return None
+        if pair not in model.joint_index:
+            continue
+        groups = [model.angles.group[k] for k in model.ends[model.joint_index[pair]]]
+        blocks = [of_group[g] for g in groups if g in of_group]
+        for block in blocks:
+            if block.kind != "theta_theta" and block.name not in model.mechanism.modes:
+                found.setdefault(block.name, pair)
+    return found
 
 
 def _apart(model: Model, block: Block, miss: float) -> Fault:
@@ -150,7 +151,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
     out: dict[tuple[str, int], complex | float] = {
         ("angle", g): complex(trial.rot[s] / state.delta[s])
         for g in block.angles
-        for s in [model.angles.spin_group.index(g)]
+        for s in [model.angles.spins_of[g][0]]
     }
     out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
     return out

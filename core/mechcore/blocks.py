@@ -129,10 +129,9 @@ def gap(model: Model, block: Block, state: State) -> Array:
 
 
 def _turn(model: Model, state: State, group: int, e: Array) -> None:
-    for spin, g in enumerate(model.angles.spin_group):
-        if g == group:
-            delta = state.delta[spin]
-            state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
+    for spin in model.angles.spins_of[group]:
+        delta = state.delta[spin]
+        state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
 
 
 def _split(

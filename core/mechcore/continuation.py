@@ -118,7 +118,7 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         matrix, _ = bl.matrix_of(c)
         matrix[..., : len(block.angles)] /= model.size
         x[block.name] = state.newton[block.name].x
-        spins = [model.angles.spin_group.index(g) for g in block.angles]
+        spins = [model.angles.spins_of[g][0] for g in block.angles]
         extra = [sum(s * speed[d] for d, s in model.angles.spin_drives[k]) for k in spins]
         slope[block.name] = np.array(
             [rates.spin[k] - e for k, e in zip(spins, extra, strict=True)] + [rates.slide[j] for j in block.slides]

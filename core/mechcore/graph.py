@@ -37,6 +37,7 @@ class Angles:
     edges: tuple[int, ...]
     spare: tuple[int, ...]
     groups: int
+    spins_of: tuple[tuple[int, ...], ...]  # the spins of each group
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,10 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
                         del drives[q][d]
                 stack.append(q)
     keys: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
+    members: list[list[int]] = [[] for _ in range(groups)]
     spin = tuple(keys.setdefault((group[k], tuple(sorted(drives[k].items()))), len(keys)) for k in range(n))
+    for s, (g, _) in enumerate(keys):
+        members[g].append(s)
     return Angles(
         group=tuple(group),
         offset=tuple(offset),
@@ -108,6 +112,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
         edges=tuple(edges),
         spare=tuple(spare),
         groups=groups,
+        spins_of=tuple(map(tuple, members)),
     )
 
 

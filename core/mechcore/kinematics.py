@@ -29,10 +29,9 @@ class Rates:
     def settle(self, model: Model, block: bl.Block, solved: list[Array]) -> None:
         """Take over a block's solved rates."""
         for group, rate in zip(block.angles, solved, strict=False):
-            for spin, g in enumerate(model.angles.spin_group):
-                if g == group:
-                    extra = self.spin[spin]
-                    self.spin[spin] = rate if isinstance(extra, float) and extra == 0.0 else rate + extra
+            for spin in model.angles.spins_of[group]:
+                extra = self.spin[spin]
+                self.spin[spin] = rate if isinstance(extra, float) and extra == 0.0 else rate + extra
         for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
             self.slide[j] = rate
 

@@ -193,6 +193,9 @@ def _blocks(
     order = block_order(pattern, len(columns))
     rows = [{e // 2 for e in equations} for equations, _ in order.blocks]
     placed = {c for r in rows for c in r}
+    between: dict[frozenset[int], int] = {}
+    for j, (p, q) in enumerate(ends):
+        between.setdefault(frozenset((turning.group[p], turning.group[q])), j)
     blocks = []
     for found, (_, unknowns) in zip(rows, order.blocks, strict=True):
         picked = [unknown[u] for u in unknowns]
@@ -205,7 +208,7 @@ def _blocks(
                 contours=own,
                 angles=group,
                 slides=slides,
-                name=_inner_pair(own, group, slides, sums, turning, joints, ends),
+                name=joints[_inner_pair(own, group, slides, sums, between)].name,
                 redundant=2 * len(own) - len(unknowns),
             )
         )
@@ -239,18 +242,12 @@ def _inner_pair(
     group: tuple[int, ...],
     slides: tuple[int, ...],
     sums: tuple[SpinContour, ...],
-    turning: Angles,
-    joints: tuple[Joint, ...],
-    ends: tuple[tuple[int, int], ...],
-) -> str:
-    """The pair by which a group is known: the one between its two unknown links, else the one that slides, else the closing."""
-    if len(group) == 2:
-        for j, (p, q) in enumerate(ends):
-            if {turning.group[p], turning.group[q]} == set(group):
-                return joints[j].name
-    if slides:
-        return joints[slides[0]].name
-    return joints[sums[own[0]].closing].name
+    between: Mapping[frozenset[int], int],
+) -> int:
+    """The joint by which a group is known: the one between its two unknown links, else the one that slides, else the closing."""
+    if len(group) == 2 and frozenset(group) in between:
+        return between[frozenset(group)]
+    return slides[0] if slides else sums[own[0]].closing
 
 
 def _free_pairs(

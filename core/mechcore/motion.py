@@ -154,7 +154,7 @@ class Motion:
     def _group_angle(self, group: int) -> Array:
         if group not in self._group_angles:
             turning = self.model.angles
-            spin = turning.spin_group.index(group)
+            spin = turning.spins_of[group][0]
             e = self.state.rot[spin] * np.conj(self.state.delta[spin])
             raw = np.arctan2(np.imag(e), np.real(e)) * np.ones(self.frames)
             step = np.diff(raw)

@@ -161,7 +161,7 @@ def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: 
 def _placed(model: Model, block: Block, motion: Motion) -> Array:
     ok = np.ones(motion.frames, bool)
     for g in block.angles:
-        ok &= np.isfinite(motion.state.rot[model.angles.spin_group.index(g)])
+        ok &= np.isfinite(motion.state.rot[model.angles.spins_of[g][0]])
     for j in block.slides:
         ok &= np.isfinite(motion.state.slide[j])
     return ok

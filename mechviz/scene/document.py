@@ -203,7 +203,7 @@ class Pose(Table):
 
 
 def _is_table(value: Any) -> str:
-    return "<table>" if isinstance(value, dict) else "<list>"
+    return "<table>" if isinstance(value, dict | Pose) else "<list>"  # writing asks too, with the finished pose
 
 
 SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(_is_table)]

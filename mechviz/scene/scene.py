@@ -103,7 +103,7 @@ def dump(scene: Scene, path: str | Path) -> None:
 
 def json_schema() -> dict[str, Any]:
     """A JSON Schema (draft 2020-12) of the scene format, for editors."""
-    schema = _without_null(SceneDocument.model_json_schema())
+    schema = _for_editors(SceneDocument.model_json_schema())
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "mechviz scene",
@@ -132,13 +132,16 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _without_null(schema: Any) -> Any:
-    """TOML has no null: an optional key is one that may be left out."""
+def _for_editors(schema: Any) -> Any:
+    """Two changes: TOML has no null, so an optional key is one that may be left out; and every name must fit the pattern."""
     if isinstance(schema, list):
-        return [_without_null(item) for item in schema]
+        return [_for_editors(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    plain = {key: _without_null(value) for key, value in schema.items() if not (key == "default" and value is None)}
+    plain = {key: _for_editors(value) for key, value in schema.items() if not (key == "default" and value is None)}
+    if isinstance(plain.get("patternProperties"), dict):
+        ((pattern, entry),) = plain.pop("patternProperties").items()
+        plain |= {"propertyNames": {"pattern": pattern}, "additionalProperties": entry}
     options = plain.get("anyOf")
     if isinstance(options, list) and {"type": "null"} in options:
         rest = [option for option in options if option != {"type": "null"}]

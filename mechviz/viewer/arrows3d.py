@@ -88,6 +88,22 @@ class ArrowNodes:
     def families(self) -> tuple[str, ...]:
         return tuple(self._on)
 
+    def reach(self, most: float) -> Real:
+        """The box (2, 2) [m] around all arrows that are on, over all frames; parts longer than ``most`` [m] do not count."""
+        lows, highs = [], []
+        for family, (_, origins, lengths) in self._arrows.items():
+            if self._on[family]:
+                with np.errstate(invalid="ignore"):
+                    ends = origins + np.clip(lengths, -most, most)
+                good = ends[np.isfinite(ends).all(axis=-1)]
+                lows += [good.min(axis=0)] if len(good) else []
+                highs += [good.max(axis=0)] if len(good) else []
+        return np.array([np.min(lows, axis=0), np.max(highs, axis=0)]) if lows else np.full((2, 2), np.nan)
+
+    @property
+    def factor(self) -> float:
+        return self._factor
+
     def is_on(self, family: str) -> bool:
         return self._on[family]
 

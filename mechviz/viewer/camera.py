@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 __all__ = ["View", "fit_view", "keep_fitted", "set_first_view"]
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
-TIMELINE = 0.24  # part of the picture's height that the timeline covers
-MARGIN = 0.09  # around the mechanism, of its extent
+TIMELINE = 0.25  # part of the picture's height that the timeline covers
+MARGIN = 0.06  # around the mechanism, of its extent
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
 
 

@@ -51,7 +51,7 @@ class JointNames:
         self._labels: list[tuple[viser.LabelHandle, Real]] = []
         for k, (names, xy) in enumerate(joint_groups(motion, 1e-6 * size)):
             xyz = np.column_stack([xy + offset, np.full(motion.frames, z)])
-            label = server.scene.add_label(f"/names/{k}", ", ".join(names), anchor="bottom-left", font_screen_scale=0.85)
+            label = server.scene.add_label(f"/names/{k}", ", ".join(names), anchor="bottom-left", font_screen_scale=1.0)
             self._labels.append((label, xyz))
 
     def switch(self, on: bool) -> None:

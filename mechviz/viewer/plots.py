@@ -8,18 +8,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import viser
 from viser import uplot
 
 from ..run import Run
 from .curves import Curves
 from .quantities import Axis, Quantity, find_axes, find_quantities, first_choice
+from .words import number
 
-__all__ = ["Plots", "number"]
+__all__ = ["Plots"]
 
 COUNT = 3
-HEIGHT = 178  # [px]
+HEIGHT = 164  # [px]
 COLORS = ("#2563c9", "#d97706", "#0f8a5f")
 CURSOR = "#c2255c"
 CURSOR_RATE = 20.0  # moves a second while playing: each sends the whole plot
@@ -28,28 +28,23 @@ ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 
 
-def number(value: float) -> str:
-    """A value for reading, five significant digits with a true minus."""
-    text = f"{value:.5g}" if np.isfinite(value) else "not finite"
-    return text.replace("-", "−", 1) if text.startswith("-") else text
-
-
 class Plots:
-    """A column of plots; ``show`` moves their cursors. Build it inside the container of a panel."""
+    """A column of plots in a tab; ``show`` moves their cursors."""
 
-    def __init__(self, server: viser.ViserServer, run: Run, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, run: Run, callback: Callback):
         gui = server.gui
         self._lock = threading.RLock()
         self._frame, self._moved = 0, 0.0
         self._quantities = {q.title: q for q in find_quantities(run)}
         self._axes = {a.title: a for a in find_axes(run)}
         titles = tuple(self._axes)
-        self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+        with tab:
+            self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
         self._axis: Axis = self._axes[titles[0]]
         chosen = first_choice(run, COUNT)
         self.slots = [
-            Slot(server, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis) for k, quantity in enumerate(chosen)
+            Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis) for k, quantity in enumerate(chosen)
         ]
         for slot in self.slots:
             slot.choice.on_update(callback("Changing a plot", lambda _, slot=slot: self.choose(slot, slot.choice.value)))
@@ -81,11 +76,19 @@ class Plots:
 class Slot:
     """One plot with the choice of its quantity and the values at the present frame."""
 
-    def __init__(self, server: viser.ViserServer, label: str, titles: tuple[str, ...], quantity: Quantity, axis: Axis):
-        self._gui = server.gui
-        self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
-        self._readout = self._gui.add_html("")
-        self._container = self._gui._get_container_uuid()
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        label: str,
+        titles: tuple[str, ...],
+        quantity: Quantity,
+        axis: Axis,
+    ):
+        self._gui, self._tab = server.gui, tab
+        with tab:
+            self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
+            self._readout = self._gui.add_html("")
         self._order: float | None = None
         self.chart: viser.GuiUplotHandle | None = None
         self.plot(quantity, axis, 0)
@@ -103,11 +106,11 @@ class Slot:
         horizontal: Any = uplot.Axis(label=axis.title, size=34, labelSize=18, labelGap=-2, font="11px sans-serif", labelFont="12px sans-serif")
         if axis.unit == "°":
             horizontal["incrs"] = ANGLE_STEPS
-        vertical: Any = uplot.Axis(label=quantity.title, size=52, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
+        vertical: Any = uplot.Axis(label=quantity.unit, size=52, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
         if self.chart is not None:
             self._order = self.chart.order
             self.chart.remove()
-        with _inside(self._gui, self._container):
+        with self._tab:
             self.chart = self._gui.add_uplot(
                 data,
                 tuple(series),
@@ -137,16 +140,3 @@ class Slot:
             + "</div>"
         )
 
-
-class _inside:
-    """Adds go into a container that was left long ago."""
-
-    def __init__(self, gui: viser.GuiApi, container: str):
-        self._gui, self._container = gui, container
-
-    def __enter__(self) -> None:
-        self._before = self._gui._snapshot_container_context()
-        self._gui._set_container_uuid(self._container)
-
-    def __exit__(self, *_: object) -> None:
-        self._gui._restore_container_context(self._before)

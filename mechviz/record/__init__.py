@@ -1,0 +1,12 @@
+"""Recordings: write a solved scene as a rerun file, read it back, tell what is in it.
+
+    summary = write_recording(run, "recordings/crank-rocker.rrd")
+    print(format_inspection(inspect("recordings/crank-rocker.rrd")))
+"""
+
+from __future__ import annotations
+
+from .errors import RecordingError, interruption
+from .writer import RecordingSummary, write_recording
+
+__all__ = ["RecordingError", "RecordingSummary", "interruption", "write_recording"]

@@ -1,0 +1,168 @@
+"""The default blueprint: the mechanism from the front, plots of what the scene calls for, events, health and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechcore.events import Event
+
+from ..tables import drive_unit
+from .paths import entity
+from .plots import Output, main_outputs
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run
+
+__all__ = ["make_blueprint"]
+
+BACKGROUND = (24, 28, 36, 255)
+SECONDS_A_CYCLE = 5.0  # a cycle on the screen
+FIELD_OF_VIEW = np.radians(45.0)  # vertical, of rerun's eye
+TILT = (0.16, 0.20)  # how far the eye stands aside and above, so that the layers can be told apart
+PICTURE = 1.25  # width of the 3D view over its height, about
+
+
+def make_blueprint(run: Run, solids: Solids, events: Sequence[Event]) -> Any:
+    """The blueprint of a run (`rerun.blueprint.Blueprint`)."""
+    import rerun.blueprint as rrb
+
+    pictures = _pictures(run, solids)
+    mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
+    plots = _plots(run)
+    left = rrb.Vertical(mechanism, _below(run, events), row_shares=[3, 1])
+    body = rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]) if plots else left
+    return rrb.Blueprint(
+        body,
+        rrb.TimePanel(
+            state="collapsed",
+            timeline="time",
+            play_state="playing",  # "paused" would make the viewer forget the loop
+            playback_speed=_playback_speed(run),
+            loop_mode="all",
+        ),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.TopPanel(state="hidden"),
+        collapse_panels=False,
+    )
+
+
+def _playback_speed(run: Run) -> float:
+    """Seconds of the run per second on the screen."""
+    drives = run.motion.mechanism.drives
+    cycle = drives[0].law.duration if drives else float(np.ptp(run.motion.time))
+    return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
+
+
+def _pictures(run: Run, solids: Solids) -> list[Any]:
+    """3D views: one with forces where there are any, one with velocities and accelerations."""
+    motion = ["vectors/velocity", "vectors/acceleration"]
+    forces = [f"vectors/{family}" for family in ("reaction", "applied", "gravity", "inertia", "drive")]
+    views = []
+    if run.forces is not None:
+        views.append(_picture("Mechanism with forces", forces, solids))
+    if _has_points(run):
+        views.append(_picture("Mechanism with velocities and accelerations", motion, solids))
+    return views or [_picture("Mechanism", [], solids)]
+
+
+def _has_points(run: Run) -> bool:
+    from ..tables import links_with_mass
+
+    return bool(run.motion.mechanism.traced or links_with_mass(run))
+
+
+def _picture(name: str, vectors: list[str], solids: Solids) -> Any:
+    import rerun.blueprint as rrb
+
+    position, target = _eye(solids)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ mechanism/**", *(f"+ {path}/**" for path in vectors)],
+        name=name,
+        background=list(BACKGROUND),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=tuple(position), look_target=tuple(target), eye_up=(0.0, 1.0, 0.0)
+        ),
+    )
+
+
+def _eye(solids: Solids) -> tuple[np.ndarray, np.ndarray]:
+    """Where the eye stands and looks: in front of the plane, with all that moves in the picture."""
+    low, high = solids.bounds
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    margin = 1.12
+    away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
+    direction = np.array([TILT[0], TILT[1], 1.0])
+    return middle + away * direction / np.linalg.norm(direction), middle
+
+
+def _plots(run: Run) -> list[Any]:
+    outputs = [_plot(output) for output in main_outputs(run)]
+    if run.forces is None:
+        return outputs
+    import rerun.blueprint as rrb
+
+    views = _efforts(run)
+    views.append(_plot(Output("Joint reactions, magnitude [N]", ((entity("plots", "reactions"), ()),))))
+    if outputs:
+        views.append(rrb.Tabs(*outputs, active_tab=0) if len(outputs) > 1 else outputs[0])
+    return views
+
+
+def _efforts(run: Run) -> list[Any]:
+    """Driving torques and driving forces, in separate plots."""
+    found = []
+    for unit, name in (("rad", "Driving torque [N m]"), ("m", "Driving force [N]")):
+        pairs = [d.pair for d in run.motion.mechanism.drives if drive_unit(run.motion.mechanism, d.pair) == unit]
+        if pairs:
+            shown = (False, False, False, True, False)
+            found.append(_plot(Output(name, tuple((entity("data", "drive", p), shown) for p in pairs))))
+    return found
+
+
+def _plot(output: Output) -> Any:
+    """A plot over the whole run: rerun's own choice is a window around the cursor."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    whole = rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
+    overrides = {
+        path: rr.SeriesLines.from_fields(visible_series=list(shown)).visualizer()
+        for path, shown in output.entities
+        if shown and not all(shown)
+    }
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"+ {path}" for path, _ in output.entities],
+        name=output.name,
+        overrides=overrides,
+        axis_x=rrb.TimeAxis(view_range=whole),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+    )
+
+
+def _below(run: Run, events: Sequence[Event]) -> Any:
+    """Events, health and notes in tabs."""
+    import rerun.blueprint as rrb
+
+    health = [
+        ("Health: closure [m, m/s, m/s²]", ("closure", "velocity_closure", "acceleration_closure")),
+        ("Health: condition [1]", ("condition",)),
+    ]
+    if run.forces is not None:
+        health.append(("Health: power balance [1]", ("power_balance",)))
+    views: list[Any] = []
+    if events:
+        views.append(rrb.TextLogView(origin="/events", name="Events"))
+    views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
+    if run.forces is not None:
+        views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
+    views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
+    return rrb.Tabs(*views, active_tab=0)

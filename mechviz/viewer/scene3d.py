@@ -1,0 +1,79 @@
+"""Everything that is drawn in 3D: solids, arrows, paths, names, ground, and the camera that looks at it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ..meshes import build_solids
+from ..run import Run
+from ..vectors import find_moments, find_scales, find_vectors
+from .arrows3d import ArrowNodes
+from .camera import USUAL_ASPECT, fit_view, keep_fitted, move_to, set_first_view
+from .marks3d import JointNames, Paths
+from .solids3d import SolidNodes
+from .stage import set_stage
+
+__all__ = ["Scene3D"]
+
+SHOWN_FIRST = ("reaction", "applied", "inertia", "drive")
+
+
+class Scene3D:
+    """The picture of a run; ``show`` brings it to a frame. Only the player's thread calls ``show``."""
+
+    def __init__(self, server: viser.ViserServer, run: Run):
+        self._server = server
+        motion = run.motion
+        solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name) for link in motion.mechanism.links})
+        self.size = solids.size
+        vectors, moments = find_vectors(run), find_moments(run)
+        self.scales = find_scales(vectors, moments, solids.size)
+        with server.atomic():
+            grid = set_stage(server, solids.bounds, solids.size)
+            self._links = SolidNodes(server, motion, solids)
+            self.arrows = ArrowNodes(server, vectors, moments, self.scales, solids.size, solids.z_top + 0.02 * solids.size)
+            self._paths = Paths(server, motion, solids.size, solids.z_top)
+            self._names = JointNames(server, motion, solids.size, solids.z_top + 0.04 * solids.size)
+        for family in SHOWN_FIRST:
+            if family in self.arrows.families:
+                self.arrows.switch(family, True)
+        self._bounds = _joined(solids.bounds, self.arrows.reach(0.15 * solids.size))
+        set_first_view(server, self._bounds)
+        self.marks: Mapping[str, Callable[[bool], None]] = {
+            **({"Paths": self._paths.switch} if len(self._paths) else {}),
+            "Joint names": self._names.switch,
+            "Grid": lambda on: setattr(grid, "visible", on),
+        }
+        server.on_client_connect(self._greet)
+
+    def show(self, frame: int) -> None:
+        """Bring everything to a frame, in one piece for the browsers."""
+        self._links.show(frame)
+        self.arrows.show(frame)
+        self._paths.show(frame)
+        self._names.show(frame)
+
+    def switch_mark(self, name: str, on: bool) -> None:
+        """Show or hide one of ``marks``."""
+        self.marks[name](on)
+
+    def look_from_front(self, client: viser.ClientHandle) -> None:
+        """Bring a browser's camera back to the front, fitted to its window."""
+        camera = client.camera
+        aspect = camera.image_width / camera.image_height if camera.image_height > 0 else USUAL_ASPECT
+        move_to(client, fit_view(self._bounds, aspect))
+
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        keep_fitted(client, self._bounds)
+
+
+def _joined(bounds: NDArray[np.float64], flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A box (2, 3) made larger in x and y by a rectangle (2, 2), which may be NaN for none."""
+    wider = np.array(bounds, float)
+    wider[0, :2] = np.fmin(bounds[0, :2], flat[0])
+    wider[1, :2] = np.fmax(bounds[1, :2], flat[1])
+    return wider
