@@ -180,10 +180,14 @@ def test_every_part_is_closed_and_its_normals_point_outwards(built, name):
 
 def section(mesh: trimesh.Trimesh, z: float) -> shapely.Geometry:
     """What a plane of constant z cuts out of a mesh (even-odd: plates minus holes plus pins)."""
-    cuts = trimesh.intersections.mesh_plane(mesh, (0.0, 0.0, 1.0), (0.0, 0.0, z))[:, :, :2]
-    if len(cuts) == 0:
+    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
+    above = mesh.vertices[:, 2] > z
+    crossed = above[edges[..., 0]] != above[edges[..., 1]]
+    pairs = edges[crossed].reshape(-1, 2, 2)  # a face that is cut at all is cut on two of its edges
+    if len(pairs) == 0:
         return Polygon()
-    cuts = np.round(cuts, 9)
+    a, b = mesh.vertices[pairs[..., 0]], mesh.vertices[pairs[..., 1]]
+    cuts = (a + (b - a) * ((z - a[..., 2]) / (b[..., 2] - a[..., 2]))[..., None])[..., :2]
     merged = shapely.line_merge(MultiLineString([s for s in cuts if (s[0] != s[1]).any()]))
     area: shapely.Geometry = Polygon()
     for loop in getattr(merged, "geoms", [merged]):

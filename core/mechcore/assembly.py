@@ -252,8 +252,9 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
 def _sketched_angle(model: Model, group: int, state: State) -> float | None:
     """A group's sketched angle [rad], from any of its links in the sketch."""
     turning = model.angles
-    for k, name in enumerate(model.links):
-        if turning.group[k] == group and name in model.mechanism.sketch:
+    for k in turning.links_of[group]:
+        name = model.links[k]
+        if name in model.mechanism.sketch:
             extra = cmath.phase(complex(state.delta[turning.spin[k]]))
             return model.mechanism.sketch[name][2] - turning.offset[k] - extra
     return None
@@ -261,8 +262,10 @@ def _sketched_angle(model: Model, group: int, state: State) -> float | None:
 
 def _sketched_slide(model: Model, j: int) -> float | None:
     """A sliding pair's sketched displacement [m], where both links are in the sketch (the frame always is)."""
-    sketch, joint = dict(model.mechanism.sketch), model.joints[j]
-    sketch.setdefault(model.links[0], (0.0, 0.0, 0.0))
+    joint = model.joints[j]
+    sketch = {k: v for k, v in model.mechanism.sketch.items() if k in joint.links}
+    if model.links[0] in joint.links:
+        sketch.setdefault(model.links[0], (0.0, 0.0, 0.0))
     if any(k not in sketch for k in joint.links):
         return None
     at = []
@@ -335,7 +338,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
 def _describe(model: Model, block: Block, x: Array) -> str:
     words = []
     for i, g in enumerate(block.angles):
-        k = model.angles.group.index(g)
+        k = model.angles.links_of[g][0]
         angle = np.degrees(x[i] + model.angles.offset[k])
         words.append(f"{model.links[k]} {(angle + 180) % 360 - 180:.0f}°")
     return ", ".join(words)

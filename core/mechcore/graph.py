@@ -38,6 +38,7 @@ class Angles:
     spare: tuple[int, ...]
     groups: int
     spins_of: tuple[tuple[int, ...], ...]  # the spins of each group
+    links_of: tuple[tuple[int, ...], ...]  # the links of each group
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,9 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
     spin = tuple(keys.setdefault((group[k], tuple(sorted(drives[k].items()))), len(keys)) for k in range(n))
     for s, (g, _) in enumerate(keys):
         members[g].append(s)
+    links: list[list[int]] = [[] for _ in range(groups)]
+    for k, g in enumerate(group):
+        links[g].append(k)
     return Angles(
         group=tuple(group),
         offset=tuple(offset),
@@ -113,6 +117,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[Joint], dri
         spare=tuple(spare),
         groups=groups,
         spins_of=tuple(map(tuple, members)),
+        links_of=tuple(map(tuple, links)),
     )
 
 

@@ -163,12 +163,16 @@ def _by_spin(contour: Contour, turning: Angles, turn: tuple[complex, ...]) -> Sp
 
 
 def _size(m: Mechanism) -> float:
-    """Characteristic length: the largest distance between two points of one link (over all links), 1 where there is none."""
-    best = 0.0
-    for link in m.links:
-        p = [complex(*q) for q in link.points.values()]
-        best = max([best, *(abs(a - b) for a in p for b in p)])
-    return best or 1.0
+    """Characteristic length: the largest extent of a moving link's points; where they have none, of the frame's; else 1."""
+    for moving in (True, False):
+        best = 0.0
+        for link in m.links:
+            if (link.name != m.frame) == moving and len(link.points) > 1:
+                x, y = zip(*link.points.values(), strict=True)
+                best = max(best, max(x) - min(x), max(y) - min(y))
+        if best > 0.0:
+            return float(best)
+    return 1.0
 
 
 def _blocks(

@@ -54,20 +54,21 @@ def main_outputs(run: Run) -> list[Output]:
     ]
 
 
-def plot_streams(run: Run) -> Iterator[Stream]:
-    """Magnitudes of all joint reactions, one series per joint."""
+def plot_streams(run: Run, every: int) -> Iterator[Stream]:
+    """Magnitudes of all joint reactions, one series per joint, at every ``every``-th frame: the largest until the next one."""
     forces = run.forces
     if forces is None:
         return
     import rerun as rr
 
     sizes = np.column_stack([np.hypot(*forces.reaction(p.name)[:, :2].T) for p in run.motion.mechanism.pairs])
+    peaks = np.maximum.reduceat(sizes, np.arange(0, len(sizes), every), axis=0)
 
     def columns(frames: Index) -> Any:
-        chosen = sizes[frames]
+        chosen = peaks[frames // every]
         return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
 
-    yield Stream(entity("plots", "reactions"), columns)
+    yield Stream(entity("plots", "reactions"), columns, every)
 
 
 def plot_styles(run: Run) -> Iterator[Static]:

@@ -31,6 +31,10 @@ BLOCK = 2000
 """Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
 
 
+LOOKS = 721
+"""Frames that the search for colliding solids looks at."""
+
+
 @dataclass(frozen=True)
 class RecordingSummary:
     """What was written. ``stages`` are the writer's own; those of the solver are in the run."""
@@ -80,7 +84,7 @@ def write_recording(
         from .plots import plot_streams, plot_styles
 
         blueprint = make_blueprint(run, solids, events)
-        streams += plot_streams(run)
+        streams += plot_streams(run, every)
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run)]
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
@@ -105,9 +109,12 @@ def write_recording(
 
 
 def _solids(run: Run) -> Solids:
+    """Meshes for the run; the order of their layers is found from at most `LOOKS` of its frames."""
     from ..meshes import build_solids
 
-    return build_solids(run.motion.mechanism, {link: run.motion.pose(link) for link in run.motion.model.links})
+    motion = run.motion
+    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
+    return build_solids(motion.mechanism, {link: motion.pose(link)[frames] for link in motion.model.links})
 
 
 def _describe(

@@ -68,7 +68,7 @@ def _finite(value: Any, wanted: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise fault(f"{describe(value)} is not a finite number.", "Give a finite one.")
-    return number
+    return number + 0.0  # a minus zero means nothing, and would be lost where zero is the default
 
 
 def _number(value: Any) -> float:

@@ -17,7 +17,7 @@ Real = NDArray[np.float64]
 # In parts of the mechanism's size
 SHAFT = 0.0042
 HEAD_RADIUS = 0.0115
-HEAD_LENGTH = 0.034
+HEAD_LENGTH = 0.03
 ARC_RADIUS = 0.085
 ARC_WIDTH = 0.0085
 
@@ -120,7 +120,7 @@ class ArrowNodes:
             if not self._on[family]:
                 node.visible = False
                 continue
-            least = 1.15 * HEAD_LENGTH * self._size
+            least = 1.3 * HEAD_LENGTH * self._size
             points = arrow_points(origins[frame], lengths[frame] * self._factor, self._z, least)
             node.visible = len(points) > 0
             if len(points):

@@ -87,7 +87,7 @@ class Switches:
             front.on_click(callback("Moving the camera", lambda event: scene.look_from_front(event.client)))
         with gui.add_folder("Legend"):
             self._legend = gui.add_html("")
-        with gui.add_folder("What was computed", expand_by_default=False):
+        with gui.add_folder("What was computed"):
             gui.add_html(words.plan_list(run))
         self._explain()
 

@@ -17,10 +17,18 @@ def grid_cell(size: float) -> float:
 
 
 def set_stage(server: viser.ViserServer, bounds: NDArray[np.float64], size: float) -> viser.GridHandle:
-    """Lights without shadows (they double what a picture costs) and a light grid in the plane behind everything."""
+    """Lights, and a light grid in the plane behind everything.
+
+    The lights are our own: viser's default environment reflects a city in the arrows, so that they lose the colours of the legend,
+    and shadows double what a picture costs.
+    """
     scene = server.scene
     scene.set_up_direction("+y")
-    scene.configure_default_lights(True, cast_shadow=False)
+    scene.configure_default_lights(False)
+    scene.configure_environment_map(None)
+    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(196, 202, 214), intensity=1.9)
+    for name, position, intensity in (("key", (-0.6, 1.0, 1.6), 1.7), ("fill", (1.0, 0.1, 1.2), 0.5)):
+        scene.add_light_directional(f"/lights/{name}", intensity=intensity, position=position)
     scene.world_axes.visible = False
     cell = grid_cell(size)
     # Whole sections, so that the lines stand at round coordinates
