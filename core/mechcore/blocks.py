@@ -19,11 +19,14 @@ from .newton import newton, solve_many
 __all__ = [
     "Columns",
     "Newton",
+    "Patch",
     "State",
     "Vectors",
+    "apply",
     "column",
     "columns",
     "condition",
+    "flatness",
     "gap",
     "matrix_of",
     "place",
@@ -61,6 +64,19 @@ class Newton:
     x: Array
     miss: Array
     first: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A block's unknowns at some frames, by interpolation along the branch, in place of an ill-conditioned solve.
+
+    ``frames`` (k,); ``values``, ``first``, ``second`` (k, unknowns): angles [rad] and slides [m], and their rates.
+    """
+
+    frames: Array
+    values: Array
+    first: Array
+    second: Array
 
 
 @dataclass(frozen=True)
@@ -112,6 +128,34 @@ def place(model: Model, block: Block, state: State, mode: Array, start: Array | 
     else:  # slide
         ((j, d),) = slides
         state.slide[j] = (target * d.conjugate()).real
+
+
+def apply(model: Model, block: Block, state: State, patch: Patch) -> None:
+    """Put a patch's positions into ``state``."""
+    for i, g in enumerate(block.angles):
+        e = np.exp(1j * patch.values[:, i])
+        for spin in model.angles.spins_of[g]:
+            rot, delta = np.array(state.rot[spin]), state.delta[spin]
+            rot[patch.frames] = e * (delta[patch.frames] if np.ndim(delta) else delta)
+            state.rot[spin] = rot
+    for i, j in enumerate(block.slides, len(block.angles)):
+        slide = np.array(state.slide[j])
+        slide[patch.frames] = patch.values[:, i]
+        state.slide[j] = slide
+
+
+def flatness(model: Model, block: Block, state: State) -> list[Array]:
+    """How far a group with two modes is from where they meet: smooth functions that touch 0 there (squares of lengths, relative)."""
+    known, arms, slides = _split(model, block, block.contours[0], state)
+    if block.kind == "theta_theta":
+        ra, rb, d2 = abs(arms[block.angles[0]]), abs(arms[block.angles[1]]), known.real**2 + known.imag**2
+        d, total, difference = np.sqrt(d2), ra + rb, abs(ra - rb)
+        return [(total - d) * (total + d) / total**2, (d - difference) * (d + difference) / total**2]
+    if block.kind == "theta_slide":
+        r, y = abs(arms[block.angles[0]]), (known * np.conj(slides[0][1])).imag
+        return [(r - y) * (r + y) / r**2]
+    r2, y = known.real**2 + known.imag**2, (arms.get(block.angles[0], 0j) * np.conj(slides[0][1])).imag
+    return [(r2 - y * y) / model.size**2]
 
 
 def gap(model: Model, block: Block, state: State) -> Array:

@@ -6,17 +6,20 @@ velocities of what is known, once more with centripetal, Coriolis and known acce
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from . import blocks as bl
-from .blocks import Columns, Vectors
+from .blocks import Columns, Patch, Vectors
 from .model import Model
 from .positions import drive_rates
 
 __all__ = ["Rates", "accelerations", "velocities"]
 
 Array = Any
+Patches = Mapping[int, Sequence[Patch]]
 
 
 class Rates:
@@ -37,11 +40,15 @@ class Rates:
 
 
 def velocities(
-    model: Model, contours: dict[int, Vectors], cols: Sequence[Columns], drive_speeds: Sequence[Array]
+    model: Model,
+    contours: dict[int, Vectors],
+    cols: Sequence[Columns],
+    drive_speeds: Sequence[Array],
+    patches: Patches | None = None,
 ) -> Rates:
     """Rates of all spins and slides. Until its block is solved, the rate of an unknown spin is only what drives add to it."""
     found = Rates(model, drive_speeds)
-    for block, c in zip(model.blocks, cols, strict=True):
+    for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
         rhs = []
@@ -57,7 +64,7 @@ def velocities(
                 if j not in block.slides:
                     total = total - found.slide[j] * d
             rhs.append(total)
-        found.settle(model, block, bl.rates(block, c, rhs))
+        found.settle(model, block, _patched(bl.rates(block, c, rhs), patches, k, 1))
     return found
 
 
@@ -67,10 +74,11 @@ def accelerations(
     cols: Sequence[Columns],
     speeds: Rates,
     drive_accelerations: Sequence[Array],
+    patches: Patches | None = None,
 ) -> Rates:
     """Second rates of all spins and slides, given the first."""
     found = Rates(model, drive_accelerations)
-    for block, c in zip(model.blocks, cols, strict=True):
+    for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
         rhs = []
@@ -91,5 +99,15 @@ def accelerations(
                 if j not in block.slides:
                     total = total - found.slide[j] * d
             rhs.append(total - 1j * tangential)
-        found.settle(model, block, bl.rates(block, c, rhs))
+        found.settle(model, block, _patched(bl.rates(block, c, rhs), patches, k, 2))
     return found
+
+
+def _patched(rates: list[Array], patches: Patches | None, block: int, derivative: int) -> list[Array]:
+    """Rates of a block with those frames replaced at which they are given."""
+    for patch in patches.get(block, ()) if patches else ():
+        given = patch.first if derivative == 1 else patch.second
+        for u in range(len(rates)):
+            rates[u] = np.array(rates[u])
+            rates[u][patch.frames] = given[:, u]
+    return rates

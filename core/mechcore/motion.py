@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import blocks as bl
-from .blocks import Columns, State, Vectors
+from .blocks import Columns, Patch, State, Vectors
+from .changes import Change
 from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
@@ -34,13 +35,15 @@ class Motion:
         time: Real,
         drives: Sequence[tuple[Real, Real, Real]],
         state: State,
-        modes: Sequence[Array],
+        patches: Mapping[int, Sequence[Patch]] | None = None,
+        changes: Sequence[Change] = (),
     ):
         self.model = model
         self.time = time
         self.drives = drives
         self.state = state
-        self.modes = modes
+        self.patches = patches
+        self.changes = tuple(changes)  # change points and dead points that the run passes
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -115,13 +118,14 @@ class Motion:
     def speeds(self) -> Rates:
         """Speeds of all spins and slides."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            return velocities(self.model, self.contours, self.columns, [d[1] for d in self.drives])
+            return velocities(self.model, self.contours, self.columns, [d[1] for d in self.drives], self.patches)
 
     @cached_property
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            return accelerations(self.model, self.contours, self.columns, self.speeds, [d[2] for d in self.drives])
+            rates = [d[2] for d in self.drives]
+            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:

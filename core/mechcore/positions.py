@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .blocks import State, place
+from .blocks import Patch, State, apply, place
 from .model import Model
 
 __all__ = ["drive_rates", "initial_state", "place_all"]
@@ -38,13 +38,20 @@ def initial_state(model: Model, drives: Sequence[Array]) -> State:
 
 
 def place_all(
-    model: Model, drives: Sequence[Array], modes: Sequence[Array], starts: Mapping[str, Array] | None = None
+    model: Model,
+    drives: Sequence[Array],
+    modes: Sequence[Array],
+    starts: Mapping[str, Array] | None = None,
+    patches: Mapping[int, Sequence[Patch]] | None = None,
 ) -> State:
-    """Positions for drive positions (...) each, with an assembly mode per block and Newton starts by block name."""
+    """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
+    a block's positions are given."""
     state = initial_state(model, drives)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
-        for block, mode in zip(model.blocks, modes, strict=True):
+        for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))
+            for patch in patches.get(i, ()) if patches else ():
+                apply(model, block, state, patch)
     return state
 
 

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from . import blocks as bl
 from .assembly import Assembly, assemble
+from .changes import Changes, find_changes, make_patches
 from .continuation import Track, follow
 from .errors import Fault, MechanismError
+from .laws import ConstantSpeed
 from .model import Block, Model, build_model
 from .motion import Motion
 from .positions import initial_state, place_all
@@ -32,6 +34,7 @@ class Compiled:
     model: Model
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
+    changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
 
     @property
     def mechanism(self) -> Mechanism:
@@ -52,7 +55,9 @@ def compile_mechanism(mechanism: Mechanism) -> Compiled:
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
-    return Compiled(model=model, assembly=assemble(model, start), start=start)
+    assembly = assemble(model, start)
+    changes = find_changes(model, assembly.modes, assembly.starts)
+    return Compiled(model=model, assembly=assembly, start=start, changes=changes)
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
@@ -86,13 +91,37 @@ def solve_motion(
     if compiled.assembly.starts:
         track, parameter = _track(compiled, time, positions)
         starts = track.starts(parameter)
-    state = place_all(model, positions, compiled.assembly.modes, starts)
-    motion = Motion(model, time, values, state, compiled.assembly.modes)
+    modes: Sequence[Array] = compiled.assembly.modes
+    patches, passed = None, []
+    if compiled.changes is not None and compiled.changes.found:
+        law_time, scale = _law_time(compiled, time, values, given=drives is not None)
+        if law_time is not None:
+            modes = [m * compiled.changes.signs(i, law_time) for i, m in enumerate(modes)]
+            patches = make_patches(model, compiled.changes, compiled.assembly.modes, law_time, scale)
+            passed = compiled.changes.within(float(np.min(law_time)), float(np.max(law_time))) if drives is None else []
+    state = place_all(model, positions, modes, starts, patches)
+    motion = Motion(model, time, values, state, patches, passed)
     if strict:
         faults = _faults(compiled, motion, track, parameter)
         if faults:
             raise MechanismError(faults)
     return motion
+
+
+def _law_time(
+    compiled: Compiled, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
+) -> tuple[Array | None, tuple[Array, Array]]:
+    """Time at which the drives' laws are where the frames are, and its first two derivatives by the frames' own time.
+
+    None where the frames' drive positions are given and no law leads through them.
+    """
+    if not given:
+        return time, (1.0, 0.0)
+    law = compiled.mechanism.drives[0].law
+    if len(compiled.mechanism.drives) == 1 and isinstance(law, ConstantSpeed):
+        q, v, a = values[0]
+        return (q - law.start) / law.speed, (v / law.speed, a / law.speed)
+    return None, (1.0, 0.0)
 
 
 def _track(compiled: Compiled, time: Array, positions: Sequence[Array]) -> tuple[Track, Array]:

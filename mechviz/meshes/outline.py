@@ -12,7 +12,7 @@ from shapely.ops import unary_union
 
 from mechcore.spec import Vec2
 
-__all__ = ["Disc", "clean", "cutouts", "disc", "hull", "pedestal", "polygons", "rail", "rectangle", "rounded"]
+__all__ = ["Disc", "clean", "cutouts", "disc", "hatched_bar", "hull", "pedestal", "polygons", "rectangle", "rounded"]
 
 Disc = tuple[Vec2, float]  # centre and radius
 
@@ -58,30 +58,24 @@ def pedestal(pivot: Vec2, r: float, segments: int) -> Polygon:
     base = y - 2.9 * r
     triangle = Polygon([(x - 1.5 * r, base), (x + 1.5 * r, base), (x, y)])
     foot = unary_union([disc(pivot, 1.05 * r, segments), triangle]).convex_hull
-    return unary_union([foot, _ground((x - 2.2 * r, base), (x + 2.2 * r, base), r)])
+    top = base + 0.1 * r  # of the base line: it overlaps the foot, so that both become one part
+    return unary_union([foot, hatched_bar((x - 2.2 * r, top), (x + 2.2 * r, top), r, thickness=0.4 * r)])
 
 
-def rail(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygon:
-    """A guide rail from start to end (its inner edge; the material and the ground hatching are to the right)."""
-    return _ground(start, end, r, thickness=thickness)
-
-
-def _ground(start: Vec2, end: Vec2, r: float, thickness: float | None = None) -> Polygon:
-    """A straight bar whose left edge runs from start to end, with slanted hatching ribs on its right."""
+def hatched_bar(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygon:
+    """A straight bar of the ground whose left edge runs from start to end, with slanted hatching ribs on its right."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))
     u = (b - a) / length
     n = np.array([u[1], -u[0]])
-    bar = 0.4 * r if thickness is None else thickness
-    # A base is drawn around its left edge, so that it meets the foot above it.
-    parts = [Polygon([a, b, b + bar * n, a + bar * n])]
-    rib, height, end = 0.2 * r, 0.75 * r, 0.1 * r
+    parts = [Polygon([a, b, b + thickness * n, a + thickness * n])]
+    rib, height, margin = 0.2 * r, 0.75 * r, 0.1 * r
     count = max(3, round(length / (0.95 * r)))
-    pitch = (length - height - rib - end) / (count - 1)
+    pitch = (length - height - rib - margin) / (count - 1)
     for k in range(count):
-        foot = a + (height + k * pitch) * u + 0.5 * bar * n
-        tip = foot + (0.5 * bar + height) * n - height * u
-        parts.append(Polygon([foot, foot + rib * u, tip + rib * u, tip]))
+        foot = a + (height + k * pitch) * u + 0.5 * thickness * n
+        point = foot + (0.5 * thickness + height) * n - height * u
+        parts.append(Polygon([foot, foot + rib * u, point + rib * u, point]))
     return unary_union(parts)
 
 

@@ -269,7 +269,7 @@ def _rails(origin: Vec2, along: Vec2, low: float, high: float, half_width: float
         # The material lies to the right of the walking direction, which has to be the outer side.
         ends = (high, low) if side > 0.0 else (low, high)
         a, b = (_offset(_along(origin, along, s), along, side * (half_width + 0.02 * r)) for s in ends)
-        rails.append(outline.rail(a, b, r, thickness=0.42 * r))
+        rails.append(outline.hatched_bar(a, b, r, thickness=0.42 * r))
     return rails
 
 

@@ -16,7 +16,7 @@ from ..tables import centre_name, links_with_mass, point_name
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["COLORS", "Arc", "Arrow", "Scales", "arc_strips", "arc_sweep", "inertia_line", "shapes", "visible"]
+__all__ = ["COLORS", "Arc", "Arrow", "Scales", "arc_strips", "arc_sweep", "extent", "inertia_line", "shapes", "visible"]
 
 Real = NDArray[np.float64]
 
@@ -183,6 +183,19 @@ def _inertia_moments(run: Run, arrows: list[Arrow], scales: Scales, size: float)
             centre = run.motion.centre_of_mass(link)
             found.append(Arc((*arrow.path, "moment"), "inertia", centre, moments, alone))
     return found
+
+
+def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Real:
+    """The box (2, 3) [m] around the mechanism and its arrows; arrows that lie far outside do not count in full."""
+    low, high = np.array(bounds[0]), np.array(bounds[1])
+    room = LARGEST * size
+    for arrow in arrows:
+        seen = visible(arrow.vectors, scales.of(arrow.family), size)
+        if seen.any():
+            tips = arrow.origins[seen] + arrow.vectors[seen] / scales.of(arrow.family)
+            low[:2] = np.minimum(low[:2], np.maximum(tips.min(axis=0), bounds[0][:2] - room))
+            high[:2] = np.maximum(high[:2], np.minimum(tips.max(axis=0), bounds[1][:2] + room))
+    return np.array([low, high])
 
 
 def arc_sweep(moments: Real, scale: float, size: float) -> Real:

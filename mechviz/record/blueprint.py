@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,23 +14,25 @@ from .paths import entity
 from .plots import Output, main_outputs
 
 if TYPE_CHECKING:
-    from ..meshes import Solids
     from ..run import Run
 
 __all__ = ["make_blueprint"]
 
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
-FIELD_OF_VIEW = np.radians(45.0)  # vertical, of rerun's eye
+FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 TILT = (0.16, 0.20)  # how far the eye stands aside and above, so that the layers can be told apart
-PICTURE = 1.25  # width of the 3D view over its height, about
+PICTURE = 1.5  # width of the 3D view over its height, about
 
 
-def make_blueprint(run: Run, solids: Solids, events: Sequence[Event]) -> Any:
-    """The blueprint of a run (`rerun.blueprint.Blueprint`)."""
+def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[Event]) -> Any:
+    """The blueprint of a run (`rerun.blueprint.Blueprint`).
+
+    ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and around the mechanism with its "motion" arrows.
+    """
     import rerun.blueprint as rrb
 
-    pictures = _pictures(run, solids)
+    pictures = _pictures(run, bounds)
     mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
     plots = _plots(run)
     left = rrb.Vertical(mechanism, _below(run, events), row_shares=[3, 1])
@@ -58,16 +60,16 @@ def _playback_speed(run: Run) -> float:
     return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
 
 
-def _pictures(run: Run, solids: Solids) -> list[Any]:
+def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
     """3D views: one with forces where there are any, one with velocities and accelerations."""
     motion = ["vectors/velocity", "vectors/acceleration"]
     forces = [f"vectors/{family}" for family in ("reaction", "applied", "gravity", "inertia", "drive")]
     views = []
     if run.forces is not None:
-        views.append(_picture("Mechanism with forces", forces, solids))
+        views.append(_picture("Mechanism with forces", forces, bounds["forces"]))
     if _has_points(run):
-        views.append(_picture("Mechanism with velocities and accelerations", motion, solids))
-    return views or [_picture("Mechanism", [], solids)]
+        views.append(_picture("Mechanism with velocities and accelerations", motion, bounds["motion"]))
+    return views or [_picture("Mechanism", [], bounds["motion"])]
 
 
 def _has_points(run: Run) -> bool:
@@ -76,10 +78,10 @@ def _has_points(run: Run) -> bool:
     return bool(run.motion.mechanism.traced or links_with_mass(run))
 
 
-def _picture(name: str, vectors: list[str], solids: Solids) -> Any:
+def _picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
     import rerun.blueprint as rrb
 
-    position, target = _eye(solids)
+    position, target = _eye(bounds)
     return rrb.Spatial3DView(
         origin="/",
         contents=["+ mechanism/**", *(f"+ {path}/**" for path in vectors)],
@@ -92,12 +94,12 @@ def _picture(name: str, vectors: list[str], solids: Solids) -> Any:
     )
 
 
-def _eye(solids: Solids) -> tuple[np.ndarray, np.ndarray]:
+def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where the eye stands and looks: in front of the plane, with all that moves in the picture."""
-    low, high = solids.bounds
+    low, high = bounds
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
-    margin = 1.12
+    margin = 1.08
     away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
     direction = np.array([TILT[0], TILT[1], 1.0])
     return middle + away * direction / np.linalg.norm(direction), middle
@@ -138,13 +140,14 @@ def _plot(output: Output) -> Any:
         for path, shown in output.entities
         if shown and not all(shown)
     }
+    alone = len(output.entities) == 1 and bool(overrides)  # one curve, which the view's name tells
     return rrb.TimeSeriesView(
         origin="/",
         contents=[f"+ {path}" for path, _ in output.entities],
         name=output.name,
         overrides=overrides,
         axis_x=rrb.TimeAxis(view_range=whole),
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=not alone),
     )
 
 
@@ -160,7 +163,8 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         health.append(("Health: power balance [1]", ("power_balance",)))
     views: list[Any] = []
     if events:
-        views.append(rrb.TextLogView(origin="/events", name="Events"))
+        columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])  # the text itself holds item and time
+        views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
     views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
     if run.forces is not None:
         views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))

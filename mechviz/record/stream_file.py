@@ -55,7 +55,9 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
     rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
     try:
         _try_to_open(temporary)
-        stream.save(temporary, default_blueprint=blueprint)
+        stream.save(temporary)
+        # active, not only default: the viewer keeps one layout per application, and that of another scene would not fit
+        stream.send_blueprint(blueprint, make_active=True, make_default=True)
         stream.set_log_time_enabled(False)
         stream.send_recording_name(title)
         yield part

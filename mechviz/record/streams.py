@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Revolute
-
 from ..tables import Table, drive_unit, point_name
 from .arrows import COLORS, Arc, Arrow, Scales, arc_strips, arc_sweep, visible
 from .paths import entity
@@ -181,10 +179,11 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
             vertex_colors=solid.colors,
         )
         yield Static(entity("mechanism", "links", name, "mesh"), mesh)
-    for pair in motion.mechanism.pairs:
-        color = (250, 250, 250) if isinstance(pair, Revolute) else (200, 210, 225)
-        style = rr.Points3D.from_fields(colors=[color], radii=[0.0045 * size], labels=[pair.name], show_labels=True)
-        yield Static(entity("mechanism", "joints", pair.name), style)
+    for pair, label in _labels(run).items():
+        style = rr.Points3D.from_fields(
+            colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label)
+        )
+        yield Static(entity("mechanism", "joints", pair), style)
     for link, point in motion.mechanism.traced:
         path = _in_space(motion.point(link, point), solids.z_top)
         color = tuple(int(0.5 * c + 127) for c in solids.links[link].color[:3])
@@ -195,6 +194,23 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[arrow.family]], radii=[radius]))
     for arc in arcs:
         yield Static(entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.family]], radii=[0.0055 * size]))
+
+
+def _labels(run: Run) -> dict[str, str]:
+    """What is written at each joint: its name, or all names at the first of joints that lie at the same place all the time."""
+    motion = run.motion
+    near = 1e-6 * motion.model.size
+    heaps: list[tuple[Real, list[str]]] = []
+    for pair in motion.mechanism.pairs:
+        place = motion.pair_position(pair.name)
+        for known, names in heaps:
+            if np.abs(known - place).max(initial=0.0) < near:
+                names.append(pair.name)
+                break
+        else:
+            heaps.append((place, [pair.name]))
+    first = {names[0]: ", ".join(names) for _, names in heaps}
+    return {pair.name: first.get(pair.name, "") for pair in motion.mechanism.pairs}
 
 
 def _check_mesh(name: str, solid: Any) -> None:

@@ -15,7 +15,7 @@ from mechcore.events import Event, find_events
 
 from ..run import Stage, stopwatch
 from ..tables import tables
-from .arrows import Scales, shapes
+from .arrows import Scales, extent, shapes
 from .describe import notes, properties, scene_text
 from .events import peak_events
 from .stream_file import Part, recording_file
@@ -83,7 +83,12 @@ def write_recording(
         from .blueprint import make_blueprint
         from .plots import plot_streams, plot_styles
 
-        blueprint = make_blueprint(run, solids, events)
+        motion = [a for a in arrows if a.family in ("velocity", "acceleration")]
+        bounds = {
+            "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
+            "motion": extent(motion, scales, solids.bounds, solids.size),
+        }
+        blueprint = make_blueprint(run, bounds, events)
         streams += plot_streams(run, every)
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run)]
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:

@@ -149,8 +149,6 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
             return None
         x, y = x[:-1], y[:-1]
     elif span > period:
-        convert.note(
-            f"{path}.period", "is shorter than the range of the positions.", "Give a longer period, or fewer rows."
-        )
+        convert.note(f"{path}.period", "is shorter than the range of the positions.", "Give a longer period, or fewer rows.")
         return None
     return Table(x=x, y=y, period=period, smooth=table.smooth)

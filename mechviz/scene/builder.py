@@ -59,20 +59,12 @@ class SceneBuilder:
         **more_points: Sequence[Value],
     ) -> SceneBuilder:
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
-        places: Any = (
-            {**points, **more_points}
-            if isinstance(points, Mapping)
-            else more_points
-            if points is None
-            else list(points)
-        )
+        places: Any = {**points, **more_points} if isinstance(points, Mapping) else more_points if points is None else list(points)
         if more_points and isinstance(places, list):
             self._faults.append(
                 Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way.")
             )
-        return self._add(
-            "links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape}
-        )
+        return self._add("links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape})
 
     def revolute(
         self,

@@ -82,9 +82,7 @@ def _point_table(value: Any) -> Any:
 
 PointTable = Annotated[dict[Name, Point], Field(min_length=1), BeforeValidator(_point_table)]
 PointNames = Annotated[list[Name], Field(min_length=1)]
-Points = Annotated[
-    Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)
-]
+Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
 Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(_is_text)]
 
 
@@ -117,9 +115,7 @@ class LinkDocument(Table):
                     )
                 )
         if self.shape == "bar" and len(self.points) < 2:
-            found.append(
-                ("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'.")
-            )
+            found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
             found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
         refuse(found)
@@ -182,13 +178,9 @@ class PairDocument(Table):
                 found.append((key, f"{key} does not go with a {self.kind} pair.", hint))
         modes = [key for key in ("side", "assembly", "branch") if getattr(self, key) is not None]
         if len(modes) > 1:
-            found.append(
-                (modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them.")
-            )
+            found.append((modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them."))
         if self.drive is not None and modes:
-            found.append(
-                (modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}.")
-            )
+            found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
         refuse(found)
         return self
 
@@ -231,9 +223,7 @@ class LoadDocument(Table):
         if self.torque is not None:
             for key in ("at", "axes"):
                 if key in self.model_fields_set:
-                    found.append(
-                        (key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}.")
-                    )
+                    found.append((key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}."))
         refuse(found)
         return self
 

@@ -19,9 +19,7 @@ class _Coordinate:
     def __init__(self, convert: Converter, sort: str, path: str):
         self.convert, self.path = convert, path
         self.kinds = (
-            (sort, "angular speed", "angular acceleration")
-            if sort == "angle"
-            else (sort, "linear speed", "linear acceleration")
+            (sort, "angular speed", "angular acceleration") if sort == "angle" else (sort, "linear speed", "linear acceleration")
         )
 
     def position(self, value: float | str, key: str) -> float:
@@ -35,25 +33,20 @@ class _Coordinate:
         if not isinstance(value, list):
             return self.position(value, key), 0.0, 0.0
         given = [
-            self.convert.si(v, kind, f"{self.path}.{key}[{k}]")
-            for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
+            self.convert.si(v, kind, f"{self.path}.{key}[{k}]") for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
         ]
         position, velocity, acceleration = (*given, 0.0, 0.0)[:3]
         return position, velocity, acceleration
 
 
-def law_of(
-    drive: DriveDocument, sort: str, convert: Converter, path: str, *, drawn: float = 0.0, cycles: int = 1
-) -> Law | None:
+def law_of(drive: DriveDocument, sort: str, convert: Converter, path: str, *, drawn: float = 0.0, cycles: int = 1) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
     ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
-    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[
-        drive.law
-    ]
+    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[drive.law]
     law = make(drive, coordinate, drawn, cycles)
     return law if len(convert.faults) == before else None
 
@@ -135,10 +128,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     convert, path = coordinate.convert, coordinate.path
     start = (drawn, 0.0, 0.0) if drive.start is None else coordinate.state(drive.start, "start")
     ends = [coordinate.state(segment.to, f"segments[{k}].to") for k, segment in enumerate(drive.segments)]
-    durations = [
-        convert.si(segment.duration, "time", f"{path}.segments[{k}].duration")
-        for k, segment in enumerate(drive.segments)
-    ]
+    durations = [convert.si(segment.duration, "time", f"{path}.segments[{k}].duration") for k, segment in enumerate(drive.segments)]
     states = [start, *ends]
     if any(math.isnan(value) for state in states for value in state) or any(map(math.isnan, durations)):
         return None
@@ -155,9 +145,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             "Give one of them another end.",
         )
     knots = tuple(accumulate(durations, initial=0.0))
-    pieces = tuple(
-        polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True)
-    )
+    pieces = tuple(polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True))
     return Piecewise(knots=knots, coefficients=pieces, advance=ends[-1][0] - start[0])
 
 

@@ -37,17 +37,10 @@ def _lines(fault: Fault, column: int) -> Iterator[str]:
     text = (
         [both]
         if len(both) <= room
-        else [
-            line
-            for part in (fault.message, fault.remedy)
-            if part
-            for line in textwrap.wrap(part, room, break_on_hyphens=False)
-        ]
+        else [line for part in (fault.message, fault.remedy) if part for line in textwrap.wrap(part, room, break_on_hyphens=False)]
     )
     head = f"  {fault.path:<{column}}  "
-    if (
-        len(fault.path) > column
-    ):  # a path of unusual length gets its own line instead of pushing everything to the right
+    if len(fault.path) > column:  # a path of unusual length gets its own line instead of pushing everything to the right
         yield f"  {fault.path}"
         head = " " * (column + 4)
     for line in text:

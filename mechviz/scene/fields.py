@@ -178,9 +178,7 @@ def _name(value: str) -> str:
         raise fault(f"the name '{value}' means a folder in paths.", "Use letters or digits.")
     bad = next((c for c in value if c in '/\\"' or not c.isprintable()), "")
     if bad:
-        raise fault(
-            f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'."
-        )
+        raise fault(f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'.")
     return value
 
 

@@ -32,8 +32,7 @@ def _value_or_list(value: Any) -> str:
 
 
 Conditions = Annotated[
-    Annotated[Coordinate, Tag("<value>")]
-    | Annotated[Annotated[list[Condition], Field(min_length=1, max_length=3)], Tag("<list>")],
+    Annotated[Coordinate, Tag("<value>")] | Annotated[Annotated[list[Condition], Field(min_length=1, max_length=3)], Tag("<list>")],
     Discriminator(_value_or_list),
 ]
 
@@ -97,13 +96,9 @@ class DriveTable(Table):
     @model_validator(mode="after")
     def _same_length(self) -> DriveTable:
         if len(self.position) != len(self.time):
-            raise fault(
-                f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time."
-            )
+            raise fault(f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time.")
         if self.periodic and len(self.time) < 4:
-            raise fault(
-                f"a periodic table of {len(self.time)} rows.", "Give at least four, the last one the end of the cycle."
-            )
+            raise fault(f"a periodic table of {len(self.time)} rows.", "Give at least four, the last one the end of the cycle.")
         return self
 
 
@@ -183,7 +178,5 @@ class FactorTable(Table):
     @model_validator(mode="after")
     def _same_length(self) -> FactorTable:
         if len(self.position) != len(self.factor):
-            raise fault(
-                f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position."
-            )
+            raise fault(f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position.")
         return self

@@ -64,9 +64,7 @@ def place_links(document: SceneDocument, convert: Converter) -> Placement:
     return placement
 
 
-def _add_frame_points(
-    document: SceneDocument, placement: Placement, world: dict[str, Vec2], convert: Converter
-) -> None:
+def _add_frame_points(document: SceneDocument, placement: Placement, world: dict[str, Vec2], convert: Converter) -> None:
     """Points of the fixed link with coordinates of its own are places in the world that need no sketch."""
     for point, place in placement.points.get(document.frame, {}).items():
         sketched = world.setdefault(point, place)

@@ -57,7 +57,7 @@ def find_scene(source: str | Path) -> Path:
         text,
         Fault(
             "scene",
-            f"neither a gallery scene nor a file is called '{text}'.",
+            f"neither a gallery scene nor a file is called {text!r}.",
             f"Did you mean '{near}'? {listed}" if near else listed,
         ),
     )
@@ -85,9 +85,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise fault(f"cannot be read: {error.strerror or error}.", "Check the path and its permissions.") from None
     if data.startswith(b"RRF2") or path.suffix == ".rrd":
-        raise fault(
-            "this is a recording, not a scene.", "Look into it with 'mechviz inspect', or give the scene that made it."
-        )
+        raise fault("this is a recording, not a scene.", "Look into it with 'mechviz inspect', or give the scene that made it.")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

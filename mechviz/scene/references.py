@@ -40,9 +40,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     """Every fault of reference in what could be read."""
     document = reading.document
     if "*" not in reading.broken["links"] and not link_names(reading):
-        yield Fault(
-            "links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link."
-        )
+        yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
     elif "*" not in reading.broken["links"] and document.frame not in link_names(reading):
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
@@ -56,9 +54,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"effects[{k}]", f"'{effect}' is listed twice.", "Leave it out once.")
     if document.effects and not reading.broken["links"] and all(link.mass is None for link in document.links.values()):
         remedy = "Give the moving links a mass, or leave out the effects."
-        yield Fault(
-            "effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy
-        )
+        yield Fault("effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy)
 
 
 def _known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
@@ -84,11 +80,7 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
             yield from _known_link(reading, f"{path}.{pair.kind}[{k}]", link)
         for k, (link, point) in enumerate(zip(pair.links, points_of_pair(name, pair), strict=True)):
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
-            remedy = (
-                ""
-                if pair.at is not None
-                else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
-            )
+            remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
             yield from _known_point(reading, where, link, point, remedy)
         if pair.guide is not None and pair.guide not in pair.links:
             yield Fault(
@@ -114,6 +106,9 @@ def _whole(reading: Reading) -> Iterator[Fault]:
             "no pair has a drive: nothing moves.",
             f'Add one, such as drive = {{ speed = "60 rpm" }} in pairs.{first}.',
         )
+    links = set(link_names(reading))
+    if not links.issuperset([document.frame, *(link for pair in document.pairs.values() for link in pair.links)]):
+        return  # a misspelt name, reported already, may be what is missing
     reached, grew = {document.frame}, True
     while grew:
         grew = False
@@ -121,14 +116,13 @@ def _whole(reading: Reading) -> Iterator[Fault]:
             if (pair.links[0] in reached) != (pair.links[1] in reached):
                 reached.update(pair.links)
                 grew = True
-    if document.frame in document.links or document.frame in link_names(reading):
-        for link in link_names(reading):
-            if link not in reached:
-                yield Fault(
-                    f"links.{link}",
-                    f"no chain of pairs joins it to '{document.frame}'.",
-                    "Add the pair that is missing, or remove the link.",
-                )
+    for link in link_names(reading):
+        if link not in reached:
+            yield Fault(
+                f"links.{link}",
+                f"no chain of pairs joins it to '{document.frame}'.",
+                "Add the pair that is missing, or remove the link.",
+            )
 
 
 def _trace(reading: Reading) -> Iterator[Fault]:
@@ -185,9 +179,7 @@ def _loads(reading: Reading) -> Iterator[Fault]:
         path = f"loads.{name}"
         yield from _known_link(reading, f"{path}.on", load.on)
         if load.on == document.frame:
-            yield Fault(
-                f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link."
-            )
+            yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
         elif load.at is not None:
             yield from _known_point(reading, f"{path}.at", load.on, load.at)
         elif load.force is not None:
@@ -221,9 +213,7 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
         if isinstance(entry, Pose):
             yield from _known_link(reading, f"sketch.{name}", name)
             if name == document.frame:
-                yield Fault(
-                    f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out."
-                )
+                yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
         elif name not in points and not any(point_names(reading, link) is None for link in links):
             hint = (
                 "To place a link, write { at = [x, y], angle = ... }."

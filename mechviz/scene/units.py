@@ -151,9 +151,7 @@ def unit_factor(text: str, kind: str) -> Decimal:
         return Decimal(_registry().Quantity(Decimal(1), unit).to(target).magnitude)
     found = _words(unit)
     if (found, kind) == ("a frequency", "angular speed"):
-        raise QuantityError(
-            f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s."
-        )
+        raise QuantityError(f"{found}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
     raise QuantityError(f"{found}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")
 
 

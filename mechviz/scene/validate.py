@@ -196,8 +196,7 @@ def _faults(detail: Any, loc: Loc) -> list[Fault]:
     if kind == "scene":
         keys = value if isinstance(value, dict) else {}
         return [
-            Fault(path_text((*loc, key)) if key in keys else path, message, remedy)
-            for key, message, remedy in context["faults"]
+            Fault(path_text((*loc, key)) if key in keys else path, message, remedy) for key, message, remedy in context["faults"]
         ]
     if kind == "extra_forbidden":
         known = _known_keys(loc[:-1])
@@ -242,9 +241,7 @@ def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -
         found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
         if n < 3:
             return Fault(path, found, 'Write it like ["frame", "crank"].')
-        remedy = (
-            f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
-        )
+        remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
         return Fault(path, found, remedy)
     found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
     least, most = context.get("min_length"), context.get("max_length")

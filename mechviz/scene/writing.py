@@ -33,10 +33,7 @@ def _is_section(key: str, value: Any) -> bool:
 def _section(name: str, section: Mapping[str, Any]) -> list[str]:
     """A table of one line for each entry; where one is too long, a table for each entry, which keeps their order."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in section.items()]
-    if all(
-        len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping)
-        for line, key in zip(lines, section, strict=True)
-    ):
+    if all(len(line) <= _LONGEST_LINE or not isinstance(section[key], Mapping) for line, key in zip(lines, section, strict=True)):
         return [f"[{_key(name)}]", *lines]
     out: list[str] = []
     for key, value in section.items():

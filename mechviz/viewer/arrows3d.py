@@ -88,17 +88,12 @@ class ArrowNodes:
     def families(self) -> tuple[str, ...]:
         return tuple(self._on)
 
-    def reach(self, most: float) -> Real:
-        """The box (2, 2) [m] around all arrows that are on, over all frames; parts longer than ``most`` [m] do not count."""
-        lows, highs = [], []
-        for family, (_, origins, lengths) in self._arrows.items():
-            if self._on[family]:
-                with np.errstate(invalid="ignore"):
-                    ends = origins + np.clip(lengths, -most, most)
-                good = ends[np.isfinite(ends).all(axis=-1)]
-                lows += [good.min(axis=0)] if len(good) else []
-                highs += [good.max(axis=0)] if len(good) else []
-        return np.array([np.min(lows, axis=0), np.max(highs, axis=0)]) if lows else np.full((2, 2), np.nan)
+    def reach(self) -> Real:
+        """The box (2, 2) [m] around the arrows that are on, over all frames; NaN if there are none."""
+        ends = [origins + lengths for family, (_, origins, lengths) in self._arrows.items() if self._on[family]]
+        flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
+        flat = flat[np.isfinite(flat).all(axis=1)]
+        return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else np.full((2, 2), np.nan)
 
     @property
     def factor(self) -> float:
@@ -137,7 +132,7 @@ class ArrowNodes:
         return self._server.scene.add_arrows(
             f"/vectors/{family}",
             np.zeros((1, 2, 3)),
-            FAMILIES[family].color,
+            _linear(FAMILIES[family].color),
             shaft_radius=SHAFT * self._size,
             head_radius=HEAD_RADIUS * self._size,
             head_length=HEAD_LENGTH * self._size,
@@ -155,3 +150,9 @@ class ArrowNodes:
             cast_shadow=False,
             receive_shadow=False,
         )
+
+
+def _linear(color: tuple[int, int, int]) -> tuple[int, int, int]:
+    """A colour for viser's arrows: their shader takes it as light, where that of meshes takes it as a screen colour (gamma 2.2)."""
+    red, green, blue = (round(255.0 * (c / 255.0) ** 2.2) for c in color)
+    return red, green, blue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,8 @@ __all__ = ["View", "fit_view", "keep_fitted", "set_first_view"]
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 TIMELINE = 0.25  # part of the picture's height that the timeline covers
 MARGIN = 0.06  # around the mechanism, of its extent
+SETTLING = 0.25  # [s] without a change before the view is fitted anew
+MOST_KNOWN = 50  # views that a browser has been given and may still report
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
 
 
@@ -52,20 +55,29 @@ def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> No
 
 
 def keep_fitted(client: viser.ClientHandle, bounds: NDArray[np.float64]) -> None:
-    """Fit the view of a browser to its window, also when that changes, until its user moves the camera."""
-    fitted = [fit_view(bounds, USUAL_ASPECT)]
-    aspect = [0.0]
+    """Fit the view of a browser to its window, also when that changes, until its user moves the camera.
+
+    While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
+    looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
+    """
+    known = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(bounds, USUAL_ASPECT)]  # viser's default, and our first
+    changes = [0]
 
     async def update(camera: Any) -> None:
-        if camera.image_height <= 0 or camera.image_width <= 0:
+        changes[0] += 1
+        latest = changes[0]
+        await asyncio.sleep(SETTLING)
+        if latest != changes[0] or camera.image_height <= 0 or camera.image_width <= 0:
             return
-        moved = all(_apart(view, camera) > 1e-3 * view.distance for view in fitted[-2:])
-        now = camera.image_width / camera.image_height
-        if moved or abs(now - aspect[0]) < 0.02 * now:
-            return
-        aspect[0] = now
-        fitted.append(fit_view(bounds, now))
-        move_to(client, fitted[-1])
+        view = fit_view(bounds, camera.image_width / camera.image_height)
+        near = 0.01 * view.distance
+        moved = not (
+            any(np.linalg.norm(v.position - camera.position) < near for v in known)
+            and any(np.linalg.norm(v.look_at - camera.look_at) < near for v in known)
+        )
+        if not moved and np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at) > near:
+            known[2:] = [*known[2:][-MOST_KNOWN:], view]
+            move_to(client, view)
 
     client.camera.on_update(update)
 
@@ -77,6 +89,3 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
         client.camera.look_at = view.look_at
     client.flush()
 
-
-def _apart(view: View, camera: Any) -> float:
-    return float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))

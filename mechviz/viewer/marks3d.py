@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from mechcore import Motion
 
-__all__ = ["JointNames", "Paths", "joint_groups"]
+__all__ = ["PATH", "JointNames", "Paths", "joint_groups"]
 
 Real = NDArray[np.float64]
 
-PATH = (32, 78, 138)
+PATH = (32, 78, 138)  # colour of paths
 
 
 class Paths:
@@ -44,14 +44,16 @@ class Paths:
 
 
 class JointNames:
-    """The names of the joints beside them; joints that stay at one place share a label."""
+    """The names of the joints beside them, driven ones marked; joints that stay at one place share a label."""
 
     def __init__(self, server: viser.ViserServer, motion: Motion, size: float, z: float):
         offset = 0.022 * size
         self._labels: list[tuple[viser.LabelHandle, Real]] = []
+        driven = {drive.pair for drive in motion.mechanism.drives}
         for k, (names, xy) in enumerate(joint_groups(motion, 1e-6 * size)):
+            text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
             xyz = np.column_stack([xy + offset, np.full(motion.frames, z)])
-            label = server.scene.add_label(f"/names/{k}", ", ".join(names), anchor="bottom-left", font_screen_scale=1.0)
+            label = server.scene.add_label(f"/names/{k}", text, anchor="bottom-left", font_screen_scale=1.0)
             self._labels.append((label, xyz))
 
     def switch(self, on: bool) -> None:

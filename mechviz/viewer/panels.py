@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from ..run import Run
+from ..vectors import FAMILIES
 from . import words
 from .player import Player
 from .scene3d import Scene3D
@@ -72,8 +73,8 @@ class Switches:
         if scene.arrows.families:
             with gui.add_folder("Arrows"):
                 for name in scene.arrows.families:
-                    label = words.FAMILIES[name].label
-                    box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=words.FAMILIES[name].meaning)
+                    label = FAMILIES[name].label
+                    box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=FAMILIES[name].meaning)
                     box.on_update(callback(f"Switching {label}", lambda _, n=name, b=box: self._switch(n, bool(b.value))))
                     self.families[name] = box
                 self.size = gui.add_slider("Arrow size", 0.1, 5.0, 0.1, 1.0, hint="times the size at which the largest fits")
@@ -107,7 +108,7 @@ class Switches:
     def _explain(self) -> None:
         arrows = self._scene.arrows
         shown = [f for f in arrows.families if arrows.is_on(f)]
-        self._legend.content = words.legend(shown, self._scene.scales, arrows.factor, self._scene.size)
+        self._legend.content = words.legend(shown, self._scene.traced, self._scene.scales, arrows.factor, self._scene.size)
 
 
 class Timeline:

@@ -106,7 +106,7 @@ class Slot:
         horizontal: Any = uplot.Axis(label=axis.title, size=34, labelSize=18, labelGap=-2, font="11px sans-serif", labelFont="12px sans-serif")
         if axis.unit == "°":
             horizontal["incrs"] = ANGLE_STEPS
-        vertical: Any = uplot.Axis(label=quantity.unit, size=52, space=24, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
+        vertical: Any = uplot.Axis(label="degrees" if quantity.unit == "°" else quantity.unit, size=52, space=24, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
         if self.chart is not None:
             self._order = self.chart.order
             self.chart.remove()

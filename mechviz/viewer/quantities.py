@@ -69,27 +69,31 @@ def find_quantities(run: Run) -> list[Quantity]:
 
 
 def output_pair(mechanism: Mechanism) -> Pair | None:
-    """The pair whose motion a mechanism is for: a slide on the frame that no drive moves, else such a pin, else any such pair."""
+    """The pair whose motion a mechanism is for: the slide on the frame, or else the pin on the frame, that no drive moves.
+
+    None if there are several or none.
+    """
     driven = {d.pair for d in mechanism.drives}
-    free = [p for p in mechanism.pairs if p.name not in driven]
-    grounded = [p for p in free if mechanism.frame in p.links]
+    grounded = [p for p in mechanism.pairs if p.name not in driven and mechanism.frame in p.links]
     slides = [p for p in grounded if isinstance(p, Prismatic)]
-    return (slides or grounded[::-1] or free[::-1] or [None])[0]
+    candidates = slides or grounded
+    return candidates[0] if len(candidates) == 1 else None
 
 
 def first_choice(run: Run, count: int) -> list[Quantity]:
-    """What is plotted at the start: the driving effort where forces are computed, then the motion of the output."""
+    """What is plotted at the start: driving efforts where forces are computed, then the motion of the output or of a traced point."""
+    mechanism = run.motion.mechanism
     quantities = {q.label: q for q in find_quantities(run)}
-    wanted = []
-    if run.forces is not None:
-        for drive in run.motion.mechanism.drives:
-            wanted += [f"drive {drive.pair}: torque", f"drive {drive.pair}: force"]
-    pair = output_pair(run.motion.mechanism)
+    wanted = [f"drive {drive.pair}: {effort}" for drive in mechanism.drives for effort in ("torque", "force")]
+    pair = output_pair(mechanism)
     if pair is not None:
         wanted += [f"pair {pair.name}: {what}" for what in _motion_names(pair)]
-    wanted += list(quantities)
-    found = dict.fromkeys(label for label in wanted if label in quantities)
-    return [quantities[label] for label in list(found)[:count]]
+    for key in mechanism.traced:
+        wanted += [f"point {point_name(*key)}: {what}" for what in ("position", "velocity", "acceleration")]
+    free = [p for p in mechanism.pairs if p.name not in {d.pair for d in mechanism.drives}]
+    wanted += [f"pair {p.name}: {what}" for p in free[-1:] for what in _motion_names(p)]
+    found = [label for label in dict.fromkeys([*wanted, *quantities]) if label in quantities]
+    return [quantities[label] for label in found[:count]]
 
 
 def _pair(run: Run, name: str) -> Pair:

@@ -30,6 +30,7 @@ class Scene3D:
         motion = run.motion
         solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name) for link in motion.mechanism.links})
         self.size = solids.size
+        self.traced = tuple(point for _, point in motion.mechanism.traced)
         vectors, moments = find_vectors(run), find_moments(run)
         self.scales = find_scales(vectors, moments, solids.size)
         with server.atomic():
@@ -41,7 +42,7 @@ class Scene3D:
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
-        self._bounds = _joined(solids.bounds, self.arrows.reach(0.15 * solids.size))
+        self._bounds = _joined(solids.bounds, self.arrows.reach(), 0.15 * solids.size)
         set_first_view(server, self._bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             **({"Paths": self._paths.switch} if len(self._paths) else {}),
@@ -71,9 +72,9 @@ class Scene3D:
         keep_fitted(client, self._bounds)
 
 
-def _joined(bounds: NDArray[np.float64], flat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A box (2, 3) made larger in x and y by a rectangle (2, 2), which may be NaN for none."""
+def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64], most: float) -> NDArray[np.float64]:
+    """The box of the solids (2, 3) with that of the arrows (2, 2), as far as that reaches beyond it by no more than ``most``."""
     wider = np.array(bounds, float)
-    wider[0, :2] = np.fmin(bounds[0, :2], flat[0])
-    wider[1, :2] = np.fmax(bounds[1, :2], flat[1])
+    wider[0, :2] = np.fmin(bounds[0, :2], np.fmax(arrows[0], bounds[0, :2] - most))
+    wider[1, :2] = np.fmax(bounds[1, :2], np.fmin(arrows[1], bounds[1, :2] + most))
     return wider

@@ -26,8 +26,8 @@ def set_stage(server: viser.ViserServer, bounds: NDArray[np.float64], size: floa
     scene.set_up_direction("+y")
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
-    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(196, 202, 214), intensity=1.9)
-    for name, position, intensity in (("key", (-0.6, 1.0, 1.6), 1.7), ("fill", (1.0, 0.1, 1.2), 0.5)):
+    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(196, 202, 214), intensity=1.5)
+    for name, position, intensity in (("key", (-0.6, 1.0, 1.6), 1.3), ("fill", (1.0, 0.1, 1.2), 0.35)):
         scene.add_light_directional(f"/lights/{name}", intensity=intensity, position=position)
     scene.world_axes.visible = False
     cell = grid_cell(size)

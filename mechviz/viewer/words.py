@@ -11,6 +11,7 @@ from mechcore.spec import Drive, Mechanism, Prismatic
 
 from ..run import Run
 from ..vectors import FAMILIES, Scales
+from .marks3d import PATH
 from .stage import grid_cell
 
 __all__ = ["heading", "legend", "number", "place_in_run", "plan_list"]
@@ -33,18 +34,12 @@ def heading(run: Run) -> str:
     )
 
 
-def legend(families: Iterable[str], scales: Scales, factor: float, size: float) -> str:
+def legend(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float, size: float) -> str:
     """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement."""
-    rows = []
-    for name in families:
-        family = FAMILIES[name]
-        color = "rgb({},{},{})".format(*family.color)
-        rows.append(
-            f'<div style="display:flex;gap:0.55em;align-items:baseline;padding-bottom:0.25em">'
-            f'<span style="flex:none;width:1.3em;height:0.42em;border-radius:0.2em;background:{color};'
-            f'transform:translateY(-0.12em)"></span>'
-            f"<span><b>{family.label}</b>: {family.meaning}</span></div>"
-        )
+    families, paths = list(families), list(paths)
+    rows = [_swatch(FAMILIES[f].color, 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    if paths:
+        rows.append(_swatch(PATH, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
     for unit, some, per_metre in (
         ("N", shown & {"reaction", "applied", "gravity", "inertia", "drive"}, scales.newtons_per_metre),
@@ -99,6 +94,16 @@ def _scale(unit: str, per_metre: float, size: float) -> str:
         if unit == small and value >= 1000.0:
             return f"Scale: {number(value / 1000.0)} {big} = {number(round(value / per_metre * 1e3, 1))} mm"
     return f"Scale: {number(value)} {unit} = {number(round(value / per_metre * 1e3, 1))} mm"
+
+
+def _swatch(color: tuple[int, int, int], thickness: float, words: str) -> str:
+    red, green, blue = color
+    return (
+        '<div style="display:flex;gap:0.55em;align-items:baseline;padding-bottom:0.25em">'
+        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:rgb({red},{green},{blue});'
+        'transform:translateY(-0.2em)"></span>'
+        f"<span>{words}</span></div>"
+    )
 
 
 def _block(content: str, style: str = "") -> str:
