@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["OutputError", "check_target", "put_in_place", "replacing", "reason"]
+__all__ = ["OutputError", "check_target", "put_in_place", "reason", "replacing"]
 
 
 class OutputError(Exception):

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from mechcore.spec import Mechanism, Prismatic
 
+from .vectors import centre_name, point_name
+
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Table", "centre_name", "drive_unit", "links_with_mass", "point_name", "tables"]
+__all__ = ["Table", "drive_unit", "links_with_mass", "tables"]
 
 Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
@@ -37,17 +39,6 @@ class Table:
     def headers(self) -> list[str]:
         """Column names with units, such as ``crank.x [m]``."""
         return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
-
-
-def point_name(link: str, point: str) -> str:
-    """The name of a traced point."""
-    return f"{link}.{point}"
-
-
-def centre_name(mechanism: Mechanism, link: str) -> str:
-    """The name of a link's centre of mass: ``link.S``, or spelt out where the link has a point S of its own."""
-    named = next(body for body in mechanism.links if body.name == link).points
-    return f"{link}.S" if "S" not in named else f"{link}.centre_of_mass"
 
 
 def links_with_mass(run: Run) -> list[str]:
@@ -85,7 +76,7 @@ def _points(run: Run) -> Iterator[Table]:
     motion = run.motion
     found = [(point_name(*traced), [motion.point(*traced, k) for k in range(3)]) for traced in motion.mechanism.traced]
     for link in links_with_mass(run):
-        found.append((centre_name(motion.mechanism, link), [motion.centre_of_mass(link, k) for k in range(3)]))
+        found.append((centre_name(link), [motion.centre_of_mass(link, k) for k in range(3)]))
     columns = (_POSE[:2], _VELOCITY[:2], _ACCELERATION[:2])
     for name, derivatives in found:
         for kind, cols, values in zip(("position", "velocity", "acceleration"), columns, derivatives, strict=True):

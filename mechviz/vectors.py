@@ -137,9 +137,7 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
     return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
 
 
-def find_scales(
-    vectors: Mapping[str, Mapping[str, Vector]], moments: Mapping[str, Mapping[str, Moment]], size: float
-) -> Scales:
+def find_scales(vectors: Mapping[str, Mapping[str, Vector]], moments: Mapping[str, Mapping[str, Moment]], size: float) -> Scales:
     """Scales by which the largest force, velocity and acceleration is drawn as a third of ``size`` [m].
 
     Where nothing is to be drawn a scale is 1.
@@ -167,9 +165,7 @@ def _peak(values: Real) -> float:
 def _motion_vectors(run: Run) -> list[Vector]:
     motion, mechanism = run.motion, run.motion.mechanism
     points = [(point_name(*key), [motion.point(*key, d) for d in range(3)]) for key in mechanism.traced]
-    points += [
-        (centre_name(link), [motion.centre_of_mass(link, d) for d in range(3)]) for link in _links_with_mass(mechanism)
-    ]
+    points += [(centre_name(link), [motion.centre_of_mass(link, d) for d in range(3)]) for link in _links_with_mass(mechanism)]
     return [
         Vector(family, name, derivatives[0], derivatives[order])
         for name, derivatives in points

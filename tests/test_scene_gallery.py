@@ -79,9 +79,7 @@ def test_watt_six_bar_is_the_reference_case():
     """Reference case sixbar-watt at crank angle 50 degrees."""
     motion = motion_of("watt-six-bar", at=np.radians(50.0))
     np.testing.assert_allclose(motion.point("rocker2", "K")[0], [0.613664028602389, 0.22989961347248436], rtol=1e-10)
-    np.testing.assert_allclose(
-        motion.point("coupler2", "K", 2)[0], [-3.53361916334756, -0.13881823656637324], rtol=1e-10
-    )
+    np.testing.assert_allclose(motion.point("coupler2", "K", 2)[0], [-3.53361916334756, -0.13881823656637324], rtol=1e-10)
 
 
 def test_jansen_leg_is_the_published_one():
@@ -112,9 +110,7 @@ def test_triad_is_the_reference_case():
 def test_shaper_is_the_reference_case():
     """Reference case lever-quick-return-shaper at crank angles 0 and 90 degrees."""
     for angle, x in ((0.0, -0.02299935442045899), (90.0, -0.11989578808281799)):
-        assert motion_of("shaper-quick-return", at=np.radians(angle)).point("ram", "D")[0, 0] == pytest.approx(
-            x, rel=1e-10
-        )
+        assert motion_of("shaper-quick-return", at=np.radians(angle)).point("ram", "D")[0, 0] == pytest.approx(x, rel=1e-10)
 
 
 def test_peaucellier_draws_a_straight_line():

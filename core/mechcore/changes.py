@@ -13,19 +13,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
+from numpy.polynomial import chebyshev
 
 from . import blocks as bl
 from .blocks import Patch, State
+from .kinematics import accelerations, velocities
 from .model import Block, Model
-from .positions import initial_state
+from .positions import initial_state, place_all
 
 __all__ = ["Change", "Changes", "find_changes", "make_patches"]
 
 Array = Any
 SAMPLES = 720  # of a cycle
 FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
-WINDOW = 4  # samples on each side from which the instant is located; also the nodes of the interpolation near it
+WINDOW = 4  # samples on each side from which the instant is located
+NEAR = 4.0  # frames closer than this many samples are interpolated: accelerations lose digits with the third power of closeness
+FAR = 22
+NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR samples
+DEGREE = 9  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
+FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 
 
@@ -69,7 +75,6 @@ class Changes:
         local = time - cycle * self.period
         after_start = times[times > tiny]  # one at the start itself has been passed already
         count = cycle * len(times) + np.searchsorted(after_start, local, side="left")
-        count = np.where(time < -tiny, count + len(times) - len(after_start), count)
         return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
 
 
@@ -151,44 +156,43 @@ def make_patches(
     if not near:
         return {}
     nodes = np.unique(np.concatenate([_nodes(changes, c) for c in near]))
-    laws = [d.law for d in model.mechanism.drives]
-    state = initial_state(model, [law(nodes)[0] for law in laws])
-    patches: dict[int, list[Patch]] = {}
+    values = [d.law(nodes) for d in model.mechanism.drives]
+    signs = [m * changes.signs(i, nodes) for i, m in enumerate(modes)]
+    state = place_all(model, [v[0] for v in values], signs)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            bl.place(model, block, state, mode * changes.signs(i, nodes))
-            for c in near:
-                if c.block != i:
-                    continue
-                x = np.searchsorted(nodes, _nodes(changes, c))
-                frames = np.flatnonzero(_frames_near(changes, c, time))
-                local = time[frames] - changes.period * np.round((time[frames] - c.time) / changes.period)
-                patches.setdefault(i, []).append(_patch(model, block, state, nodes[x], x, frames, local, scale))
+        contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
+        cols = [bl.columns(model, b, contours) for b in model.blocks]
+        speeds = velocities(model, contours, cols, [v[1] for v in values])
+        seconds = accelerations(model, contours, cols, speeds, [v[2] for v in values])
+    patches: dict[int, list[Patch]] = {}
+    for c in near:
+        block = model.blocks[c.block]
+        x = np.searchsorted(nodes, _nodes(changes, c))
+        rows: list[Array] = []
+        for g in block.angles:
+            spin = model.angles.spins_of[g][0]
+            extra = [sum(s * v[k][x] for (d, s), v in _drives(model, spin, values)) for k in (1, 2)]
+            angle = np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[x]))
+            rows.append([angle, speeds.spin[spin][x] - extra[0], seconds.spin[spin][x] - extra[1]])
+        rows += [[state.slide[j][x], speeds.slide[j][x], seconds.slide[j][x]] for j in block.slides]
+        frames = np.flatnonzero(_frames_near(changes, c, time))
+        away = time[frames] - c.time
+        away = (away - changes.period * np.round(away / changes.period)) / (changes.step * FAR)
+        value, rate, bend = np.moveaxis(np.array(rows) @ FIT.T @ chebyshev.chebvander(away, DEGREE).T, 1, 0).swapaxes(1, 2)
+        s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
+        patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
     return patches
 
 
+def _drives(model: Model, spin: int, values: Sequence[Any]) -> list[tuple[tuple[int, int], Any]]:
+    return [(term, values[term[0]]) for term in model.angles.spin_drives[spin]]
+
+
 def _nodes(changes: Changes, c: Change) -> Array:
-    return c.time + changes.step * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+    return c.time + changes.step * FAR * NODES
 
 
 def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
     away = time - c.time
-    return np.abs(away - changes.period * np.round(away / changes.period)) < 0.9 * changes.step
-
-
-def _patch(
-    model: Model, block: Block, state: State, t: Array, x: Array, frames: Array, local: Array, scale: Sequence[Array]
-) -> Patch:
-    rows = []
-    for g in block.angles:
-        spin = model.angles.spins_of[g][0]
-        rows.append(np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[x])))
-    for j in block.slides:
-        rows.append(state.slide[j][x])
-    unit = t[-1] - t[0]
-    curve = BarycentricInterpolator((t - t[0]) / unit, np.array(rows).T)
-    values, first, second = (np.asarray(curve.derivatives((local - t[0]) / unit, 3))[k] for k in range(3))
-    s1, s2 = (np.broadcast_to(s, local.shape) if np.ndim(s) == 0 else np.asarray(s)[frames] for s in scale)
-    rate, bend = first / unit, second / unit**2
-    return Patch(frames, values, rate * s1[:, None], bend * s1[:, None] ** 2 + rate * s2[:, None])
+    return np.abs(away - changes.period * np.round(away / changes.period)) < NEAR * changes.step
 

@@ -1,4 +1,4 @@
-"""Events of a motion: where coordinates turn back, where drives start, stop and change their law, where a group is near singular."""
+"""Events of a motion: limit positions, starts, stops and zone boundaries of drives, near singular positions of groups."""
 
 from __future__ import annotations
 
@@ -118,7 +118,8 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
     for drive, (q, v, a) in zip(motion.mechanism.drives, motion.drives, strict=True):
         rows = np.column_stack([np.broadcast_to(x, motion.frames) for x in (q, v, a)])
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
-            yield Event(float(t), "INFO", drive.pair, f"drive reverses at {_words(motion, drive.pair, _at(motion, rows, float(t)))}")
+            where = _words(motion, drive.pair, _at(motion, rows, float(t)))
+            yield Event(float(t), "INFO", drive.pair, f"drive reverses at {where}")
         moving = np.abs(rows[:, 1]) > NOISE * np.abs(rows[:, 1]).max(initial=0.0)
         if moving.any() and not moving[0]:
             k = max(int(np.argmax(moving)) - 1, 0)

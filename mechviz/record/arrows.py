@@ -1,198 +1,96 @@
-"""Arrows and arcs: forces, moments, velocities and accelerations as shapes in the plane, to scale."""
+"""Arrows and arcs: which vectors and moments of a run are drawn where, and the shape of an arc."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Force
-
-from ..tables import centre_name, links_with_mass, point_name
+from ..tables import links_with_mass
+from ..vectors import LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, centre_name, find_moments, find_scales, find_vectors
 
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["COLORS", "Arc", "Arrow", "Scales", "arc_strips", "arc_sweep", "extent", "inertia_line", "shapes", "visible"]
+__all__ = ["COLORS", "Arc", "Arrow", "arc_strips", "arc_sweep", "extent", "shapes", "visible"]
 
 Real = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-COLORS: dict[str, tuple[int, int, int]] = {
-    "reaction": (255, 82, 82),
-    "applied": (255, 64, 200),
-    "gravity": (176, 190, 210),
-    "inertia": (90, 220, 120),
-    "drive": (255, 200, 50),
-    "velocity": (70, 200, 255),
-    "acceleration": (200, 130, 255),
+COLORS: Mapping[str, tuple[int, int, int]] = {
+    "reaction": (255, 72, 84),
+    "applied": (255, 138, 20),
+    "gravity": (214, 178, 130),
+    "inertia": (208, 112, 246),
+    "drive": (72, 222, 128),
+    "velocity": (84, 168, 255),
+    "acceleration": (52, 214, 220),
 }
-"""One colour per family, saturated, so that arrows stand out from the calm colours of the links."""
+"""The hues that the viewer gives to the families, lighter: the background is dark."""
 
-LARGEST = 1.0 / 3.0  # the largest arrow of a family, in sizes of the mechanism
-SHORTEST = 0.015  # arrows below this are left out
-ARC_RADIUS = 0.085
-ARC_LARGEST = np.radians(300.0)
+SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
+ARC_RADIUS = 0.085  # in sizes of the mechanism; the longest arc is then a little over 300°
 ARC_POINTS = 24
 
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """Vectors (F, 2) in SI units at points (F, 2) [m]."""
+    """Vectors of a run and the entity that draws them."""
 
     path: tuple[str, ...]
-    family: str
-    origins: Real
-    vectors: Real
+    vector: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """Moments (F,) [N m], counter-clockwise positive, about points (F, 2) [m]. ``shown`` (F,): where they are drawn."""
+    """Moments of a run and the entity that draws them, at frames where ``shown`` (F,)."""
 
     path: tuple[str, ...]
-    family: str
-    centres: Real
-    moments: Real
-    shown: NDArray[np.bool_]
+    moment: Moment
+    shown: Flags
 
 
-@dataclass(frozen=True)
-class Scales:
-    """What one metre of an arrow (or of an arc's length) stands for; NaN for what the run does not have."""
+def shapes(run: Run, size: float) -> tuple[list[Arrow], list[Arc], Scales]:
+    """All arrows and arcs of a run with their scales; ``size`` [m] is the mechanism's."""
+    vectors = find_vectors(run)
+    counted = {centre_name(link) for link in links_with_mass(run)}
+    idle = {centre_name(link.name) for link in run.motion.mechanism.links} - counted  # masses that no effect asks for
+    arrows = [
+        Arrow(("vectors", family, name), vector)
+        for family, items in vectors.items()
+        for name, vector in items.items()
+        if name not in idle or family not in ("velocity", "acceleration")
+    ]
+    kept = {f: {a.vector.item: a.vector for a in arrows if a.vector.family == f} for f in vectors}
+    everywhere = np.ones(run.motion.frames, bool)
+    arcs = [
+        Arc(_arc_path(family, name), moment, everywhere)
+        for family, items in find_moments(run).items()
+        for name, moment in items.items()
+    ]
+    arcs += _inertia_moments(run, arrows, find_scales(kept, {}, size), size)
+    scales = find_scales(kept, _by_family(arcs), size)
+    return arrows, arcs, scales
 
-    newtons_per_metre: float
-    newton_metres_per_metre: float
-    mps_per_metre: float
-    mps2_per_metre: float
 
-    def of(self, family: str) -> float:
-        """Scale of a family of arrows."""
-        return {"velocity": self.mps_per_metre, "acceleration": self.mps2_per_metre}.get(family, self.newtons_per_metre)
-
-
-def visible(vectors: Real, scale: float, size: float) -> NDArray[np.bool_]:
+def visible(vectors: Real, scale: float, size: float) -> Flags:
     """Which vectors (F, 2) are finite and long enough to be seen (F,)."""
     length = np.hypot(vectors[:, 0], vectors[:, 1])
     return np.isfinite(length) & (length > SHORTEST * size * scale)
 
 
-def inertia_line(centre: Real, force: Real, moment: Real) -> Real:
-    """Points (F, 2) on the line of action of inertia forces (F, 2) whose moments about the centres of mass (F, 2) are (F,).
-
-    The force moves sideways by M / F; where there is no force it stays at the centre of mass.
-    """
-    square = np.einsum("fi,fi->f", force, force)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        lever = np.where(square > 0, moment / square, 0.0)
-    return centre + lever[:, None] * np.column_stack([force[:, 1], -force[:, 0]])
-
-
-def shapes(run: Run, size: float) -> tuple[list[Arrow], list[Arc], Scales]:
-    """All arrows and arcs of a run with their scales; ``size`` [m] is the mechanism's."""
-    arrows = [*_motion_arrows(run), *_force_arrows(run)]
-    arcs = _arcs(run)
-    forces = [a.vectors for a in arrows if a.family not in ("velocity", "acceleration")]
-    scales = Scales(
-        newtons_per_metre=_largest(forces) / (LARGEST * size),
-        newton_metres_per_metre=_largest([a.moments[:, None] for a in arcs]) / (ARC_LARGEST * ARC_RADIUS * size),
-        mps_per_metre=_largest(a.vectors for a in arrows if a.family == "velocity") / (LARGEST * size),
-        mps2_per_metre=_largest(a.vectors for a in arrows if a.family == "acceleration") / (LARGEST * size),
-    )
-    return arrows, arcs + _inertia_moments(run, arrows, scales, size), scales
-
-
-def _largest(values: Iterable[Real]) -> float:
-    """The largest finite magnitude of some vectors (F, n); NaN if there is none above zero."""
-    best = 0.0
-    for v in values:
-        length = np.sqrt(np.einsum("fi,fi->f", v, v))
-        best = max(best, float(np.max(length, initial=0.0, where=np.isfinite(length))))
-    return best if best > 0 else float("nan")
-
-
-def _motion_arrows(run: Run) -> list[Arrow]:
-    motion = run.motion
-    found = [(point_name(*p), [motion.point(*p, k) for k in range(3)]) for p in motion.mechanism.traced]
-    for link in links_with_mass(run):
-        found.append((centre_name(motion.mechanism, link), [motion.centre_of_mass(link, k) for k in range(3)]))
-    return [
-        Arrow(("vectors", family, name), family, x, vector)
-        for name, (x, v, a) in found
-        for family, vector in (("velocity", v), ("acceleration", a))
-    ]
-
-
-def _force_arrows(run: Run) -> list[Arrow]:
-    motion, forces = run.motion, run.forces
-    if forces is None:
-        return []
-    mechanism = motion.mechanism
-    found = [
-        Arrow(("vectors", "reaction", p.name), "reaction", motion.pair_position(p.name), forces.reaction(p.name)[:, :2])
-        for p in mechanism.pairs
-    ]
-    named_forces = {load.name for load in mechanism.loads if isinstance(load, Force)}
-    for name, load in forces.loads.items():
-        if load.kind == "gravity":
-            found.append(Arrow(("vectors", "gravity", load.link), "gravity", load.values[:, 3:], load.values[:, :2]))
-        elif name in named_forces:
-            found.append(Arrow(("vectors", "applied", name), "applied", load.values[:, 3:], load.values[:, :2]))
-    if "inertia" in mechanism.effects:
-        for link in links_with_mass(run):
-            wrench = forces.inertia(link)
-            line = inertia_line(motion.centre_of_mass(link), wrench[:, :2], wrench[:, 2])
-            found.append(Arrow(("vectors", "inertia", link), "inertia", line, wrench[:, :2]))
-    for drive in mechanism.drives:
-        wrench = forces.wrench(drive.pair)
-        if np.any(wrench[:, :2]):
-            found.append(Arrow(("vectors", "drive", drive.pair), "drive", motion.pair_position(drive.pair), wrench[:, :2]))
-    return found
-
-
-def _arcs(run: Run) -> list[Arc]:
-    motion, forces = run.motion, run.forces
-    if forces is None:
-        return []
-    always = np.ones(motion.frames, bool)
-    found = []
-    for drive in motion.mechanism.drives:
-        wrench = forces.wrench(drive.pair)
-        if not np.any(wrench[:, :2]):
-            where = motion.pair_position(drive.pair)
-            found.append(Arc(("vectors", "drive", drive.pair), "drive", where, wrench[:, 2], always))
-    for name, load in forces.loads.items():
-        if load.kind == "torque":
-            centre = motion.centre_of_mass(load.link)
-            found.append(Arc(("vectors", "applied", name), "applied", centre, load.values[:, 2], always))
-    return found
-
-
-def _inertia_moments(run: Run, arrows: list[Arrow], scales: Scales, size: float) -> list[Arc]:
-    """Inertia moments of links where no inertia force is there to carry them: arcs about the centre of mass."""
-    found = []
-    for arrow in arrows:
-        if arrow.family != "inertia" or run.forces is None:
-            continue
-        link = arrow.path[-1]
-        moments = run.forces.inertia(link)[:, 2]
-        alone = ~visible(arrow.vectors, scales.newtons_per_metre, size)
-        if np.any(alone & (np.abs(moments) > 0)):
-            centre = run.motion.centre_of_mass(link)
-            found.append(Arc((*arrow.path, "moment"), "inertia", centre, moments, alone))
-    return found
-
-
 def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Real:
     """The box (2, 3) [m] around the mechanism and its arrows; arrows that lie far outside do not count in full."""
     low, high = np.array(bounds[0]), np.array(bounds[1])
-    room = LARGEST * size
+    room = LARGEST_ARROW * size
     for arrow in arrows:
-        seen = visible(arrow.vectors, scales.of(arrow.family), size)
+        scale = scales.per_metre(arrow.vector.family)
+        seen = visible(arrow.vector.value, scale, size)
         if seen.any():
-            tips = arrow.origins[seen] + arrow.vectors[seen] / scales.of(arrow.family)
+            tips = arrow.vector.origin[seen] + arrow.vector.value[seen] / scale
             low[:2] = np.minimum(low[:2], np.maximum(tips.min(axis=0), bounds[0][:2] - room))
             high[:2] = np.maximum(high[:2], np.minimum(tips.max(axis=0), bounds[1][:2] + room))
     return np.array([low, high])
@@ -201,7 +99,8 @@ def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Re
 def arc_sweep(moments: Real, scale: float, size: float) -> Real:
     """Signed angles (F,) [rad] that arcs span so that their length stands for moments (F,) [N m]; 0 where too short to see."""
     sweep = np.nan_to_num(moments / (scale * ARC_RADIUS * size))
-    sweep = np.clip(sweep, -ARC_LARGEST, ARC_LARGEST)
+    most = LARGEST_ARC / ARC_RADIUS
+    sweep = np.clip(sweep, -most, most)
     return np.where(np.abs(sweep) * ARC_RADIUS > SHORTEST, sweep, 0.0)
 
 
@@ -219,3 +118,32 @@ def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> NDArray[np.
     barbs = [tip - head * along + side * 0.6 * head * across for side in (1, -1)]
     strip = np.concatenate([arc, np.stack([tip, barbs[0], tip, barbs[1]], axis=1)], axis=1)
     return np.concatenate([strip, np.full((*strip.shape[:2], 1), z)], axis=-1).astype(np.float32)
+
+
+def _arc_path(family: str, name: str) -> tuple[str, ...]:
+    """A reaction's couple has an entity beside that of its force."""
+    return ("vectors", family, name) if family in ("drive", "applied") else ("vectors", family, name, "couple")
+
+
+def _by_family(arcs: list[Arc]) -> dict[str, dict[str, Moment]]:
+    found: dict[str, dict[str, Moment]] = {}
+    for arc in arcs:
+        found.setdefault(arc.moment.family, {})[arc.moment.item] = arc.moment
+    return found
+
+
+def _inertia_moments(run: Run, arrows: list[Arrow], scales: Scales, size: float) -> list[Arc]:
+    """Inertia moments of links at frames where no inertia force is there to carry them: arcs about the centre of mass."""
+    forces = run.forces
+    if forces is None or "inertia" not in run.motion.mechanism.effects:
+        return []
+    resultants = {a.vector.item: a.vector.value for a in arrows if a.vector.family == "inertia"}
+    found = []
+    for link in links_with_mass(run):
+        values = resultants.get(link, np.zeros((run.motion.frames, 2)))
+        alone = ~visible(values, scales.newtons_per_metre, size)
+        moment = np.where(alone, forces.inertia(link)[:, 2], 0.0)
+        if np.any(moment):
+            centre = run.motion.centre_of_mass(link)
+            found.append(Arc(("vectors", "inertia", link, "moment"), Moment("inertia", link, centre, moment), alone))
+    return found

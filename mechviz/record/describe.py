@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechcore.spec import Prismatic
 
-from .arrows import Scales
+from ..vectors import Scales
 
 if TYPE_CHECKING:
     from ..meshes import Solids
@@ -92,7 +92,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
         (scales.mps_per_metre, "m/s of velocity per metre of an arrow"),
         (scales.mps2_per_metre, "m/s² of acceleration per metre of an arrow"),
     ]
-    lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown if value == value)]
+    lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
     lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
     if every > 1:
         lines += [f"- arrows are drawn at every {every}th frame; all numbers under /data are there at every frame"]

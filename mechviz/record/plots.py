@@ -10,7 +10,8 @@ import numpy as np
 
 from mechcore.spec import Prismatic
 
-from ..tables import point_name, tables
+from ..tables import tables
+from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
 

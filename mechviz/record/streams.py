@@ -9,15 +9,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import Table, drive_unit, point_name
-from .arrows import COLORS, Arc, Arrow, Scales, arc_strips, arc_sweep, visible
+from ..tables import Table, drive_unit
+from ..vectors import Scales, Vector, point_name
+from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
 
 if TYPE_CHECKING:
     from ..meshes import Solids
     from ..run import Run
 
-__all__ = ["Static", "Stream", "Timelines", "arrow_streams", "mechanism_streams", "picture_stride", "static_shapes", "table_streams"]
+__all__ = [
+    "Static",
+    "Stream",
+    "Timelines",
+    "arrow_streams",
+    "mechanism_streams",
+    "picture_stride",
+    "static_shapes",
+    "table_streams",
+]
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -141,22 +151,22 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
 
     z, size = solids.z_top, solids.size
     for arrow in arrows:
-        scale = scales.of(arrow.family)
-        seen = visible(arrow.vectors, scale, size)
+        scale = scales.per_metre(arrow.vector.family)
+        seen = visible(arrow.vector.value, scale, size)
 
-        def draw(frames: Index, arrow: Arrow = arrow, seen: Any = seen, scale: float = scale) -> Any:
+        def draw(frames: Index, vector: Vector = arrow.vector, seen: Any = seen, scale: float = scale) -> Any:
             shown = frames[seen[frames]]
             return rr.Arrows3D.columns(
-                origins=_in_space(arrow.origins[shown], z), vectors=_in_space(arrow.vectors[shown] / scale, 0.0)
+                origins=_in_space(vector.origin[shown], z), vectors=_in_space(vector.value[shown] / scale, 0.0)
             ).partition(seen[frames].astype(np.int64))
 
         yield Stream(entity(*arrow.path), draw, every)
     for arc in arcs:
-        sweep = np.where(arc.shown, arc_sweep(arc.moments, scales.newton_metres_per_metre, size), 0.0)
+        sweep = np.where(arc.shown, arc_sweep(arc.moment.value, scales.newton_metres_per_metre, size), 0.0)
 
-        def bend(frames: Index, arc: Arc = arc, sweep: Real = sweep) -> Any:
+        def bend(frames: Index, origin: Real = arc.moment.origin, sweep: Real = sweep) -> Any:
             shown = frames[sweep[frames] != 0]
-            strips = arc_strips(arc.centres[shown], sweep[shown], z, size)
+            strips = arc_strips(origin[shown], sweep[shown], z, size)
             return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
 
         yield Stream(entity(*arc.path), bend, every)
@@ -190,10 +200,13 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         strip = rr.LineStrips3D([path], colors=[color], radii=[0.0025 * size])
         yield Static(entity("mechanism", "paths", point_name(link, point)), strip)
     for arrow in arrows:
-        radius = (0.004 if arrow.family in ("velocity", "acceleration") else 0.0055) * size
-        yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[arrow.family]], radii=[radius]))
+        family = arrow.vector.family
+        radius = (0.004 if family in ("velocity", "acceleration") else 0.0055) * size
+        yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[family]], radii=[radius]))
     for arc in arcs:
-        yield Static(entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.family]], radii=[0.0055 * size]))
+        yield Static(
+            entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.moment.family]], radii=[0.0055 * size])
+        )
 
 
 def _labels(run: Run) -> dict[str, str]:

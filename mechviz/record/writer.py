@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,8 @@ from mechcore.events import Event, find_events
 
 from ..run import Stage, stopwatch
 from ..tables import tables
-from .arrows import Scales, extent, shapes
+from ..vectors import Scales
+from .arrows import extent, shapes
 from .describe import notes, properties, scene_text
 from .events import peak_events
 from .stream_file import Part, recording_file
@@ -83,7 +83,7 @@ def write_recording(
         from .blueprint import make_blueprint
         from .plots import plot_streams, plot_styles
 
-        motion = [a for a in arrows if a.family in ("velocity", "acceleration")]
+        motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
             "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
             "motion": extent(motion, scales, solids.bounds, solids.size),

@@ -136,7 +136,7 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
     if not convert.increasing(x, f"{path}.position"):
         return None
     if table.period is None:
-        return Table(x=x, y=y, smooth=table.smooth)
+        return _spline(x, y, None, table, convert, path)
     period = convert.si(table.period, sort, f"{path}.period")
     span = x[-1] - x[0]
     if math.isclose(span, period, rel_tol=1e-12):  # the closing row is a repetition of the first one
@@ -151,4 +151,15 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
     elif span > period:
         convert.note(f"{path}.period", "is shorter than the range of the positions.", "Give a longer period, or fewer rows.")
         return None
-    return Table(x=x, y=y, period=period, smooth=table.smooth)
+    return _spline(x, y, period, table, convert, path)
+
+
+def _spline(
+    x: tuple[float, ...], y: tuple[float, ...], period: float | None, table: FactorTable, convert: Converter, path: str
+) -> Table | None:
+    """The table as a function; None, and a fault, where its rows are so close that nothing smooth goes through them."""
+    try:
+        return Table(x=x, y=y, period=period, smooth=table.smooth)
+    except ValueError:
+        convert.note(f"{path}.position", "the rows are too close to each other.", "Leave out some of them.")
+        return None

@@ -9,9 +9,17 @@ from dataclasses import dataclass, field
 from mechcore.errors import Fault
 
 from .document import UnitsDocument
-from .units import QuantityError, Units
+from .units import KINDS, QuantityError, Units
 
-__all__ = ["Converter"]
+__all__ = ["LARGEST", "SMALLEST", "Converter"]
+
+LARGEST = 1e30
+"""Largest magnitude of any value in SI: far beyond any machine, short of where squares and cubes of it overflow."""
+
+SMALLEST = 1e-30
+"""Smallest magnitude, apart from zero, of values that others are divided by."""
+
+_DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 
 
 @dataclass
@@ -34,8 +42,11 @@ class Converter:
         except QuantityError as error:
             self.note(path, str(error), error.remedy)
             return math.nan
-        if not math.isfinite(number):
-            self.note(path, f"{value} {getattr(self.units, kind, '')} is too large a number.", "Give a smaller one.")
+        if not abs(number) <= LARGEST:
+            self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST:g}.", "Check the number and its unit.")
+            return math.nan
+        if kind in _DIVISORS and 0.0 < abs(number) < SMALLEST:
+            self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST:g}.", "Check the number and its unit.")
             return math.nan
         return number
 

@@ -7,7 +7,7 @@ from itertools import accumulate, pairwise
 
 from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, TableLaw, polynomial_through, zones
 
-from .convert import Converter
+from .convert import SMALLEST, Converter
 from .motions import DriveDocument
 
 __all__ = ["law_of"]
@@ -24,6 +24,13 @@ class _Coordinate:
 
     def position(self, value: float | str, key: str) -> float:
         return self.convert.si(value, self.kinds[0], f"{self.path}.{key}")
+
+    def distance(self, value: float | str, key: str) -> float:
+        """A range of positions, which speeds are divided by."""
+        number = self.position(value, key)
+        if 0.0 < number < SMALLEST:
+            self.convert.note(f"{self.path}.{key}", f"{number:g} is too short a way.", "Check the number and its unit.")
+        return number
 
     def speed(self, value: float | str, key: str) -> float:
         return self.convert.si(value, self.kinds[1], f"{self.path}.{key}")
@@ -73,7 +80,7 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
         return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least)
     start = _start(drive, coordinate, drawn)
     if drive.travel is not None:
-        return ConstantSpeed(start=start, speed=speed, travel=coordinate.position(drive.travel, "travel"))
+        return ConstantSpeed(start=start, speed=speed, travel=coordinate.distance(drive.travel, "travel"))
     if coordinate.kinds[0] == "length":
         coordinate.convert.note(
             coordinate.path,
@@ -87,7 +94,7 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
 def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
     assert drive.zones is not None and drive.speed is not None
     run_up, steady, braking = (
-        coordinate.position(value, f"zones.{key}")
+        coordinate.distance(value, f"zones.{key}")
         for key, value in (
             ("run_up", drive.zones.run_up),
             ("steady", drive.zones.steady),
@@ -166,4 +173,8 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     if len(set(positions)) == 1:
         convert.note(f"{path}.table.position", "all positions are the same: nothing moves.", "Give another position.")
         return None
-    return TableLaw(t=times, q=positions, periodic=given.periodic)
+    try:
+        return TableLaw(t=times, q=positions, periodic=given.periodic)
+    except ValueError:  # the spline's equations are singular
+        convert.note(f"{path}.table.time", "the rows are too close to each other.", "Leave out some of them.")
+        return None

@@ -1,8 +1,8 @@
 """The browser view of a solved scene, served on this machine only.
 
-    with Viewer(run, port=0) as viewer:      # or serve(run), which blocks until Ctrl-C
-        print(viewer.url)
-        viewer.set_frame(90)
+with Viewer(run, port=0) as viewer:      # or serve(run), which blocks until Ctrl-C
+    print(viewer.url)
+    viewer.set_frame(90)
 """
 
 from __future__ import annotations

@@ -6,8 +6,9 @@ import contextlib
 import signal
 import threading
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType, TracebackType
+from typing import Any
 
 from ..run import Run
 from .browser import prepare_page
@@ -38,7 +39,7 @@ class Viewer:
     def _build(self) -> None:
         server, run = self.server, self.run
 
-        def callback(what, action):  # type: ignore[no-untyped-def]
+        def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
             return safely(server, what, action)
 
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(34, 92, 160))

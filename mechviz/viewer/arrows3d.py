@@ -46,7 +46,7 @@ def arrow_points(origins: Real, arrows: Real, z: float, least: float) -> NDArray
 
 
 def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> NDArray[np.float32]:
-    """Corners of a flat arc with a head, through ``turn`` [rad] about ``centre`` (2,) [m], beginning at the right; see `ARC_FACES`."""
+    """Corners of a flat arc with a head, for `ARC_FACES`: through ``turn`` [rad] about ``centre`` (2,) [m] from the right on."""
     sign = np.sign(turn)
     head = min(ARC_HEAD, abs(turn))
     along = np.linspace(0.0, sign * (abs(turn) - head), ARC_STEPS + 1)
@@ -124,9 +124,7 @@ class ArrowNodes:
             turn = float(np.clip(turns[frame] * self._factor, -LARGEST_TURN, LARGEST_TURN))
             arc.visible = self._on[family] and abs(turn) >= 0.5 * ARC_HEAD
             if arc.visible:
-                arc.vertices = arc_vertices(
-                    origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z
-                )
+                arc.vertices = arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z)
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(

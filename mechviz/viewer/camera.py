@@ -39,7 +39,7 @@ def fit_view(bounds: NDArray[np.float64], aspect: float) -> View:
     visible = max(height / (1.0 - TIMELINE), width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
     distance = visible / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
     centre = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0 - visible * TIMELINE / 2.0, z1])
-    return View(centre + [0.0, 0.0, distance], centre)
+    return View(centre + np.array([0.0, 0.0, distance]), centre)
 
 
 def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> None:
@@ -88,4 +88,3 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
         client.camera.position = view.position
         client.camera.look_at = view.look_at
     client.flush()
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -73,17 +74,15 @@ class Switches:
         if scene.arrows.families:
             with gui.add_folder("Arrows"):
                 for name in scene.arrows.families:
-                    label = FAMILIES[name].label
-                    box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=FAMILIES[name].meaning)
-                    box.on_update(callback(f"Switching {label}", lambda _, n=name, b=box: self._switch(n, bool(b.value))))
-                    self.families[name] = box
+                    label, hint = FAMILIES[name].label, FAMILIES[name].meaning
+                    self.families[name] = gui.add_checkbox(label, scene.arrows.is_on(name), hint=hint)
+                    self.families[name].on_update(callback(f"Switching {label}", partial(self._switch, name)))
                 self.size = gui.add_slider("Arrow size", 0.1, 5.0, 0.1, 1.0, hint="times the size at which the largest fits")
                 self.size.on_update(callback("Changing the arrow size", lambda _: self._enlarge()))
         with gui.add_folder("View"):
             for name in scene.marks:
-                box = gui.add_checkbox(name, True)
-                box.on_update(callback(f"Switching {name}", lambda _, n=name, b=box: scene.switch_mark(n, bool(b.value))))
-                self.marks[name] = box
+                self.marks[name] = gui.add_checkbox(name, True)
+                self.marks[name].on_update(callback(f"Switching {name}", partial(self._mark, name)))
             front = gui.add_button("View from the front", icon=viser.Icon.HOME)
             front.on_click(callback("Moving the camera", lambda event: scene.look_from_front(event.client)))
         with gui.add_folder("Legend"):
@@ -92,8 +91,11 @@ class Switches:
             gui.add_html(words.plan_list(run))
         self._explain()
 
-    def _switch(self, family: str, on: bool) -> None:
-        self._scene.arrows.switch(family, on)
+    def _mark(self, name: str, _: Any) -> None:
+        self._scene.switch_mark(name, bool(self.marks[name].value))
+
+    def _switch(self, family: str, _: Any) -> None:
+        self._scene.arrows.switch(family, bool(self.families[family].value))
         self._explain()
         self._player.refresh()
 
@@ -132,17 +134,17 @@ class Timeline:
         self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
         self.buttons.on_click(callback("Playback", lambda _: self._press(self.buttons.value)))
         self.speed.on_update(callback("Changing the speed", lambda _: player.set_rate(self._speeds.rate(self.speed.value))))
-        for label, key, action in (
+        keys: tuple[tuple[str, Any, Callable[[], None]], ...] = (
             ("Play or pause", "space", player.toggle),
-            ("Step forward", "arrowright", lambda: player.step(1)),
-            ("Step back", "arrowleft", lambda: player.step(-1)),
-            ("Ten steps forward", "arrowup", lambda: player.step(10)),
-            ("Ten steps back", "arrowdown", lambda: player.step(-10)),
-            ("To the start", "home", lambda: player.seek(0)),
-            ("To the end", "end", lambda: player.seek(self._last)),
-        ):
-            command = gui.add_command(label, hotkey=key)
-            command.on_trigger(callback(label, lambda _, action=action: action()))
+            ("Step forward", "arrowright", partial(player.step, 1)),
+            ("Step back", "arrowleft", partial(player.step, -1)),
+            ("Ten steps forward", "arrowup", partial(player.step, 10)),
+            ("Ten steps back", "arrowdown", partial(player.step, -10)),
+            ("To the start", "home", partial(player.seek, 0)),
+            ("To the end", "end", partial(player.seek, self._last)),
+        )
+        for label, key, action in keys:
+            gui.add_command(label, hotkey=key).on_trigger(callback(label, partial(_ignoring_event, action)))
 
     def show(self, frame: int, playing: bool) -> None:
         self._place.content = words.place_in_run(self._run, frame)
@@ -166,3 +168,7 @@ class Timeline:
         }
         if name in actions:
             actions[name]()
+
+
+def _ignoring_event(action: Callable[[], None], _: Any) -> None:
+    action()

@@ -22,7 +22,7 @@ COUNT = 3
 HEIGHT = 164  # [px]
 COLORS = ("#2563c9", "#d97706", "#0f8a5f")
 CURSOR = "#c2255c"
-CURSOR_RATE = 20.0  # moves a second while playing: each sends the whole plot
+CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
 
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
@@ -47,8 +47,11 @@ class Plots:
             Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis) for k, quantity in enumerate(chosen)
         ]
         for slot in self.slots:
-            slot.choice.on_update(callback("Changing a plot", lambda _, slot=slot: self.choose(slot, slot.choice.value)))
+            self._listen(slot, callback)
         self.show(0, playing=False)
+
+    def _listen(self, slot: Slot, callback: Callback) -> None:
+        slot.choice.on_update(callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
 
     def choose_axis(self, title: str) -> None:
         """Plot against the drive or time; an unknown title changes nothing."""
@@ -103,10 +106,12 @@ class Slot:
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
         series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
         data = self._curves.at(frame)
-        horizontal: Any = uplot.Axis(label=axis.title, size=34, labelSize=18, labelGap=-2, font="11px sans-serif", labelFont="12px sans-serif")
+        fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
+        horizontal: Any = uplot.Axis(label=axis.title, size=34, labelGap=-2, **fonts)
         if axis.unit == "°":
             horizontal["incrs"] = ANGLE_STEPS
-        vertical: Any = uplot.Axis(label="degrees" if quantity.unit == "°" else quantity.unit, size=52, space=24, labelSize=18, font="11px sans-serif", labelFont="12px sans-serif")
+        unit = "degrees" if quantity.unit == "°" else quantity.unit
+        vertical: Any = uplot.Axis(label=unit, size=52, space=24, **fonts)
         if self.chart is not None:
             self._order = self.chart.order
             self.chart.remove()
@@ -130,8 +135,9 @@ class Slot:
         """Move the cursor to a frame and say the values there."""
         assert self.chart is not None
         self.chart.data = self._curves.at(frame)
+        unit = html.escape(self.quantity.unit)
         parts = [
-            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(value)} {html.escape(self.quantity.unit)}</span>'
+            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(value)} {unit}</span>'
             for name, color, value in zip(self.quantity.curves, COLORS, self._values[frame], strict=False)
         ]
         self._readout.content = (
@@ -139,4 +145,3 @@ class Slot:
             + "".join(parts)
             + "</div>"
         )
-

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore import Forces
 from mechcore.spec import Mechanism, Pair, Prismatic
 
 from ..run import Run
@@ -81,7 +83,7 @@ def output_pair(mechanism: Mechanism) -> Pair | None:
 
 
 def first_choice(run: Run, count: int) -> list[Quantity]:
-    """What is plotted at the start: driving efforts where forces are computed, then the motion of the output or of a traced point."""
+    """What is plotted at the start: driving efforts if forces are known, then the motion of the output or of a traced point."""
     mechanism = run.motion.mechanism
     quantities = {q.label: q for q in find_quantities(run)}
     wanted = [f"drive {drive.pair}: {effort}" for drive in mechanism.drives for effort in ("torque", "force")]
@@ -114,38 +116,36 @@ def _motion_names(pair: Pair) -> tuple[str, str, str]:
 
 
 def _of_drives(run: Run) -> list[Quantity]:
-    forces = run.forces
-    if forces is None:
-        return []
-    found = []
-    for drive in run.motion.mechanism.drives:
-        name = drive.pair
-        effort, unit = ("force", "N") if isinstance(_pair(run, name), Prismatic) else ("torque", "N m")
-        found.append(Quantity(f"drive {name}: {effort}", unit, (effort,), lambda n=name: _column(forces.effort(n))))
-        found.append(Quantity(f"drive {name}: power", "W", ("power",), lambda n=name: _column(forces.power(n))))
-    return found
+    return [
+        q for drive in run.motion.mechanism.drives if run.forces is not None for q in _of_drive(run.forces, _pair(run, drive.pair))
+    ]
+
+
+def _of_drive(forces: Forces, pair: Pair) -> list[Quantity]:
+    name = pair.name
+    effort, unit = ("force", "N") if isinstance(pair, Prismatic) else ("torque", "N m")
+    return [
+        Quantity(f"drive {name}: {effort}", unit, (effort,), lambda: _column(forces.effort(name))),
+        Quantity(f"drive {name}: power", "W", ("power",), lambda: _column(forces.power(name))),
+    ]
 
 
 def _of_pair(run: Run, pair: Pair) -> list[Quantity]:
-    motion, forces = run.motion, run.forces
-    found = []
-    for k, (what, (unit, factor)) in enumerate(zip(_motion_names(pair), _coordinate_units(pair), strict=True)):
-        found.append(
-            Quantity(
-                f"pair {pair.name}: {what}",
-                unit,
-                (what,),
-                lambda k=k, factor=factor: _column(motion.coordinate(pair.name)[:, k] * factor),
-            )
-        )
+    motion, forces, name = run.motion, run.forces, pair.name
+
+    def coordinate(k: int, what: str, unit: str, factor: float) -> Quantity:
+        return Quantity(f"pair {name}: {what}", unit, (what,), lambda: _column(motion.coordinate(name)[:, k] * factor))
+
+    found = [
+        coordinate(k, what, unit, factor)
+        for k, (what, (unit, factor)) in enumerate(zip(_motion_names(pair), _coordinate_units(pair), strict=True))
+    ]
     if forces is not None:
         found.append(
-            Quantity(f"pair {pair.name}: reaction", "N", ("Fx", "Fy", "|F|"), lambda: _with_length(forces.reaction(pair.name)[:, :2]))
+            Quantity(f"pair {name}: reaction", "N", ("Fx", "Fy", "|F|"), lambda: _with_length(forces.reaction(name)[:, :2]))
         )
         if isinstance(pair, Prismatic):
-            found.append(
-                Quantity(f"pair {pair.name}: couple", "N m", ("couple",), lambda: _column(forces.reaction(pair.name)[:, 2]))
-            )
+            found.append(Quantity(f"pair {name}: couple", "N m", ("couple",), lambda: _column(forces.reaction(name)[:, 2])))
     return found
 
 
@@ -162,22 +162,22 @@ def _of_link(run: Run, link: str) -> list[Quantity]:
 
 def _of_points(run: Run) -> list[Quantity]:
     motion, mechanism = run.motion, run.motion.mechanism
-    points: list[tuple[str, Callable[[int], Real]]] = [
-        (point_name(*key), lambda d, key=key: motion.point(*key, d)) for key in mechanism.traced
-    ]
-    points += [
-        (centre_name(link.name), lambda d, n=link.name: motion.centre_of_mass(n, d))
-        for link in mechanism.links
-        if link.mass > 0.0 and link.name != mechanism.frame
-    ]
     found = []
-    for name, at in points:
-        found += [
-            Quantity(f"point {name}: position", "mm", ("x", "y"), lambda at=at: at(0) * 1e3),
-            Quantity(f"point {name}: velocity", "m/s", ("vx", "vy", "|v|"), lambda at=at: _with_length(at(1))),
-            Quantity(f"point {name}: acceleration", "m/s²", ("ax", "ay", "|a|"), lambda at=at: _with_length(at(2))),
-        ]
+    for link, point in mechanism.traced:
+        found += _of_point(point_name(link, point), partial(motion.point, link, point))
+    for link_spec in mechanism.links:
+        if link_spec.mass > 0.0 and link_spec.name != mechanism.frame:
+            found += _of_point(centre_name(link_spec.name), partial(motion.centre_of_mass, link_spec.name))
     return found
+
+
+def _of_point(name: str, at: Callable[[int], Real]) -> list[Quantity]:
+    """``at(d)``: the point's position or its d-th derivative (F, 2)."""
+    return [
+        Quantity(f"point {name}: position", "mm", ("x", "y"), lambda: at(0) * 1e3),
+        Quantity(f"point {name}: velocity", "m/s", ("vx", "vy", "|v|"), lambda: _with_length(at(1))),
+        Quantity(f"point {name}: acceleration", "m/s²", ("ax", "ay", "|a|"), lambda: _with_length(at(2))),
+    ]
 
 
 def _of_run(run: Run) -> list[Quantity]:

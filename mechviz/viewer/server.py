@@ -20,6 +20,7 @@ from typing import Any
 import viser
 import websockets.asyncio.server
 from viser import _messages
+from websockets.typing import Origin
 
 __all__ = ["HOST", "ViewerError", "report", "safely", "start_server", "stop_server"]
 
@@ -107,7 +108,7 @@ def _probe(port: int) -> int:
 
 def _start_guarded(port: int, label: str) -> viser.ViserServer:
     """Start viser with a list of the origins whose pages may open its web socket; no origin at all is no browser."""
-    origins = [None, f"http://{HOST}:{port}", f"http://localhost:{port}"]
+    origins = [None, Origin(f"http://{HOST}:{port}"), Origin(f"http://localhost:{port}")]
     with _starting, contextlib.redirect_stdout(io.StringIO()):  # stdout is the command line's, not for viser's banner
         serve = websockets.asyncio.server.serve
         websockets.asyncio.server.serve = functools.partial(serve, origins=origins)  # type: ignore[misc,assignment]

@@ -1,0 +1,140 @@
+"""Change points and dead points: the motion goes through on its branch, exactly, for as long as one likes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import case, four_bar, move, slider_crank
+from test_reference_linkages import close, column
+
+from mechcore import compile_mechanism, solve_motion
+from mechcore.laws import ConstantSpeed, Oscillation
+from mechcore.spec import Drive
+
+TURN = 2.0 * np.pi
+
+
+def parallelogram(mode: str, start: float = 0.5):
+    return four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=start, mode=mode)
+
+
+def test_parallelogram_through_its_change_points_against_the_reference():
+    c = case("linkages", "parallelogram-change-point")
+    i, rows = c["inputs"], c["expected"]
+    theta = column(rows, "theta_1")
+    m = four_bar(E=(i["d"], 0.0), AB=i["r"], BD=i["d"], DE=i["r"], start=theta[0], mode="right", speed=i["omega_1"])
+    motion = move(m, theta, i["omega_1"], i["eps_1"])
+    scale = i["omega_1"] ** 2  # of angular accelerations, several of which are exactly 0 or 2 here
+    close(motion.point("coupler", "D"), column(rows, "D"), 1e-13)
+    close(motion.point("coupler", "D", 1), column(rows, "v_D"), 1e-11)
+    for link, k in (("coupler", 2), ("rocker", 3)):
+        assert np.abs(motion.velocity(link)[:, 2] - column(rows, f"omega_{k}")).max() < 1e-11 * i["omega_1"]
+        assert np.abs(motion.acceleration(link)[:, 2] - column(rows, f"eps_{k}")).max() < 1e-10 * scale
+    assert motion.closure.max() < 1e-13
+
+
+def test_antiparallelogram_against_the_reference():
+    c = case("linkages", "antiparallelogram")
+    i, rows = c["inputs"], c["expected"]
+    theta = column(rows, "theta_1")
+    m = four_bar(E=(i["d"], 0.0), AB=i["r"], BD=i["d"], DE=i["r"], start=theta[0], mode="right", speed=i["omega_1"])
+    motion = move(m, theta, i["omega_1"])
+    close(motion.point("coupler", "D"), column(rows, "D"))
+    close(motion.velocity("rocker")[:, 2], column(rows, "omega_3"))
+
+
+@pytest.mark.parametrize(("mode", "ratio"), [("left", lambda t: np.ones_like(t)),
+                                             ("right", lambda t: (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t)))])  # fmt: skip
+def test_both_branches_for_a_thousand_turns(mode, ratio):
+    """Rocker speed by the closed form of the branch, at every frame of 1,000 turns, the flat positions among them."""
+    t = np.concatenate([np.arange(0, 2001) * np.pi - 0.5, np.linspace(0.0, 1000 * TURN, 30_001)])
+    t = np.sort(t[t >= 0.0])
+    motion = solve_motion(compile_mechanism(parallelogram(mode)), t)
+    np.testing.assert_allclose(motion.velocity("rocker")[:, 2], ratio(t + 0.5), atol=1e-10)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert len(motion.changes) == 2000
+    assert not any(c.dead for c in motion.changes)
+    np.testing.assert_allclose([c.time for c in motion.changes], np.arange(1, 2001) * np.pi - 0.5, atol=1e-9)
+
+
+def test_kite_goes_through_where_its_pins_coincide():
+    m = four_bar(E=(0.2, 0.0), AB=0.2, BD=0.3, DE=0.3, start=0.5)
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2 * TURN, 1441))
+    assert motion.closure.max() < 1e-12
+    assert np.abs(np.diff(motion.velocity("rocker")[:, 2])).max() < 0.02, "no kink"
+    assert np.abs(motion.velocity("rocker")[-1] - motion.velocity("rocker")[0]).max() < 1e-9
+    assert np.abs(motion.pose("rocker")[720, 2] - motion.pose("rocker")[0, 2]) > 1.0, "one turn of the crank is half its cycle"
+
+
+def test_no_change_where_there_is_a_margin():
+    """Grashof margins down to rounding: a true crank-rocker keeps its mode, and conditioning is reported honestly."""
+    previous = 1.0
+    for margin in 10.0 ** -np.arange(1, 14):
+        # frame + crank = coupler + rocker - margin: never flat on the far side; rocker and coupler of different length
+        m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 + margin, start=0.3)
+        compiled = compile_mechanism(m)
+        assert not compiled.changes.found, margin
+        motion = solve_motion(compiled, np.linspace(0.0, TURN, 73) - 0.3)
+        side = np.imag(np.conj(motion.of_point(2, 2.5 + 0j) - motion.of_point(2, 0j)) * (3.0 - motion.of_point(2, 0j)))
+        assert (side < 0).all(), "D stays on the left of B -> E"
+        assert motion.closure.max() < 1e-12 * 3
+        worst = motion.condition.max()
+        assert worst > previous
+        assert worst == pytest.approx(motion.condition[36], rel=1e-6) and 0.1 < worst * np.sqrt(margin) < 10.0
+        previous = worst
+
+
+def test_positions_near_a_flat_position_are_right_to_the_conditioning_limit():
+    """Against 60-digit arithmetic: the error is at most a few rounding errors times the condition number."""
+    from decimal import Decimal, getcontext
+
+    getcontext().prec = 60
+    for margin in (1e-1, 1e-4, 1e-8, 1e-12, 1e-14):
+        rocker = 1.5 + margin
+        m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=rocker, start=np.pi)
+        motion = move(m, [np.pi])
+        b, e, r2, r3 = Decimal(-1), Decimal(3), Decimal(2.5), Decimal(rocker)
+        d = e - b
+        along = (d * d + r2 * r2 - r3 * r3) / (2 * d)
+        across = (r2 * r2 - along * along).sqrt()
+        got = motion.point("coupler", "D")[0]
+        error = max(abs(got[0] - float(b + along)), abs(got[1] - float(across)))
+        assert error < 8e-16 * motion.condition[0] * 3.0, (margin, error, motion.condition[0])
+
+
+@pytest.mark.parametrize("speed", [1.0, -2.0])
+def test_piston_drives_the_crank_through_its_dead_points(speed):
+    m = slider_crank(r=1.0, l=3.0)
+    law = Oscillation(3.0, 1.0, abs(speed))  # reaches both limits, 2 and 4, exactly
+    driven = replace(m, drives=(Drive(pair="S", law=law),), modes={"B": "left" if speed > 0 else "right"})
+    motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 3.0 / abs(speed), 541))
+    angle = motion.pose("crank")[:, 2]
+    assert abs(abs(angle[-1] - angle[0]) - 3 * TURN) < 1e-9, "three strokes to and fro are three turns"
+    assert (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0).all(), "always on in the same direction"
+    assert motion.closure.max() < 1e-12
+    assert [c.dead for c in motion.changes] == [True] * 6
+    s = np.cos(angle) + np.sqrt(9.0 - np.sin(angle) ** 2)
+    np.testing.assert_allclose(motion.coordinate("S")[:, 0], s, atol=1e-12)
+
+
+def test_a_drive_that_would_go_beyond_its_dead_point_is_refused_with_the_range():
+    m = slider_crank(r=1.0, l=3.0)
+    beyond = replace(m, drives=(Drive(pair="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
+    with pytest.raises(Exception, match=r"keep the drive within \[2000 mm, 4000 mm\]"):
+        solve_motion(compile_mechanism(beyond), np.linspace(0.0, 1.0, 361))
+
+
+def test_starting_on_a_change_point_continues_on_the_stated_side():
+    m = parallelogram("left", start=0.0)
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2 * TURN, 721))
+    np.testing.assert_allclose(motion.velocity("rocker")[:, 2], 1.0, atol=1e-9)
+
+
+def test_reversing_drive_comes_back_the_same_way():
+    m = parallelogram("left")
+    there = replace(m, drives=(Drive(pair="A", law=Oscillation(0.5, 4.0, 1.0)),))
+    motion = solve_motion(compile_mechanism(there), np.linspace(0.0, 1.0, 721))
+    np.testing.assert_allclose(motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], atol=1e-12)
+    assert isinstance(m.drives[0].law, ConstantSpeed)
