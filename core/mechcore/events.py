@@ -42,13 +42,13 @@ def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
     """Times (n,) at which a speed (F,) passes through zero and changes its sign.
 
     Between two frames the speed is the cubic with the given accelerations as slopes; its root is found by bisection of the
-    sign change, for all crossings at once. Standstill in between counts as one turning point, in its middle.
+    sign change, for all crossings at once. After a rest of more than one frame a return is not a turning point.
     """
     largest = np.abs(speed).max(initial=0.0)
     moving = np.flatnonzero(np.abs(speed) > NOISE * largest)
     if largest == 0.0 or len(moving) < 2:
         return np.zeros(0)
-    flips = np.flatnonzero(speed[moving][:-1] * speed[moving][1:] < 0)
+    flips = np.flatnonzero((speed[moving][:-1] * speed[moving][1:] < 0) & (np.diff(moving) <= 2))
     i, j = moving[flips], moving[flips + 1]
     h = time[j] - time[i]
     low, high = np.zeros(len(i)), np.ones(len(i))
@@ -115,18 +115,18 @@ def _still(motion: Motion, rows: Real) -> float:
 def _drive_events(motion: Motion) -> Iterator[Event]:
     """Starts, stops and reversals of drives, and the zone boundaries of their laws."""
     first, last = (float(motion.time[0]), float(motion.time[-1])) if motion.frames else (0.0, 0.0)
-    for drive, (q, v, a) in zip(motion.mechanism.drives, motion.drives, strict=True):
-        rows = np.column_stack([np.broadcast_to(x, motion.frames) for x in (q, v, a)])
+    for drive in motion.mechanism.drives:
+        rows = motion.coordinate(drive.pair)
+        q = rows[:, 0]
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
             where = _words(motion, drive.pair, _at(motion, rows, float(t)))
             yield Event(float(t), "INFO", drive.pair, f"drive reverses at {where}")
-        moving = np.abs(rows[:, 1]) > NOISE * np.abs(rows[:, 1]).max(initial=0.0)
-        if moving.any() and not moving[0]:
-            k = max(int(np.argmax(moving)) - 1, 0)
-            yield Event(float(motion.time[k]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, rows[k, 0])}")
-        if moving.any() and not moving[-1]:
-            k = min(motion.frames - int(np.argmax(moving[::-1])), motion.frames - 1)
-            yield Event(float(motion.time[k]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, rows[k, 0])}")
+        rests = _runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
+        for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
+            if start > 0 and (end > start or end == motion.frames - 1):
+                yield Event(float(motion.time[start]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, q[start])}")
+            if end < motion.frames - 1 and (end > start or start == 0):
+                yield Event(float(motion.time[end]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, q[end])}")
         if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
             continue  # the motion was made with other drive values than the law's
         breaks = np.asarray(drive.law.breaks, float)
@@ -140,9 +140,14 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
 def _singular(motion: Motion) -> Iterator[Event]:
     """Ranges of frames in which a group's equations are near singular."""
     bad = ~(motion.condition <= SINGULAR)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
-    for start, end in zip(edges[::2], edges[1::2] - 1, strict=True):
+    for start, end in _runs(bad):
         worst = float(np.max(motion.condition[start : end + 1]))
         t0, t1 = float(motion.time[start]), float(motion.time[end])
         text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {_at_drive(motion, t0)}"
         yield Event(t0, "WARN", "mechanism", text)
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -7,6 +7,17 @@
 from __future__ import annotations
 
 from .errors import RecordingError, interruption
+from .inspection import Inspection, format_inspection, inspect
+from .reader import Recording
 from .writer import RecordingSummary, write_recording
 
-__all__ = ["RecordingError", "RecordingSummary", "interruption", "write_recording"]
+__all__ = [
+    "Inspection",
+    "Recording",
+    "RecordingError",
+    "RecordingSummary",
+    "format_inspection",
+    "inspect",
+    "interruption",
+    "write_recording",
+]

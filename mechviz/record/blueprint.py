@@ -21,7 +21,7 @@ __all__ = ["make_blueprint"]
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
-TILT = (0.16, 0.20)  # how far the eye stands aside and above, so that the layers can be told apart
+TILT = (0.07, 0.12)  # how far the eye stands aside and above, so that the layers can be told apart
 PICTURE = 1.5  # width of the 3D view over its height, about
 
 
@@ -99,7 +99,7 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     low, high = bounds
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
-    margin = 1.08
+    margin = 1.1
     away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
     direction = np.array([TILT[0], TILT[1], 1.0])
     return middle + away * direction / np.linalg.norm(direction), middle
@@ -163,7 +163,8 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         health.append(("Health: power balance [1]", ("power_balance",)))
     views: list[Any] = []
     if events:
-        columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])  # the text itself holds item and time
+        no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text itself says when
+        columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
         views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
     views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
     if run.forces is not None:

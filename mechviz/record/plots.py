@@ -20,6 +20,22 @@ if TYPE_CHECKING:
 
 __all__ = ["Output", "main_outputs", "plot_streams", "plot_styles"]
 
+PALETTE = (
+    (92, 172, 255),
+    (255, 170, 64),
+    (96, 214, 132),
+    (255, 102, 114),
+    (190, 140, 255),
+    (244, 222, 92),
+    (76, 218, 222),
+    (255, 140, 204),
+    (176, 190, 208),
+    (198, 154, 112),
+    (164, 200, 80),
+    (140, 150, 255),
+)
+"""Colours of curves on a dark ground; neighbours differ in hue and lightness."""
+
 MOST = 3  # outputs in one plot
 
 
@@ -73,13 +89,18 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
 
 def plot_styles(run: Run) -> Iterator[Static]:
-    """Names and units of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
+    """Names, units and colours of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
     import rerun as rr
 
+    def style(names: list[str], first: int) -> Any:
+        colors = [PALETTE[(first + i) % len(PALETTE)] for i in range(len(names))]
+        return rr.SeriesLines.from_fields(names=names, colors=colors, widths=[1.6] * len(names), aggregation_policy="MinMax")
+
+    known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
     for table in tables(run):
-        names = [header.replace("^2", "²") for header in table.headers()]
-        style = rr.SeriesLines.from_fields(names=names, aggregation_policy="MinMax")
-        yield Static(entity(*table.path), style)
+        kind = (*table.path[:2], table.path[-1]) if table.path[0] == "data" else table.path[:1]
+        first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
+        known[kind] = first + table.values.shape[1]
+        yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
     if run.forces is not None:
-        names = [f"{p.name} [N]" for p in run.motion.mechanism.pairs]
-        yield Static(entity("plots", "reactions"), rr.SeriesLines.from_fields(names=names, aggregation_policy="MinMax"))
+        yield Static(entity("plots", "reactions"), style([f"{p.name} [N]" for p in run.motion.mechanism.pairs], 0))

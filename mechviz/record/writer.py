@@ -13,6 +13,7 @@ import numpy as np
 from mechcore.events import Event, find_events
 
 from ..run import Stage, stopwatch
+from ..solids import solids_of
 from ..tables import tables
 from ..vectors import Scales
 from .arrows import extent, shapes
@@ -31,27 +32,36 @@ BLOCK = 2000
 """Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
 
 
-LOOKS = 721
-"""Frames that the search for colliding solids looks at."""
-
-
 @dataclass(frozen=True)
 class RecordingSummary:
-    """What was written. ``stages`` are the writer's own; those of the solver are in the run."""
+    """What was computed, left out and written, and what each stage cost. As text: a few lines for people."""
 
     path: Path
     recording_id: str
     frames: int
     entities: int
     bytes: int
-    stages: tuple[Stage, ...]
+    computed: tuple[str, ...]
+    skipped: tuple[str, ...]
+    stages: tuple[Stage, ...]  # the solver's first
     events: tuple[Event, ...]
     clashes: tuple[tuple[str, str], ...]  # links whose solids pass through each other
 
     @property
     def seconds(self) -> float:
-        """Time that the recording took [s]."""
+        """Time of all stages [s]."""
         return sum(s.seconds for s in self.stages)
+
+    def __str__(self) -> str:
+        size = f"{self.bytes / 1e6:.2f} MB, {self.bytes / max(self.frames, 1) / 1e3:.2f} kB a frame"
+        lines = [
+            f"{self.frames} frames, {self.entities} entities, {size}, {self.seconds:.2f} s",
+            f"computed: {', '.join(self.computed)}",
+            f"left out: {', '.join(self.skipped) or 'nothing'}",
+            "cost: " + ", ".join(f"{s.name} {1e3 * s.seconds:.1f} ms" for s in self.stages),
+        ]
+        lines += [f"the solids of {a} and {b} pass through each other in every order of layers" for a, b in self.clashes]
+        return "\n".join(lines)
 
 
 def write_recording(
@@ -70,8 +80,10 @@ def write_recording(
     path = Path(path)
     recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
     stages: list[Stage] = []
+    with stopwatch(stages, "loading rerun"):
+        import rerun  # noqa: F401
     with stopwatch(stages, "solid meshes"):
-        solids = solids or _solids(run)
+        solids = solids or solids_of(run)
     with stopwatch(stages, "tables, arrows and events"):
         arrows, arcs, scales = shapes(run, solids.size)
         every = picture_stride(run)
@@ -107,19 +119,12 @@ def write_recording(
         frames=run.motion.frames,
         entities=len({s.path for s in streams} | {s.path for s in statics}),
         bytes=path.stat().st_size,
-        stages=tuple(stages),
+        computed=tuple(s.name for s in run.plan.computed),
+        skipped=tuple(s.name for s in run.plan.skipped),
+        stages=(*run.stages, *stages),
         events=tuple(events),
         clashes=tuple(solids.clashes),
     )
-
-
-def _solids(run: Run) -> Solids:
-    """Meshes for the run; the order of their layers is found from at most `LOOKS` of its frames."""
-    from ..meshes import build_solids
-
-    motion = run.motion
-    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
-    return build_solids(motion.mechanism, {link: motion.pose(link)[frames] for link in motion.model.links})
 
 
 def _describe(

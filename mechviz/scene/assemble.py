@@ -9,7 +9,7 @@ from mechcore.errors import Fault
 from mechcore.laws import Table
 from mechcore.spec import Drive, Force, Link, Load, Mechanism, Pair, Prismatic, Revolute, Torque
 
-from .convert import Converter
+from .convert import LARGEST, Converter
 from .document import LoadDocument, PairDocument, SceneDocument
 from .drives import law_of
 from .masses import links_that_cannot_turn, mass_properties
@@ -43,7 +43,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
     drives = []
     for key, pair in document.pairs.items():
         if pair.drive is not None:
-            drawn = _drawn_coordinate(key, pair, placement)
+            drawn = _drawn_angle(pair, placement)
             sort = "angle" if pair.kind == "revolute" else "length"
             law = law_of(pair.drive, sort, convert, f"pairs.{key}.drive", drawn=drawn, cycles=document.run.cycles)
             if law is not None:
@@ -99,14 +99,12 @@ def _pair(name: str, pair: PairDocument, placement: Placement, convert: Converte
     return Prismatic(name=name, links=pair.links, points=points, along=along, guide=guide, angle=angle)
 
 
-def _drawn_coordinate(name: str, pair: PairDocument, placement: Placement) -> float:
-    """The coordinate of a pair between two drawn links [rad or m]; 0 where they are not drawn."""
-    if not placement.drawn.issuperset(pair.links):
+def _drawn_angle(pair: PairDocument, placement: Placement) -> float:
+    """The coordinate of a revolute pair between two drawn links [rad]; 0 for any other pair."""
+    if pair.kind != "revolute" or not placement.drawn.issuperset(pair.links):
         return 0.0
-    first, second = (placement.poses[link] for link in pair.links)
-    if pair.kind == "revolute":
-        return math.remainder(second[2] - first[2], 2.0 * math.pi)
-    return 0.0
+    first, second = (placement.poses[link][2] for link in pair.links)
+    return math.remainder(second - first, 2.0 * math.pi)
 
 
 def _load(name: str, load: LoadDocument, document: SceneDocument, convert: Converter) -> Load:
@@ -133,6 +131,10 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
         return None
     sort = "angle" if pair.kind == "revolute" else "length"
     x, y = convert.row(table.position, sort, f"{path}.position"), tuple(table.factor)
+    for k, value in enumerate(y):
+        if abs(value) > LARGEST:
+            convert.note(f"{path}.factor[{k}]", f"{value:g} is beyond {LARGEST:g}.", "Check the number.")
+            return None
     if not convert.increasing(x, f"{path}.position"):
         return None
     if table.period is None:

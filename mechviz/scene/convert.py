@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from mechcore.errors import Fault
 
 from .document import UnitsDocument
-from .units import KINDS, QuantityError, Units
+from .units import KINDS, QuantityError, Units, magnitude
 
 __all__ = ["LARGEST", "SMALLEST", "Converter"]
 
@@ -45,7 +45,7 @@ class Converter:
         if not abs(number) <= LARGEST:
             self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST:g}.", "Check the number and its unit.")
             return math.nan
-        if kind in _DIVISORS and 0.0 < abs(number) < SMALLEST:
+        if kind in _DIVISORS and abs(number) < SMALLEST and magnitude(value) != 0.0:
             self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST:g}.", "Check the number and its unit.")
             return math.nan
         return number
@@ -59,7 +59,7 @@ class Converter:
     def increasing(self, values: Sequence[float], path: str) -> bool:
         """Notes the first place where a table's argument does not grow."""
         for k in range(1, len(values)):
-            if values[k] <= values[k - 1]:
+            if values[k] - values[k - 1] < SMALLEST:
                 self.note(
                     f"{path}[{k}]",
                     "does not grow from the value before it.",

@@ -9,6 +9,7 @@ from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, TableLaw, 
 
 from .convert import SMALLEST, Converter
 from .motions import DriveDocument
+from .units import magnitude
 
 __all__ = ["law_of"]
 
@@ -28,7 +29,7 @@ class _Coordinate:
     def distance(self, value: float | str, key: str) -> float:
         """A range of positions, which speeds are divided by."""
         number = self.position(value, key)
-        if 0.0 < number < SMALLEST:
+        if number < SMALLEST and magnitude(value) != 0.0:
             self.convert.note(f"{self.path}.{key}", f"{number:g} is too short a way.", "Check the number and its unit.")
         return number
 

@@ -235,6 +235,8 @@ def _direction(value: Any) -> list[float] | list[str]:
     numbers = [_number(v) for v in value]
     if numbers == [0.0, 0.0]:
         raise fault("a direction of length zero.", "Write it like [1, 0].")
+    if not 1e-30 < math.hypot(*numbers) < 1e30:
+        raise fault(f"{describe(value)} is out of all proportion for a direction.", "Write it like [1, 0].")
     return numbers
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from .convert import Converter
 from .document import Pose, SceneDocument
 from .references import points_of_pair
+from .units import Units
 
 __all__ = ["Placement", "place_links"]
 
@@ -157,8 +158,6 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
 
 def angle_of(document: SceneDocument, angle: float | str | None) -> float:
     """The stated angle of a sliding pair [rad], 0 where none is stated."""
-    from .units import Units
-
     return 0.0 if angle is None else Units(**document.units.model_dump()).si(angle, "angle")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from mechcore.errors import Fault
 
-from .document import PairDocument
+from .document import PairDocument, Pose
 from .faults import did_you_mean, listing
 from .validate import Reading
 
@@ -204,8 +204,6 @@ def _loads(reading: Reading) -> Iterator[Fault]:
 
 
 def _sketch(reading: Reading) -> Iterator[Fault]:
-    from .document import Pose
-
     document = reading.document
     links = link_names(reading)
     points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))

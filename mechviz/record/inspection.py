@@ -1,0 +1,183 @@
+"""What a recording holds, in words and numbers, read from the file alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .reader import LoggedEvent, Recording, Rows
+
+__all__ = ["Inspection", "Joint", "Peak", "format_inspection", "inspect"]
+
+HEALTH = (
+    ("closure", "m"),
+    ("velocity_closure", "m/s"),
+    ("acceleration_closure", "m/s²"),
+    ("condition", ""),
+    ("power_balance", ""),
+    ("energy_drift", ""),
+)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint: its name, kind and the links that it joins."""
+
+    name: str
+    kind: str
+    links: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest magnitude of something, when [s], and where the drive was then, in words."""
+
+    item: str
+    value: float
+    unit: str
+    time: float
+    drive: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """All that `inspect` finds out."""
+
+    path: Path
+    bytes: int
+    version: str
+    complete: bool
+    scene: str
+    title: str
+    frame: str
+    links: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    drives: tuple[str, ...]
+    loads: tuple[str, ...]
+    frames: int
+    start: float
+    end: float
+    drive_range: str
+    effects: tuple[str, ...]
+    skipped: tuple[str, ...]
+    peaks: tuple[Peak, ...]
+    health: tuple[Peak, ...]
+    events: tuple[LoggedEvent, ...]
+
+
+def inspect(path: Path | str) -> Inspection:
+    """Read a recording, complete or interrupted. Raises `RecordingError`."""
+    recording = Recording(path)
+    properties, model = recording.properties, recording.model
+    rows = recording.rows("data", "links", model["frame"], "pose", component="Scalars:scalars")
+    return Inspection(
+        path=recording.path,
+        bytes=recording.path.stat().st_size,
+        version=str(properties.get("version", "")),
+        complete=bool(properties.get("complete", True)),
+        scene=str(properties.get("scene", "")),
+        title=str(properties.get("title", "")),
+        frame=model["frame"],
+        links=tuple(model["links"]),
+        joints=tuple(Joint(name, j["type"], tuple(j["links"])) for name, j in model["joints"].items()),
+        drives=tuple(model["drives"]),
+        loads=tuple(model["loads"]),
+        frames=len(rows.time),
+        start=1e-9 * float(rows.time[0]),
+        end=1e-9 * float(rows.time[-1]),
+        drive_range=_drive_range(rows),
+        effects=tuple(properties.get("effects", ())),
+        skipped=tuple(properties.get("skipped", ())),
+        peaks=tuple(_peaks(recording, model)),
+        health=tuple(_health(recording)),
+        events=recording.events,
+    )
+
+
+def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
+    """Largest drive efforts, then largest joint reactions and applied loads."""
+    found = []
+    for joint in model["drives"]:
+        prismatic = model["joints"][joint]["type"] == "prismatic"
+        what, unit = ("driving force", "N") if prismatic else ("driving torque", "N m")
+        found.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "reaction")
+        found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
+        if model["joints"][joint]["type"] == "prismatic":
+            found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+    for load, about in model["loads"].items():
+        if about["kind"] == "torque":
+            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True))
+        elif about["kind"] != "gravity":
+            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1]))
+    return [p for p in found if p is not None]
+
+
+def _health(recording: Recording) -> list[Peak]:
+    found = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
+    return [p for p in found if p is not None]
+
+
+def _peak(
+    recording: Recording, path: tuple[str, ...], item: str, unit: str, columns: list[int], *, signed: bool = False
+) -> Peak | None:
+    """Where the norm of some components is largest; None if they are not recorded or not computed."""
+    if not recording.has(*path):
+        return None
+    rows = recording.rows(*path, component="Scalars:scalars")
+    values = rows.values.reshape(len(rows.time), -1)[:, columns]
+    size = np.sqrt((values**2).sum(axis=1))
+    if np.isnan(size).all():
+        return None
+    k = int(np.nanargmax(size))
+    return Peak(item, float(values[k, 0] if signed else size[k]), unit, 1e-9 * float(rows.time[k]), _drive_at(rows, k))
+
+
+def _drive_at(rows: Rows, k: int) -> str:
+    words = {"drive_mdeg": lambda x: f"{1e-3 * x:.3f}°", "drive_um": lambda x: f"{1e-3 * x:.3f} mm"}
+    return ", ".join(words[name](int(ticks[k])) for name, ticks in rows.drives.items())
+
+
+def _drive_range(rows: Rows) -> str:
+    first, last = _drive_at(rows, 0), _drive_at(rows, len(rows.time) - 1)
+    return f"{first} to {last}" if first else ""
+
+
+def format_inspection(found: Inspection) -> str:
+    """An inspection as plain text for a terminal."""
+    state = "" if found.complete else " (interrupted before it was complete)"
+    joints = ", ".join(f"{j.name} ({j.kind}: {' - '.join(j.links)})" for j in found.joints)
+    span = f"{found.start:.6g} s to {found.end:.6g} s"
+    rows = [
+        ("file", f"{found.path}, {found.bytes / 1e6:.2f} MB, mechviz {found.version}{state}"),
+        ("scene", found.scene),
+        ("links", f"{len(found.links)}: {', '.join(k + ' (frame)' if k == found.frame else k for k in found.links)}"),
+        ("joints", f"{len(found.joints)}: {joints}"),
+        ("drives", ", ".join(found.drives) or "none"),
+        ("loads", ", ".join(found.loads) or "none"),
+        ("frames", f"{found.frames}, {span}" + (f", drive {found.drive_range}" if found.drive_range else "")),
+        ("effects", ", ".join(found.effects) or "none: pure kinematics"),
+        ("left out", ", ".join(found.skipped) or "nothing"),
+    ]
+    width = max(len(name) for name, _ in rows)
+    lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
+    if found.peaks:
+        lines += ["", "Peaks", *_peak_lines(found.peaks)]
+    if found.health:
+        lines += ["", "Worst health", *_peak_lines(found.health)]
+    lines += ["", "Events", *(f"  {e.time:>12.6g} s  {e.level:<4}  {e.text}" for e in found.events)]
+    if not found.events:
+        lines.append("  none")
+    return "\n".join(lines)
+
+
+def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:
+    width = max(len(p.item) for p in peaks)
+    return [
+        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<4}  at {p.time:.6g} s" + (f", drive {p.drive}" if p.drive else "")
+        for p in peaks
+    ]

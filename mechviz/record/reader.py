@@ -1,0 +1,205 @@
+"""Reads a recording back, with rerun's own reader: what it says is what is in the file."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RecordingError
+from .paths import entity
+
+__all__ = ["LoggedEvent", "Recording", "Rows"]
+
+PROPERTIES = "/__properties/mechviz"
+TIMELINES = ("drive_mdeg", "drive_um")
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of one component of an entity, sorted by time. ``lengths`` (F,): how many instances each row has."""
+
+    time: NDArray[np.int64]  # [ns]
+    drives: dict[str, NDArray[np.int64]]  # drive_mdeg, drive_um
+    values: NDArray[Any]  # all instances of all rows, one after the other
+    lengths: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class LoggedEvent:
+    """A row of the event log; ``time`` [s]."""
+
+    time: float
+    level: str
+    text: str
+
+
+class Recording:
+    """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours.
+
+    Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
+    """
+
+    def __init__(self, path: Path | str):
+        self.path = Path(path)
+        self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
+        self._static: dict[str, list[Any]] = {}
+        self.application = ""
+        self._load()
+        if PROPERTIES not in self._static:
+            what = f"of the application '{self.application}'" if self.application else "of another program"
+            raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
+
+    def __repr__(self) -> str:
+        return f"Recording {self.path.name}: {len(self.entities)} entities"
+
+    def _load(self) -> None:
+        from rerun.chunk import RrdReader
+
+        _check_readable(self.path)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an interrupted recording has no footer, which is fine here
+                reader = RrdReader(self.path)
+                stores = reader.recordings()
+                self.application = stores[0].application_id if stores else ""
+                for chunk in reader.stream() if stores else ():
+                    batch = chunk.to_record_batch()
+                    into = self._moving if "time" in batch.schema.names else self._static
+                    into.setdefault(str(chunk.entity_path), []).append(batch)
+        except (RuntimeError, ValueError, OSError) as error:
+            raise RecordingError(
+                f"'{self.path}' is cut short or damaged: {str(error).splitlines()[0]}.",
+                f"What is whole in it can be saved with: rerun rrd optimize '{self.path}' -o repaired.rrd",
+            ) from None
+
+    # -- what is there ------------------------------------------------------------------------------------------------
+    @property
+    def entities(self) -> tuple[str, ...]:
+        """Paths of all entities, as rerun writes them, sorted."""
+        return tuple(sorted({*self._moving, *self._static}))
+
+    def has(self, *parts: str) -> bool:
+        """Whether an entity has rows over time."""
+        return _path(parts) in self._moving
+
+    @cached_property
+    def properties(self) -> dict[str, Any]:
+        """The recording's properties: plain values, and lists for lists of strings."""
+        found: dict[str, Any] = {}
+        for batch in self._static[PROPERTIES]:
+            for name in batch.schema.names:
+                if not name.startswith("rerun"):
+                    found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
+        lists = ("effects", "skipped")
+        return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
+
+    @cached_property
+    def model(self) -> dict[str, Any]:
+        """Links, joints, drives and loads: the connectivity."""
+        model: dict[str, Any] = json.loads(self.properties["model"])
+        return model
+
+    @property
+    def scene_text(self) -> str:
+        """The scene file that made the recording (TOML)."""
+        return str(self._document("scene"))
+
+    @property
+    def notes(self) -> str:
+        """What was computed and left out, as markdown."""
+        return str(self._document("notes"))
+
+    def _document(self, name: str) -> Any:
+        value = self.static(name, component="TextDocument:text")
+        return "" if value is None or not len(value) else value[0]
+
+    @cached_property
+    def events(self) -> tuple[LoggedEvent, ...]:
+        """The event log, sorted by time."""
+        if not self.has("events"):
+            return ()
+        text = self.rows("events", component="TextLog:text")
+        level = self.rows("events", component="TextLog:level")
+        return tuple(
+            LoggedEvent(1e-9 * int(t), str(lv), str(x)) for t, lv, x in zip(text.time, level.values, text.values, strict=True)
+        )
+
+    # -- values -------------------------------------------------------------------------------------------------------
+    def scalars(self, *parts: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Times (F,) [ns] and float64 values (F, n) of an entity of scalars."""
+        rows = self.rows(*parts, component="Scalars:scalars")
+        return rows.time, rows.values.reshape(len(rows.time), -1)
+
+    def rows(self, *parts: str, component: str) -> Rows:
+        """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
+        import pyarrow as pa
+
+        path = _path(parts)
+        batches = [b for b in self._moving.get(path, ()) if component in b.schema.names]
+        if not batches:
+            raise KeyError(f"{path} has no {component}")
+        time = np.concatenate([_ticks(b["time"]) for b in batches])
+        order = np.argsort(time, kind="stable")
+        columns = pa.chunked_array([b[component] for b in batches]).take(pa.array(order))
+        flat = columns.combine_chunks()
+        lengths = np.diff(np.asarray(flat.offsets)) if len(flat) else np.zeros(0, np.int64)
+        drives = {
+            name: np.concatenate([_ticks(b[name]) for b in batches])[order]
+            for name in TIMELINES
+            if all(name in b.schema.names for b in batches)
+        }
+        return Rows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
+
+    def static(self, *parts: str, component: str = "Scalars:scalars") -> NDArray[Any] | None:
+        """The newest static value of a component, or None."""
+        found = [b for b in self._static.get(_path(parts), ()) if component in b.schema.names]
+        return _numpy(found[-1][component].flatten()) if found else None
+
+
+def _path(parts: tuple[str, ...]) -> str:
+    if len(parts) == 1 and parts[0].startswith("/"):
+        return parts[0]
+    return entity(*parts)
+
+
+def _ticks(column: Any) -> NDArray[np.int64]:
+    import pyarrow as pa
+
+    ticks: NDArray[np.int64] = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+    return ticks
+
+
+def _numpy(values: Any) -> NDArray[Any]:
+    """Arrow values as an array: vectors as rows, line strips as objects."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(values.type):
+        return np.asarray(values.flatten().to_numpy(zero_copy_only=False)).reshape(-1, values.type.list_size)
+    if pa.types.is_list(values.type):
+        strips = np.empty(len(values), object)
+        for k in range(len(values)):
+            strips[k] = _numpy(values[k].values)
+        return strips
+    return np.asarray(values.to_numpy(zero_copy_only=False))
+
+
+def _check_readable(path: Path) -> None:
+    """Clear words for what rerun's reader would refuse without saying why."""
+    if path.is_dir():
+        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
+    try:
+        with open(path, "rb") as file:
+            start = file.read(4)
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {(error.strerror or str(error)).lower()}.") from None
+    if start[:3] != b"RRF":
+        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")

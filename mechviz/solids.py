@@ -1,0 +1,25 @@
+"""The solids of a solved scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .meshes import Solids
+    from .run import Run
+
+__all__ = ["solids_of"]
+
+LOOKS = 721
+"""Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
+
+
+def solids_of(run: Run) -> Solids:
+    """Meshes of all links, in layers that do not collide during the run."""
+    from .meshes import build_solids
+
+    motion = run.motion
+    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
+    return build_solids(motion.mechanism, {link: motion.pose(link)[frames] for link in motion.model.links})
