@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Mechanism, Prismatic
+from mechcore import Motion
 
 from .vectors import centre_name, point_name
 
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Table", "drive_unit", "links_with_mass", "tables"]
+__all__ = ["Table", "links_with_mass", "pair_unit", "tables"]
 
 Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
@@ -49,9 +49,10 @@ def links_with_mass(run: Run) -> list[str]:
     return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]
 
 
-def drive_unit(mechanism: Mechanism, pair: str) -> str:
-    """Unit of a pair's coordinate: ``m`` for a prismatic one, else ``rad``."""
-    return "m" if isinstance(next(p for p in mechanism.pairs if p.name == pair), Prismatic) else "rad"
+def pair_unit(motion: Motion, pair: str) -> str:
+    """Unit of a pair's coordinate: ``m`` where it slides, else ``rad``."""
+    model = motion.model
+    return "m" if model.joints[model.joint_index[pair]].coordinate == "slide" else "rad"
 
 
 def tables(run: Run) -> list[Table]:
@@ -87,7 +88,8 @@ def _joints(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
     for pair in motion.mechanism.pairs:
         path, name = ("data", "joints", pair.name), pair.name
-        what, unit = ("slide", "m") if isinstance(pair, Prismatic) else ("angle", "rad")
+        unit = pair_unit(motion, name)
+        what = "slide" if unit == "m" else "angle"
         rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
         yield Table((*path, "motion"), f"{name}.motion", rates, motion.coordinate(name))
         yield Table((*path, "position"), f"{name}.position", _POSE[:2], motion.pair_position(name))
@@ -99,7 +101,7 @@ def _joints(run: Run) -> Iterator[Table]:
 def _drives(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
     for drive in motion.mechanism.drives:
-        unit = drive_unit(motion.mechanism, drive.pair)
+        unit = pair_unit(motion, drive.pair)
         effort = ("force", "N") if unit == "m" else ("torque", "N m")
         columns: Columns = (
             ("coordinate", unit),

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.events import Event
 
-from ..tables import drive_unit
+from ..tables import pair_unit
 from .paths import entity
 from .plots import Output, main_outputs
 
@@ -122,7 +122,7 @@ def _efforts(run: Run) -> list[Any]:
     """Driving torques and driving forces, in separate plots."""
     found = []
     for unit, name in (("rad", "Driving torque [N m]"), ("m", "Driving force [N]")):
-        pairs = [d.pair for d in run.motion.mechanism.drives if drive_unit(run.motion.mechanism, d.pair) == unit]
+        pairs = [d.pair for d in run.motion.mechanism.drives if pair_unit(run.motion, d.pair) == unit]
         if pairs:
             shown = (False, False, False, True, False)
             found.append(_plot(Output(name, tuple((entity("data", "drive", p), shown) for p in pairs))))

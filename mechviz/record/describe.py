@@ -6,8 +6,6 @@ import json
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from mechcore.spec import Prismatic
-
 from ..vectors import Scales
 
 if TYPE_CHECKING:
@@ -38,14 +36,13 @@ def scene_text(run: Run) -> str:
 
 def model_json(run: Run) -> str:
     """The connectivity that a reader needs to check the physics, as JSON."""
-    mechanism = run.motion.mechanism
+    mechanism, core = run.motion.mechanism, run.motion.model
     loads = {} if run.forces is None else run.forces.loads
     model = {
         "frame": mechanism.frame,
-        "links": [link.name for link in mechanism.links],
+        "links": list(core.links),
         "joints": {
-            p.name: {"type": "prismatic" if isinstance(p, Prismatic) else "revolute", "links": list(p.links)}
-            for p in mechanism.pairs
+            p.name: {"type": core.joints[core.joint_index[p.name]].kind, "links": list(p.links)} for p in mechanism.pairs
         },
         "drives": [d.pair for d in mechanism.drives],
         "loads": {name: {"kind": load.kind, "links": [load.link]} for name, load in loads.items()},

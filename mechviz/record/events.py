@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechcore.events import SINGULAR, Event
 
-from ..tables import drive_unit
+from ..tables import pair_unit
 
 if TYPE_CHECKING:
     from ..run import Run
@@ -25,7 +25,7 @@ def peak_events(run: Run) -> list[Event]:
     sound = motion.condition <= SINGULAR
     found = []
     for drive in motion.mechanism.drives:
-        what, unit = ("force", "N") if drive_unit(motion.mechanism, drive.pair) == "m" else ("torque", "N m")
+        what, unit = ("force", "N") if pair_unit(motion, drive.pair) == "m" else ("torque", "N m")
         effort = forces.effort(drive.pair)
         k = _largest(effort, sound)
         if k is not None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .errors import RecordingError
 from .reader import LoggedEvent, Recording, Rows
 
 __all__ = ["Inspection", "Joint", "Peak", "format_inspection", "inspect"]
@@ -72,7 +73,10 @@ def inspect(path: Path | str) -> Inspection:
     """Read a recording, complete or interrupted. Raises `RecordingError`."""
     recording = Recording(path)
     properties, model = recording.properties, recording.model
-    rows = recording.rows("data", "links", model["frame"], "pose", component="Scalars:scalars")
+    frame_pose = ("data", "links", model["frame"], "pose")
+    if not recording.has(*frame_pose):
+        raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first.", "Record the scene again.")
+    rows = recording.rows(*frame_pose, component="Scalars:scalars")
     return Inspection(
         path=recording.path,
         bytes=recording.path.stat().st_size,
@@ -169,7 +173,7 @@ def format_inspection(found: Inspection) -> str:
         lines += ["", "Peaks", *_peak_lines(found.peaks)]
     if found.health:
         lines += ["", "Worst health", *_peak_lines(found.health)]
-    lines += ["", "Events", *(f"  {e.time:>12.6g} s  {e.level:<4}  {e.text}" for e in found.events)]
+    lines += ["", "Events", *(f"  {e.level:<4}  {e.text}" for e in found.events)]
     if not found.events:
         lines.append("  none")
     return "\n".join(lines)

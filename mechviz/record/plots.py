@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.spec import Prismatic
-
-from ..tables import tables
+from ..tables import pair_unit, tables
 from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -52,9 +50,9 @@ def main_outputs(run: Run) -> list[Output]:
     mechanism = run.motion.mechanism
     driven = {d.pair for d in mechanism.drives}
     at_frame = [p for p in mechanism.pairs if mechanism.frame in p.links and p.name not in driven]
-    sliders = [p.name for p in at_frame if isinstance(p, Prismatic)][:MOST]
+    sliders = [p.name for p in at_frame if pair_unit(run.motion, p.name) == "m"][:MOST]
     points = [point_name(*p) for p in mechanism.traced][:MOST]
-    rockers = [p.name for p in at_frame if not isinstance(p, Prismatic)][:MOST]
+    rockers = [p.name for p in at_frame if pair_unit(run.motion, p.name) == "rad"][:MOST]
     if sliders or not points:
         joints, unit, noun = (sliders, "m", "Slider") if sliders else (rockers, "rad", "Rocker")
         units = (unit, f"{unit}/s", f"{unit}/s²")

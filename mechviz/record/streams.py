@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import Table, drive_unit
+from ..tables import Table, pair_unit
 from ..vectors import Scales, Vector, point_name
 from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
@@ -67,7 +67,7 @@ class Timelines:
         found: dict[str, Index] = {}
         for drive in motion.mechanism.drives:
             position = motion.coordinate(drive.pair)[:, 0]
-            if drive_unit(motion.mechanism, drive.pair) == "rad":
+            if pair_unit(motion, drive.pair) == "rad":
                 found.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
             else:
                 found.setdefault("drive_um", _integers(position * 1e6))

@@ -122,7 +122,7 @@ class ArrowNodes:
                 node.points = points
         for family, arc, origin, turns in self._arcs:
             turn = float(np.clip(turns[frame] * self._factor, -LARGEST_TURN, LARGEST_TURN))
-            arc.visible = self._on[family] and abs(turn) >= 0.5 * ARC_HEAD
+            arc.visible = self._on[family] and abs(turn) >= ARC_HEAD
             if arc.visible:
                 arc.vertices = arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z)
 

@@ -133,7 +133,7 @@ class Timeline:
         panel.float(x=20, y=-14, width=TIMELINE_WIDTH)
         self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
         self.buttons.on_click(callback("Playback", lambda _: self._press(self.buttons.value)))
-        self.speed.on_update(callback("Changing the speed", lambda _: player.set_rate(self._speeds.rate(self.speed.value))))
+        self.speed.on_update(callback("Changing the speed", lambda _: self._set_speed()))
         keys: tuple[tuple[str, Any, Callable[[], None]], ...] = (
             ("Play or pause", "space", player.toggle),
             ("Step forward", "arrowright", partial(player.step, 1)),
@@ -155,6 +155,11 @@ class Timeline:
     def _scrub(self) -> None:
         frame = round(finite(self.slider.value, 0, self._last, self._player.frame))
         self._player.seek(frame)
+
+    def _set_speed(self) -> None:
+        if self.speed.value not in self._speeds.labels:
+            self.speed.value = self._speeds.first
+        self._player.set_rate(self._speeds.rate(self.speed.value))
 
     def _press(self, name: str) -> None:
         actions: dict[str, Callable[[], None]] = {

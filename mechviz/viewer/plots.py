@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import viser
 from viser import uplot
 
@@ -21,6 +22,7 @@ __all__ = ["Plots"]
 COUNT = 3
 HEIGHT = 164  # [px]
 COLORS = ("#2563c9", "#d97706", "#0f8a5f")
+ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
@@ -57,6 +59,7 @@ class Plots:
         """Plot against the drive or time; an unknown title changes nothing."""
         with self._lock:
             self._axis = self._axes.get(title, self._axis)
+            self._against.value = self._axis.title
             for slot in self.slots:
                 slot.plot(slot.quantity, self._axis, self._frame)
 
@@ -65,6 +68,7 @@ class Plots:
         with self._lock:
             if title in self._quantities:
                 slot.plot(self._quantities[title], self._axis, self._frame)
+            slot.choice.value = slot.quantity.title
 
     def show(self, frame: int, playing: bool) -> None:
         with self._lock:
@@ -101,6 +105,7 @@ class Slot:
         self.quantity = quantity
         self._values = quantity.values()
         self._curves = Curves(axis.values, self._values)
+        self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, COLORS, strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
@@ -137,7 +142,7 @@ class Slot:
         self.chart.data = self._curves.at(frame)
         unit = html.escape(self.quantity.unit)
         parts = [
-            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(value)} {unit}</span>'
+            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(self._rounded(value))} {unit}</span>'
             for name, color, value in zip(self.quantity.curves, COLORS, self._values[frame], strict=False)
         ]
         self._readout.content = (
@@ -145,3 +150,7 @@ class Slot:
             + "".join(parts)
             + "</div>"
         )
+
+    def _rounded(self, value: float) -> float:
+        """Zero for what is only the round-off of a quantity."""
+        return 0.0 if abs(value) <= self._least else float(value)

@@ -1,0 +1,300 @@
+"""The viewer in a real browser: controls are used as a person would, and the state that they lead to is read back."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mechviz import scene
+from mechviz.run import run_scene
+from mechviz.viewer import Viewer
+from mechviz.viewer.solids3d import link_path
+
+pytestmark = pytest.mark.browser
+
+ARGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+SIZE = {"width": 1100, "height": 700}
+NODES = tuple(link_path(link) for link in ("crank", "coupler", "rocker"))
+READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
+    names.every(n => m.nodeRefFromName[n] && m.nodePoseData[n] && m.nodePoseData[n].poseUpdateState === 'updated'); }"""
+POSE = "name => { const d = window.__viserMutable.nodePoseData[name]; return [...d.wxyz, ...d.position]; }"
+SEEN = """name => { let node = window.__viserMutable.nodeRefFromName[name]; if (!node) return false;
+    for (; node; node = node.parent) if (!node.visible) return false; return true; }"""
+CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid].chart.data;
+    return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
+
+
+def _chromium() -> str:
+    """The browser, or no test: a skip, unless the environment says that it has to be there."""
+    found = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+    if found is None and Path("/usr/bin/chromium").exists():
+        found = "/usr/bin/chromium"
+    if found is None:
+        _missing("Chromium is not installed (Debian: apt-get install chromium)")
+    return str(found)
+
+
+def _missing(words: str) -> None:
+    if os.environ.get("MECHVIZ_REQUIRE_BROWSER") == "1":
+        pytest.fail(f"{words}, and MECHVIZ_REQUIRE_BROWSER=1 asks for it")
+    pytest.skip(words)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    executable = _chromium()
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        _missing("playwright is not installed")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=executable, headless=True, args=ARGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def viewer(browser) -> Iterator[Viewer]:
+    with Viewer(run_scene(scene.load("kinetostatic-four-bar")), port=0) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def errors() -> list[str]:
+    """What went wrong in the page's scripts."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def page(browser, viewer, errors) -> Iterator[Any]:
+    opened = browser.new_page(viewport=SIZE)
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.goto(viewer.url)
+    # Without a graphics card viser says so in a note that covers the top of the page
+    opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
+    opened.wait_for_function(READY, arg=list(NODES))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(autouse=True)
+def at_rest(viewer, page) -> None:
+    """Every test starts paused at a frame with large forces."""
+    viewer.set_frame(300)
+    _until_drawn(viewer, page)
+
+
+def _until(page: Any, condition: Any, what: str, seconds: float = 15.0) -> None:
+    """Wait for a condition of this process, while the page's events are handled."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s: {what}"
+        page.wait_for_timeout(20)
+
+
+def _pose_of_core(viewer: Viewer, link: str, frame: int) -> np.ndarray:
+    x, y, angle = viewer.run.motion.pose(link)[frame]
+    return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2), x, y, 0.0])
+
+
+def _drawn(viewer: Viewer, page: Any) -> bool:
+    links = ("crank", "coupler", "rocker")
+    found = [np.abs(np.array(page.evaluate(POSE, link_path(n))) - _pose_of_core(viewer, n, viewer.frame)).max() for n in links]
+    return max(found) < 1e-3
+
+
+def _until_drawn(viewer: Viewer, page: Any) -> None:
+    _until(page, lambda: _drawn(viewer, page), f"poses of frame {viewer.frame} in the browser")
+    page.wait_for_function(READY, arg=list(NODES))
+
+
+def _picture(page: Any) -> np.ndarray:
+    """The part of the page between the panels, as (rows, columns, RGB)."""
+    from PIL import Image
+
+    panel = page.evaluate("() => { const r = document.querySelector('canvas[data-engine]').getBoundingClientRect();"
+                          " return [r.left, r.top, r.width, r.height]; }")  # fmt: skip
+    clip = dict(zip(("x", "y", "width", "height"), panel, strict=True))
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")).astype(int)
+
+
+def _red(picture: np.ndarray) -> int:
+    """Number of pixels in the colour of reactions."""
+    r, g, b = picture[..., 0], picture[..., 1], picture[..., 2]
+    return int(((r > 130) & (g < 75) & (b < 95)).sum())
+
+
+def test_the_page_shows_the_mechanism(viewer, page, errors):
+    assert "Kinetostatics of a four-bar" in page.title()
+    picture = _picture(page)
+    amber = (np.abs(picture - [214, 165, 88]).max(axis=-1) < 40).sum()  # the coupler
+    white = (picture.min(axis=-1) > 225).mean()
+    assert amber > 1500 and 0.4 < white < 0.97, (amber, white)
+    assert _red(picture) > 200
+    assert not errors
+
+
+def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
+    page.get_by_role("button", name="Play", exact=True).click()
+    _until(page, lambda: viewer.playing and viewer.frame != 300, "playing")
+    before = page.evaluate(POSE, NODES[1])
+    _until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
+    page.get_by_role("button", name="Pause", exact=True).click()
+    _until(page, lambda: not viewer.playing, "paused")
+    _until_drawn(viewer, page)
+    frame, pose = viewer.frame, page.evaluate(POSE, NODES[1])
+    page.wait_for_timeout(300)
+    assert viewer.frame == frame and page.evaluate(POSE, NODES[1]) == pose
+
+
+@pytest.mark.parametrize("frame", [0, 91, 360])
+def test_scrubbing_brings_the_frame_and_its_poses(viewer, page, frame):
+    box = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] ~ div input')
+    box.fill(str(frame))
+    _until(page, lambda: viewer.frame == frame, "the frame")
+    _until_drawn(viewer, page)
+    assert f"frame {frame} of 360" in page.content()
+
+
+def test_keys_play_and_step_without_turning_the_camera(viewer, page):
+    canvas = page.evaluate("() => { const r = document.querySelector('canvas[data-engine]').getBoundingClientRect();"
+                           " return [r.left + 20, r.top + 20]; }")  # fmt: skip
+    page.mouse.click(*canvas)
+    camera = page.evaluate("() => window.__viserMutable.camera.position.toArray()")
+    for key, frame in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowUp", 311), ("Home", 0), ("End", 360)):
+        page.keyboard.press(key)
+        _until(page, lambda frame=frame: viewer.frame == frame, f"{key} to {frame}")
+    assert page.evaluate("() => window.__viserMutable.camera.position.toArray()") == camera
+    page.keyboard.press("Space")
+    _until(page, lambda: viewer.playing, "space plays")
+    page.keyboard.press("Space")
+    _until(page, lambda: not viewer.playing, "space pauses")
+    thumb = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] [role=slider]')
+    viewer.set_frame(10)
+    _until_drawn(viewer, page)
+    thumb.focus()
+    page.keyboard.press("ArrowRight")
+    _until(page, lambda: viewer.frame == 11, "one step of the slider")
+    page.wait_for_timeout(200)
+    assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
+
+
+def test_space_after_a_click_on_play_does_not_press_play_again(viewer, page):
+    page.get_by_role("button", name="Play", exact=True).click()
+    _until(page, lambda: viewer.playing, "playing")
+    page.keyboard.press("Space")
+    _until(page, lambda: not viewer.playing, "paused")
+    page.wait_for_timeout(200)
+    assert not viewer.playing
+
+
+def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
+    assert page.evaluate(SEEN, "/vectors/reaction")
+    before = _red(_picture(page))
+    page.get_by_label("Reactions").uncheck()
+    _until(page, lambda: not page.evaluate(SEEN, "/vectors/reaction"), "no reactions")
+    page.wait_for_timeout(300)
+    assert _red(_picture(page)) < 0.3 * before
+    page.get_by_label("Reactions").check()
+    _until(page, lambda: page.evaluate(SEEN, "/vectors/reaction"), "reactions again")
+    assert not page.evaluate(SEEN, "/vectors/velocity")
+    page.get_by_label("Velocity").check()
+    _until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
+    page.get_by_label("Velocity").uncheck()
+    _until(page, lambda: not page.evaluate(SEEN, "/vectors/velocity"), "no velocities")
+
+
+def test_arrows_grow_and_the_legend_says_so(viewer, page):
+    def longest() -> float:
+        points = viewer.server.scene.get_handle_by_name("/vectors/reaction").points
+        return float(np.linalg.norm(points[:, 1] - points[:, 0], axis=1).max())
+
+    before = longest()
+    page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("2")
+    _until(page, lambda: longest() == pytest.approx(2.0 * before, rel=1e-5), "arrows twice as long")
+    page.get_by_text("Scale: 50 N").wait_for(state="attached")
+    page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("1")
+    _until(page, lambda: longest() == pytest.approx(before, rel=1e-5), "arrows as before")
+
+
+def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, page):
+    slot = viewer.plots.slots[0]
+    for frame in (45, 270):
+        viewer.set_frame(frame)
+        _until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
+    page.locator(f'[id="{slot.choice._impl.uuid}"]').click()
+    page.get_by_role("option", name="pair B: reaction [N]").click()
+    _until(page, lambda: slot.quantity.label == "pair B: reaction", "the new quantity")
+    uuid = slot.chart._impl.uuid
+    page.wait_for_function("uuid => !!(window.__viserTestpoints.uplots[uuid] || false)", arg=uuid)
+    assert page.evaluate(CURSOR, uuid) == pytest.approx([270, 270])
+    curve = page.evaluate("uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])", uuid)
+    assert max(curve) == pytest.approx(viewer.run.forces.reaction("B")[:, 0].max())
+
+
+def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeypatch, errors):
+    uuid = viewer.timeline.slider._impl.uuid
+    for value in ("NaN", "Infinity", "-1e300", "'x'", "null"):
+        page.evaluate(f"uuid => window.__viserMutable.sendMessage({{type: 'GuiUpdateMessage', uuid, updates: {{value: {value}}}}})", uuid)
+    page.wait_for_timeout(300)
+    assert 0 <= viewer.frame <= 360
+
+    def fail(_frames: int) -> None:
+        raise ValueError("a test made this fail")
+
+    monkeypatch.setattr(viewer.player, "seek", fail)
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text("ValueError: a test made this fail").wait_for(state="attached")
+    monkeypatch.undo()
+    page.get_by_role("button", name="Start", exact=True).click()
+    _until(page, lambda: viewer.frame == 0, "the start")
+    _until_drawn(viewer, page)
+    assert not errors
+
+
+def test_two_browsers_show_the_same_frame_and_a_moved_camera_stays(viewer, page, browser):
+    other = browser.new_page(viewport={"width": 500, "height": 400})
+    try:
+        other.goto(viewer.url)
+        other.wait_for_function(READY, arg=list(NODES))
+        viewer.set_frame(200)
+        _until_drawn(viewer, other)
+        _until_drawn(viewer, page)
+        _until(page, lambda: len(viewer.server.get_clients()) == 2, "both are known")
+    finally:
+        other.close()
+    _until(page, lambda: len(viewer.server.get_clients()) == 1, "one has gone")
+
+
+def test_the_view_is_fitted_to_the_window_and_comes_back(viewer, page):
+    def camera() -> np.ndarray:
+        return np.array(page.evaluate("() => window.__viserMutable.camera.position.toArray()"))
+
+    fitted = camera()
+    page.set_viewport_size({"width": 1400, "height": 700})
+    _until(page, lambda: np.abs(camera() - fitted).max() > 1e-3, "a new fit for a wider window")
+    page.set_viewport_size(SIZE)
+    _until(page, lambda: np.abs(camera() - fitted).max() < 1e-3, "the old fit for the old window")
+    page.mouse.move(550, 200)
+    page.mouse.wheel(0, -600)
+    _until(page, lambda: np.abs(camera() - fitted).max() > 1e-2, "zoomed by hand")
+    page.get_by_role("button", name="View from the front").click()
+    _until(page, lambda: np.abs(camera() - fitted).max() < 1e-3, "back at the front")
