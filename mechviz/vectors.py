@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Mechanism, Prismatic
+from mechcore.spec import Mechanism
 
 if TYPE_CHECKING:
     from .run import Run
@@ -118,7 +118,7 @@ def find_vectors(run: Run) -> dict[str, dict[str, Vector]]:
 
 
 def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
-    """All moments of a run by family and item: drive torques, applied torques, and couples in sliding pairs."""
+    """All moments of a run by family and item: drive torques, applied torques, and couples in pairs."""
     forces, motion = run.forces, run.motion
     if forces is None:
         return {}
@@ -129,9 +129,7 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
         if load.kind == "torque":
             found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
     for pair in motion.mechanism.pairs:
-        if isinstance(pair, Prismatic):
-            position, couple = motion.pair_position(pair.name), forces.reaction(pair.name)[:, 2]
-            found.append(Moment("reaction", pair.name, position, couple))
+        found.append(Moment("reaction", pair.name, motion.pair_position(pair.name), forces.reaction(pair.name)[:, 2]))
     largest = max((_peak(m.value) for m in found), default=0.0)
     found = [m for m in found if _peak(m.value) > 1e-9 * largest]  # the rest is round-off
     return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}

@@ -120,16 +120,17 @@ def balance_of_links(forces: Forces) -> float:
     """
     m = forces.motion
     worst = 0.0
-    for link in m.mechanism.links:
+    for link in m.model.bodies.values():
         if link.name == m.mechanism.frame:
             continue
         origin = m.pose(link.name)[:, :2]
         acting = []  # (force, moment, at)
-        for p in m.mechanism.pairs:
+        for p in m.model.connections:
             if link.name in p.links:
                 sign = 1.0 if p.links[1] == link.name else -1.0
-                at = m.pair_position(p.name)
-                for wrench in (forces.reaction(p.name), forces.wrench(p.name)):
+                at = forces.position(p.name)
+                driven = [forces.wrench(p.name)] if p.name in {d.pair for d in m.mechanism.drives} else []
+                for wrench in (forces.reaction(p.name), *driven):
                     acting.append((sign * wrench[:, :2], sign * wrench[:, 2], at))
         for result in forces.loads.values():
             if result.link == link.name:
@@ -139,7 +140,7 @@ def balance_of_links(forces: Forces) -> float:
         force = sum(f for f, _, _ in acting)
         moments = [mm + (at - origin)[:, 0] * f[:, 1] - (at - origin)[:, 1] * f[:, 0] for f, mm, at in acting]
         largest_force = max(np.abs(f).max() for f, _, _ in acting) or 1.0
-        largest_moment = max(max(np.abs(mm).max() for mm in moments), 1e-6 * largest_force * m.model.size)
+        largest_moment = max(max(np.abs(mm).max() for mm in moments), 1e-3 * largest_force * m.model.size)
         worst = max(worst, np.abs(force).max() / largest_force, np.abs(sum(moments)).max() / largest_moment)
     return worst
 

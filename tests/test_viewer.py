@@ -20,10 +20,11 @@ import websockets
 from viser import _messages
 
 from mechviz import scene, vectors
+from mechviz.meshes import build_solids
 from mechviz.run import Run, run_scene
 from mechviz.viewer import Viewer, ViewerError, words
 from mechviz.viewer.arrows3d import ARC_FACES, arc_vertices, arrow_points
-from mechviz.viewer.camera import FIELD_OF_VIEW, TIMELINE, fit_view
+from mechviz.viewer.camera import FIELD_OF_VIEW, TIMELINE, USUAL_ASPECT, fit_view
 from mechviz.viewer.curves import Curves, padded_range, thinned
 from mechviz.viewer.marks3d import joint_groups
 from mechviz.viewer.panels import Speeds, finite
@@ -120,6 +121,17 @@ def test_the_camera_sees_the_whole_box_above_the_timeline():
         assert view.position[:2] == pytest.approx(view.look_at[:2])
 
 
+def test_the_view_takes_in_the_arrows_that_are_shown_first_and_no_empty_room(four_bar, kinematic):
+    for run, wider in ((kinematic, False), (four_bar, True)):
+        with Viewer(run, port=0) as shown:
+            poses = {link.name: run.motion.pose(link.name) for link in run.motion.mechanism.links}
+            solids = build_solids(run.motion.mechanism, poses)
+            plain = fit_view(solids.bounds, USUAL_ASPECT)
+            distance = shown.server.initial_camera.position[2] - solids.bounds[1, 2]
+            assert (distance > plain.distance * 1.001) == wider
+            assert distance < plain.distance * 2.0
+
+
 def test_grid_cells_are_round():
     assert [grid_cell(s) for s in (0.26, 1.0, 4.2, 0.0079)] == pytest.approx([0.02, 0.1, 0.2, 0.0005])
 
@@ -150,6 +162,8 @@ def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compre
     torque = first_choice(compressor, 1)[0].values()
     np.testing.assert_array_equal(torque[:, 0], compressor.forces.effort("A"))
     assert [q.label for q in first_choice(kinematic, 2)] == ["point foot.H: position", "point foot.H: velocity"]
+    crank_rocker = run_scene(scene.load("crank-rocker"))
+    assert [q.label for q in first_choice(crank_rocker, 2)] == ["link rocker: angle", "link rocker: angular velocity"]
 
 
 def test_only_a_drive_that_runs_one_way_can_be_plotted_against(compressor):

@@ -253,7 +253,9 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
 def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeypatch, errors):
     uuid = viewer.timeline.slider._impl.uuid
     for value in ("NaN", "Infinity", "-1e300", "'x'", "null"):
-        page.evaluate(f"uuid => window.__viserMutable.sendMessage({{type: 'GuiUpdateMessage', uuid, updates: {{value: {value}}}}})", uuid)
+        page.evaluate(
+            f"uuid => window.__viserMutable.sendMessage({{type: 'GuiUpdateMessage', uuid, updates: {{value: {value}}}}})", uuid
+        )
     page.wait_for_timeout(300)
     assert 0 <= viewer.frame <= 360
 
@@ -270,15 +272,21 @@ def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeyp
     assert not errors
 
 
-def test_two_browsers_show_the_same_frame_and_a_moved_camera_stays(viewer, page, browser):
-    other = browser.new_page(viewport={"width": 500, "height": 400})
+def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page, browser):
+    camera = "() => window.__viserMutable.camera.position.toArray()"
+    other = browser.new_page(viewport={"width": 1000, "height": 500})
     try:
         other.goto(viewer.url)
         other.wait_for_function(READY, arg=list(NODES))
         viewer.set_frame(200)
         _until_drawn(viewer, other)
         _until_drawn(viewer, page)
-        _until(page, lambda: len(viewer.server.get_clients()) == 2, "both are known")
+        before, theirs = page.evaluate(camera), other.evaluate(camera)
+        other.mouse.move(450, 100)
+        other.mouse.wheel(0, -400)
+        _until(other, lambda: other.evaluate(camera) != theirs, "zoomed in one browser")
+        assert page.evaluate(camera) == before
+        assert len(viewer.server.get_clients()) == 2
     finally:
         other.close()
     _until(page, lambda: len(viewer.server.get_clients()) == 1, "one has gone")

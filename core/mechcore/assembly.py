@@ -27,7 +27,8 @@ class Assembly:
     """``modes``: +1 or -1 for each block (0 where there is no choice). ``starts``: unknowns of general blocks at the start."""
 
     modes: tuple[float, ...]
-    starts: dict[str, Array]
+    starts: dict[str, Array]  # and angles of groups, "angle <group>", beyond one turn
+    constants: tuple[float, ...]  # of the relations
     state: State  # positions at the start
 
 
@@ -38,7 +39,8 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
     known_names = {b.name for b in model.blocks}
     stated = _stated(model)
     used = set(stated.values())
-    state = initial_state(model, [np.float64(q) for q in drives])
+    constants = [0.0] * len(model.relations)
+    state = initial_state(model, [np.float64(q) for q in drives], constants)
     modes: list[float] = []
     starts: dict[str, Array] = {}
     for block in model.blocks:
@@ -53,6 +55,9 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
                 mode, fault = _mode(model, block, state, pair)
                 faults += fault
                 bl.place(model, block, state, mode)
+            elif block.relations and block.kind != "general":
+                faults += _fix_relation(model, block, state, constants)
+                bl.place(model, block, state, 0.0)
             elif block.kind == "general":
                 x, fault = _start_of_general(model, block, state)
                 faults += fault
@@ -75,7 +80,8 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
             )
     if faults:
         raise MechanismError(faults)
-    return Assembly(modes=tuple(modes), starts=starts, state=state)
+    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.wound}
+    return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
 
 
 def _stated(model: Model) -> dict[str, str]:
@@ -249,6 +255,33 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
     return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
 
 
+def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
+    """Take a relation's constant from the start: its unknown is where the sketch has it, else at zero."""
+    r = block.relations[0]
+    known, unknown = bl.relation_sum(model, r, state, block)
+    total = float(known)
+    faults: list[Fault] = []
+    for (what, i), c in unknown.items():
+        start = _sketched_angle(model, i, state) if what == "angle" else _sketched_slide(model, i)
+        if start is None and what == "angle":
+            start = 0.0
+            for k in model.angles.links_of[i]:
+                arms = {point for p, q in ((0, 0), (1, 1)) for j, e in enumerate(model.ends) if e[p] == k
+                        for point in [model.joints[j].b if q else model.joints[j].a]}  # fmt: skip
+                if len(arms) > 1:  # pins off its axis: where they stand at the start matters
+                    faults.append(
+                        Fault(
+                            f"pairs.{model.sums[r].name}",
+                            f"nothing says how '{model.links[k]}' stands at the start.",
+                            f"Sketch it: [sketch] {model.links[k]} = {{ at = [x, y], angle = ... }}.",
+                        )
+                    )
+                    break
+        total += c * (start or 0.0)
+    constants[r] = total
+    return faults
+
+
 def _sketched_angle(model: Model, group: int, state: State) -> float | None:
     """A group's sketched angle [rad], from any of its links in the sketch."""
     turning = model.angles
@@ -303,7 +336,11 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
     """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
     angles = [_sketched_angle(model, g, state) for g in block.angles]
     slides = [_sketched_slide(model, j) for j in block.slides]
-    found = group_modes(model, block, state)
+    if block.relations:
+        faults = _fix_relations_of_group(model, block, state, angles, slides)
+        if faults:
+            return None, faults
+    found = group_modes(model, block, state, near=[*angles, *slides])
     if len(found) == 0:
         return None, [
             Fault(
@@ -335,6 +372,27 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
     return found[best[0]], []
 
 
+def _fix_relations_of_group(
+    model: Model, block: Block, state: State, angles: Sequence[float | None], slides: Sequence[float | None]
+) -> list[Fault]:
+    """Constants of the relations inside a simultaneous group, from the sketch, which then has to be exact in their phase."""
+    start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
+    faults = []
+    for r in block.relations:
+        known, unknown = bl.relation_sum(model, r, state, block)
+        if any(start[u] is None for u in unknown):
+            faults.append(
+                Fault(
+                    f"pairs.{model.sums[r].name}",
+                    "nothing says how its links stand to each other at the start.",
+                    "Give a [sketch] with the angles of its links: the sketch sets the phase of the gears.",
+                )
+            )
+            continue
+        state.constants[r] = float(known) + sum(c * float(start[u] or 0.0) for u, c in unknown.items())  # type: ignore[index]
+    return faults
+
+
 def _describe(model: Model, block: Block, x: Array) -> str:
     words = []
     for i, g in enumerate(block.angles):
@@ -344,19 +402,27 @@ def _describe(model: Model, block: Block, x: Array) -> str:
     return ", ".join(words)
 
 
-def group_modes(model: Model, block: Block, state: State, *, starts: int = 400) -> Array:
-    """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts, nearest to angle 0 first."""
+def group_modes(
+    model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()
+) -> Array:
+    """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts; ``near`` is one more start.
+
+    Angles lie within half a turn of zero, or of ``near`` where relations make whole turns matter.
+    """
     rng = np.random.default_rng(12345)  # the same answer every time
     n, k = len(block.angles), len(block.slides)
     x = np.concatenate(
         [rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1
     )
+    if near:
+        x[0] = [0.0 if v is None else v for v in near]
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         bl.place(model, block, trial, 0.0, x)
     found = trial.newton[block.name].x
     found = found[np.isfinite(found).all(axis=-1)]
-    found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
+    if not block.relations:
+        found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
     unique: list[tuple[Array, Array]] = []
     for row in found:
         key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])

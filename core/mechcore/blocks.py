@@ -7,7 +7,8 @@ their transpose.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,14 +47,20 @@ class State:
     ``newton`` says, by block name, how Newton ended where it was used.
     """
 
+    drives: Sequence[Array]
     delta: list[Array]
     rot: list[Array]
     slide: dict[int, Array]
     newton: dict[str, Newton] = field(default_factory=dict)
+    constants: Sequence[float] = ()  # of the relations
+    angle: dict[int, Array] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
+    near: Mapping[str, Array] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
 
     def copy(self) -> State:
         """A state that can be filled in further without changing this one."""
-        return State(delta=self.delta, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton))
+        return replace(
+            self, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton), angle=dict(self.angle)
+        )
 
 
 @dataclass(frozen=True)
@@ -89,10 +96,12 @@ class Vectors:
 
 @dataclass(frozen=True)
 class Columns:
-    """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero."""
+    """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero; ``ties[r][u]``: of
+    its r-th relation."""
 
     table: tuple[tuple[Array, ...], ...]
     det: Array | None  # of the two columns, where there is one contour and two unknowns
+    ties: tuple[tuple[float, ...], ...] = ()
 
 
 def place(model: Model, block: Block, state: State, mode: Array, start: Array | None = None) -> None:
@@ -101,6 +110,9 @@ def place(model: Model, block: Block, state: State, mode: Array, start: Array | 
         _place_general(model, block, state, start)
         return
     if block.kind == "check":
+        return
+    if block.kind == "relation":
+        _place_relation(model, block, state)
         return
     known, arms, slides = _split(model, block, block.contours[0], state)
     target = -known
@@ -128,6 +140,52 @@ def place(model: Model, block: Block, state: State, mode: Array, start: Array | 
     else:  # slide
         ((j, d),) = slides
         state.slide[j] = (target * d.conjugate()).real
+
+
+def _place_relation(model: Model, block: Block, state: State) -> None:
+    r = block.relations[0]
+    known, unknown = relation_sum(model, r, state, block)
+    ((what, i), c), *_ = unknown.items()
+    if what == "angle":
+        state.angle[i] = -known / c
+        _turn(model, state, i, np.exp(1j * state.angle[i]))
+    else:
+        state.slide[i] = -known / c
+
+
+def relation_sum(
+    model: Model, relation: int, state: State, block: Block | None = None
+) -> tuple[Array, dict[tuple[str, int], float]]:
+    """A relation's known terms [m], its constant subtracted, and the coefficients of the unknowns of ``block``."""
+    t = model.sums[relation]
+    known: Array = t.offset - (state.constants[relation] if state.constants else 0.0)
+    unknown: dict[tuple[str, int], float] = {}
+    for d, c in t.drives:
+        known = known + c * state.drives[d]
+    for g, c in t.groups:
+        if block is not None and g in block.angles:
+            unknown["angle", g] = c
+        else:
+            known = known + c * real_angle(model, state, g)
+    for j, c in t.slides:
+        if block is not None and j in block.slides:
+            unknown["slide", j] = c
+        else:
+            known = known + c * state.slide[j]
+    return known, unknown
+
+
+def real_angle(model: Model, state: State, group: int) -> Array:
+    """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
+    if group not in state.angle:
+        spin = model.angles.spins_of[group][0]
+        e = state.rot[spin] * np.conj(state.delta[spin])
+        angle = np.arctan2(np.imag(e), np.real(e))
+        near = state.near.get(f"angle {group}")
+        if near is not None:
+            angle = angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi))
+        state.angle[group] = angle
+    return state.angle[group]
 
 
 def apply(model: Model, block: Block, state: State, patch: Patch) -> None:
@@ -214,14 +272,24 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
     """Newton on all contours of the block; lengths in units of the mechanism's size."""
     size = model.size
     parts = [_split(model, block, c, state) for c in block.contours]
+    ties = [relation_sum(model, k, state, block) for k in block.relations]
     n_angles = len(block.angles)
     carrier = {j: model.angles.spin_group[g] for c in block.contours for j, g, _ in model.spin_contours[c].slides}
 
     def residual(x: Array) -> tuple[Array, Array]:
         e = dict(zip(block.angles, np.moveaxis(np.exp(1j * x[..., :n_angles]), -1, 0), strict=True))
         s = dict(zip(block.slides, np.moveaxis(x[..., n_angles:], -1, 0), strict=True))
-        r = np.empty((*x.shape[:-1], 2 * len(parts)))
-        jac = np.zeros((*x.shape[:-1], 2 * len(parts), x.shape[-1]))
+        rows = 2 * len(parts) + len(ties)
+        r = np.empty((*x.shape[:-1], rows))
+        jac = np.zeros((*x.shape[:-1], rows, x.shape[-1]))
+        for i, (known, unknown) in enumerate(ties, 2 * len(parts)):
+            total = known / size
+            for (what, item), c in unknown.items():
+                k = block.angles.index(item) if what == "angle" else n_angles + block.slides.index(item)
+                c = c / size if what == "angle" else c
+                total = total + c * x[..., k]
+                jac[..., i, k] = c
+            r[..., i] = total
         for i, (known, arms, slides) in enumerate(parts):
             total = known / size
             for g, a in arms.items():
@@ -246,6 +314,7 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
     x, miss, first = newton(residual, start / scale)
     x = np.where((miss < 1e-9)[..., None], x, np.nan)
     for i, g in enumerate(block.angles):
+        state.angle[g] = x[..., i]
         _turn(model, state, g, np.exp(1j * x[..., i]))
     for i, j in enumerate(block.slides):
         state.slide[j] = x[..., n_angles + i] * size
@@ -268,9 +337,16 @@ def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns
     """Derivatives of the block's contours by its unknowns."""
     table = tuple(tuple(column(model, contours[c], u) for u in _unknowns(block)) for c in block.contours)
     det = None
-    if len(block.contours) == 1 and len(table[0]) == 2:
+    if len(block.contours) == 1 and len(table[0]) == 2 and not block.relations:
         det = cf.cross(table[0][0], table[0][1])
-    return Columns(table=table, det=det)
+    ties = tuple(tuple(tie_coefficient(model, r, u) for u in _unknowns(block)) for r in block.relations)
+    return Columns(table=table, det=det, ties=ties)
+
+
+def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int]) -> float:
+    """Derivative of a relation by an unknown."""
+    t = model.sums[relation]
+    return dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
 
 
 def _unknowns(block: Block) -> list[tuple[str, int]]:
@@ -292,42 +368,52 @@ def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:
     return None if total is None else 1j * total
 
 
-def rates(block: Block, cols: Columns, rhs: list[Array]) -> list[Array]:
-    """Unknown rates (angles, then slides) from ``columns @ rates = rhs``, one right-hand side per contour."""
+def rates(block: Block, cols: Columns, rhs: list[Array], tie_rhs: Sequence[Array] = ()) -> list[Array]:
+    """Unknown rates (angles, then slides) from ``columns @ rates = rhs``, one right-hand side per contour and per relation."""
+    if block.kind == "relation":
+        return [tie_rhs[0] / cols.ties[0][0]]
     first = cols.table[0]
     if cols.det is not None:
         return [cf.cross(rhs[0], first[1]) / cols.det, cf.cross(first[0], rhs[0]) / cols.det]
-    if len(rhs) == 1 and len(first) == 1:
+    if len(rhs) == 1 and len(first) == 1 and not tie_rhs:
         (c,) = first
         return [(c.real * rhs[0].real + c.imag * rhs[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
-    flat = np.empty((*shape, 2 * len(rhs)))
+    flat = np.empty((*shape, matrix.shape[-2]))
     for i, r in enumerate(rhs):
         flat[..., 2 * i], flat[..., 2 * i + 1] = np.real(r), np.imag(r)
+    for i, value in enumerate(tie_rhs, 2 * len(rhs)):
+        flat[..., i] = value
     x = solve_many(matrix, flat)
     return [x[..., k] for k in range(x.shape[-1])]
 
 
-def transposed(block: Block, cols: Columns, q: list[Array]) -> list[Array]:
-    """Contour forces (complex, one per contour) that balance the generalised forces ``q`` of the block's unknowns."""
+def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Contour forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
+    if block.kind == "relation":
+        return [], [q[0] / cols.ties[0][0]]
     first = cols.table[0]
     if cols.det is not None:
-        return [1j * (q[1] * first[0] - q[0] * first[1]) / cols.det]
-    if len(cols.table) == 1 and len(first) == 1:  # one left over: the shortest force that balances
+        return [1j * (q[1] * first[0] - q[0] * first[1]) / cols.det], []
+    if len(cols.table) == 1 and len(first) == 1 and not cols.ties:  # one left over: the shortest force that balances
         (c,) = first
-        return [c * (q[0] / (c.real**2 + c.imag**2))]
+        return [c * (q[0] / (c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
     flat = np.empty((*shape, len(q)))
     for i, value in enumerate(q):
         flat[..., i] = value
     x = solve_many(np.swapaxes(matrix, -1, -2), flat)
-    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(len(cols.table))]
+    n = len(cols.table)
+    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.ties))]
 
 
 def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
-    """The columns as real matrices (..., 2 contours, unknowns)."""
+    """The columns as real matrices (..., 2 contours + relations, unknowns)."""
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if c is not None))
-    matrix = np.zeros((*shape, 2 * len(cols.table), len(cols.table[0])))
+    width = len(cols.table[0] if cols.table else cols.ties[0])
+    matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.ties), width))
+    for i, tie in enumerate(cols.ties, 2 * len(cols.table)):
+        matrix[..., i, :] = tie
     for i, row in enumerate(cols.table):
         for k, c in enumerate(row):
             if c is not None:

@@ -82,7 +82,7 @@ def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Arra
     """Changes over one cycle of the drives, or over as many as the mechanism needs to come back to its start; None if there are
     no drives, or groups without a closed form (those are followed by continuation)."""
     laws = [d.law for d in model.mechanism.drives]
-    if not laws or starts or not any(b.kind in TWO_MODES for b in model.blocks):
+    if not laws or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
         return None
     cycle = laws[0].duration
     if not np.isfinite(cycle) or cycle <= 0:

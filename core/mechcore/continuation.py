@@ -103,7 +103,7 @@ def _same_branch(old: Row, new: Row) -> bool:
 def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict[str, Array]) -> Row | None:
     """Solve one point of the walk; None where Newton ends too far from its start or nowhere."""
     q, speed = drives(p)
-    state = place_all(model, [np.float64(v) for v in q], assembly.modes, starts)
+    state = place_all(model, [np.float64(v) for v in q], assembly.modes, starts, constants=assembly.constants)
     for result in state.newton.values():
         if not np.isfinite(result.x).all() or float(result.first) > LARGEST_CORRECTION:
             return None
@@ -125,5 +125,10 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         )
         det[block.name] = float(np.linalg.det(matrix)) if matrix.shape[-1] == matrix.shape[-2] else 0.0
         if not np.isfinite(slope[block.name]).all():
+            return None
+    for g in model.wound:
+        name = f"angle {g}"
+        x[name], slope[name] = np.asarray(bl.real_angle(model, state, g)), np.asarray(rates.group[g])
+        if not np.isfinite(x[name]) or abs(float(x[name] - starts[name])) > 0.5:
             return None
     return p, x, slope, det

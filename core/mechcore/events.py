@@ -131,8 +131,10 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
             continue  # the motion was made with other drive values than the law's
         breaks = np.asarray(drive.law.breaks, float)
         cycles = np.arange(int(np.floor(last / drive.law.duration)) + 1)
+        edges = np.array([motion.time[k] for rest in rests for k in rest])
+        step = (last - first) / max(motion.frames - 1, 1)
         for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
-            if first < t < last:
+            if first < t < last and not np.any(np.abs(edges - t) < step):  # a start or stop has been reported already
                 where = _words(motion, drive.pair, float(drive.law(t)[0]))
                 yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}")
 

@@ -27,16 +27,36 @@ class Rates:
 
     def __init__(self, model: Model, drives: Sequence[Array]):
         extra, self.slide = drive_rates(model, drives)
+        self.drives = drives
         self.spin: list[Array] = extra
+        self.group: dict[int, Array] = {}
 
     def settle(self, model: Model, block: bl.Block, solved: list[Array]) -> None:
         """Take over a block's solved rates."""
         for group, rate in zip(block.angles, solved, strict=False):
+            self.group[group] = rate
             for spin in model.angles.spins_of[group]:
                 extra = self.spin[spin]
                 self.spin[spin] = rate if isinstance(extra, float) and extra == 0.0 else rate + extra
         for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
             self.slide[j] = rate
+
+    def tied(self, model: Model, block: bl.Block) -> list[Array]:
+        """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
+        out = []
+        for r in block.relations:
+            t = model.sums[r]
+            total: Array = 0.0
+            for d, c in t.drives:
+                total = total - c * self.drives[d]
+            for g, c in t.groups:
+                if g not in block.angles:
+                    total = total - c * self.group[g]
+            for j, c in t.slides:
+                if j not in block.slides:
+                    total = total - c * self.slide[j]
+            out.append(total)
+        return out
 
 
 def velocities(
@@ -64,7 +84,7 @@ def velocities(
                 if j not in block.slides:
                     total = total - found.slide[j] * d
             rhs.append(total)
-        found.settle(model, block, _patched(bl.rates(block, c, rhs), patches, k, 1))
+        found.settle(model, block, _patched(bl.rates(block, c, rhs, found.tied(model, block)), patches, k, 1))
     return found
 
 
@@ -99,7 +119,7 @@ def accelerations(
                 if j not in block.slides:
                     total = total - found.slide[j] * d
             rhs.append(total - 1j * tangential)
-        found.settle(model, block, _patched(bl.rates(block, c, rhs), patches, k, 2))
+        found.settle(model, block, _patched(bl.rates(block, c, rhs, found.tied(model, block)), patches, k, 2))
     return found
 
 

@@ -41,20 +41,35 @@ class Forces:
     """Reactions, drive efforts, loads and energies of a motion; results have a leading frame axis and go by names."""
 
     def __init__(
-        self, motion: Motion, applied: Sequence[Wrench], transmitted: list[tuple[Array, Array]], cuts: dict[int, Array]
+        self,
+        motion: Motion,
+        applied: Sequence[Wrench],
+        transmitted: list[tuple[Array, Array]],
+        contacts: dict[str, tuple[Array, Array]],
     ):
         self.motion = motion
         self.applied = tuple(applied)
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
-        self._cuts = cuts
+        self._contacts = contacts  # of each relation: place and force on its second link
 
     # -- results by name ----------------------------------------------------------------------------------------------
     def reaction(self, pair: str) -> Real:
-        """Fx, Fy [N] on the pair's second link at `Motion.pair_position`, and couple [N m], without the drive (F, 3)."""
+        """Fx, Fy [N] on the pair's second link at `position`, and couple [N m], without the drive (F, 3)."""
+        if pair in self._contacts:
+            force: Array = self._contacts[pair][1]
+            if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
+                force = force + self._transmitted[self._joint(pair)][0]
+            return self._rows(force, 0.0)
         j = self._joint(pair)
         force, couple = self._transmitted[j]
         drive_force, drive_moment = self._drive(j)
         return self._rows(force - drive_force, couple - drive_moment)
+
+    def position(self, pair: str) -> Real:
+        """Where the reaction of a pair is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
+        if pair in self._contacts:
+            return self._rows(self._contacts[pair][0], 0.0)[:, :2]
+        return self.motion.pair_position(pair)
 
     def wrench(self, pair: str) -> Real:
         """What a drive exerts on the pair's second link: Fx, Fy [N], moment [N m] at the pair's position (F, 3)."""
@@ -200,7 +215,17 @@ def solve_forces(motion: Motion) -> Forces:
             moment[w.link] = moment[w.link] + cross(w.arm, w.force)
 
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cuts = _cut_forces(motion, *_hang(motion, force, moment))
+        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment))
+        contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
+        for r, multiplier in ties.items():
+            relation = model.relations[r]
+            place, direction = relation.contact(motion, multiplier)
+            contacts[relation.name] = (place, multiplier * direction)
+            for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+                k = model.index[link]
+                f = sign * contacts[relation.name][1]
+                force[k] = force[k] + f
+                moment[k] = moment[k] + cross(place - motion.origins[k], f)
         for c, cut in cuts.items():
             j = model.contours[c].closing
             p, q = model.ends[j]
@@ -217,7 +242,7 @@ def solve_forces(motion: Motion) -> Forces:
         transmitted[j] = (on_child if model.ends[j][1] == k else -on_child, 0.0)
     for j, couple in _couples(motion, unbalanced).items():
         transmitted[j] = (transmitted[j][0], couple)
-    return Forces(motion, applied, transmitted, {model.contours[c].closing: f for c, f in cuts.items()})
+    return Forces(motion, applied, transmitted, contacts)
 
 
 def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tuple[list[Array], list[Array]]:
@@ -238,15 +263,19 @@ def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tu
     return hanging, unbalanced
 
 
-def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> dict[int, Array]:
-    """Forces on the second links of the closing joints, from the last block back to the first."""
+def _cut_forces(
+    motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]
+) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
     model = motion.model
     by_group: list[Array] = [0.0] * model.angles.groups
     for k, m in enumerate(unbalanced):
         by_group[model.angles.group[k]] = by_group[model.angles.group[k]] + m
     child = {model.tree.joint[k]: k for k in model.tree.order}
     later: dict[tuple[str, int], list[int]] = {}  # contours of later blocks in which an unknown appears
+    later_ties: dict[tuple[str, int], list[int]] = {}
     cuts: dict[int, Array] = {}
+    ties: dict[int, Array] = {}
     for block, cols in reversed(list(zip(model.blocks, motion.columns, strict=True))):
         unknowns = [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
         q = []
@@ -263,11 +292,20 @@ def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[A
                 col = bl.column(model, motion.contours[c], (what, i))
                 if col is not None:
                     total = total - np.real(np.conj(col) * cuts[c])
+            for r in later_ties.get((what, i), ()):
+                total = total - bl.tie_coefficient(model, r, (what, i)) * ties[r]
             q.append(total)
-        if block.kind == "check":
-            found: list[Array] = [0j]
+        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
+            found: list[Array] = [0j] * len(block.contours)
+            tied: list[Array] = [0.0] * len(block.relations)
         else:
-            found = bl.transposed(block, cols, q)
+            found, tied = bl.transposed(block, cols, q)
+        for r, value in zip(block.relations, tied, strict=True):
+            ties[r] = value
+            for g, _ in model.sums[r].groups:
+                later_ties.setdefault(("angle", g), []).append(r)
+            for j, _ in model.sums[r].slides:
+                later_ties.setdefault(("slide", j), []).append(r)
         for c, value in zip(block.contours, found, strict=True):
             cuts[c] = value
             v = motion.contours[c]
@@ -275,7 +313,7 @@ def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[A
                 later.setdefault(("angle", g), []).append(c)
             for j, _, _ in v.slides:
                 later.setdefault(("slide", j), []).append(c)
-    return cuts
+    return cuts, ties
 
 
 def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:

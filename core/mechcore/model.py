@@ -15,10 +15,10 @@ from functools import cached_property
 from .errors import Fault, MechanismError
 from .graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
 from .order import Order, block_order
-from .pairs import Joint, joint_of, point_of
-from .spec import Mechanism
+from .pairs import Joint, Relation, build_pairs
+from .spec import Link, Mechanism
 
-__all__ = ["Block", "Model", "SpinContour", "build_model"]
+__all__ = ["Block", "Connection", "Model", "SpinContour", "Sum", "build_model"]
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,23 @@ class SpinContour:
 
 
 @dataclass(frozen=True)
+class Sum:
+    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + offset = constant``."""
+
+    name: str
+    groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
+    drives: tuple[tuple[int, float], ...]  # turning drives inside groups
+    slides: tuple[tuple[int, float], ...]  # sliding joints
+    offset: float
+
+
+@dataclass(frozen=True)
 class Block:
     """A smallest set of contours and unknowns that are solved together: an Assur group, or one contour's check.
 
     ``kind`` says how: ``theta_theta`` (RRR), ``theta_slide`` (RRP), ``arm_slide`` (RPR), ``slide_slide`` (RPP, PRP) are closed
     forms; ``angle`` and ``slide`` are redundant contours with one unknown, ``check`` one with none, which only have to close;
-    ``general`` is Newton.
+    ``relation`` is one relation with one unknown; ``general`` is Newton.
     """
 
     kind: str
@@ -45,6 +56,16 @@ class Block:
     slides: tuple[int, ...]  # unknown sliding joints
     name: str  # the pair by which users know the group
     redundant: int = 0  # equations that are left over
+    relations: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A pair as results know it: ``links`` are its first and second."""
+
+    name: str
+    kind: str
+    links: tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +82,9 @@ class Model:
     order: Order  # in absolute coordinates
     contours: tuple[Contour, ...]
     spin_contours: tuple[SpinContour, ...]
+    relations: tuple[Relation, ...]
+    sums: tuple[Sum, ...]  # of the relations
+    wound: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
     free: tuple[str, ...]  # pairs around freedoms that no drive takes
     turn: tuple[complex, ...]  # of each link: rotation from its spin's axes to its own
@@ -68,16 +92,23 @@ class Model:
     index: Mapping[str, int] = field(default_factory=dict)  # of links
     joint_index: Mapping[str, int] = field(default_factory=dict)
 
+    bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that pairs bring along included
+
+    @cached_property
+    def connections(self) -> tuple[Connection, ...]:
+        """Everything that transmits forces between two links: joints, and the relations that are no joint themselves."""
+        joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
+        return (*joints, *(Connection(r.name, r.kind, r.links) for r in self.relations if r.name not in self.joint_index))
+
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:
-        by_name = {link.name: link for link in self.mechanism.links}
-        return tuple({p: point_of(by_name[k], p) for p in by_name[k].points} for k in self.links)
+        return tuple({p: complex(*xy) for p, xy in self.bodies[k].points.items()} for k in self.links)
 
     @cached_property
     def masses(self) -> tuple[tuple[float, complex, float], ...]:
         """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link."""
-        by_name = {link.name: link for link in self.mechanism.links}
-        return tuple((by_name[k].mass, complex(*by_name[k].centre), by_name[k].inertia) for k in self.links)
+        own = [self.bodies[k] for k in self.links]
+        return tuple((link.mass, complex(*link.centre), link.inertia) for link in own)
 
     def reach(self, contour: int) -> tuple[int, ...]:
         """Unknown groups that turn the vectors of a contour."""
@@ -89,12 +120,16 @@ class Model:
 def build_model(mechanism: Mechanism) -> Model:
     """Compile a mechanism: graph, contours, blocks. Raises `MechanismError` where the description contradicts itself."""
     _check(mechanism)
-    by_name = {link.name: link for link in mechanism.links}
-    names = (mechanism.frame, *(link.name for link in mechanism.links if link.name != mechanism.frame))
+    parts = build_pairs(mechanism)
+    names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
     index = {k: i for i, k in enumerate(names)}
-    joints = tuple(joint_of(p, by_name[p.links[0]], by_name[p.links[1]]) for p in mechanism.pairs)
+    joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
+    undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
+    if undrivable:
+        why = "has no coordinate that a drive could prescribe."
+        raise MechanismError([Fault(f"pairs.{p}.drive", why, "Drive a revolute or sliding pair instead.") for p in undrivable])
     driven = {joint_index[d.pair]: i for i, d in enumerate(mechanism.drives)}
     n = len(names)
 
@@ -108,7 +143,10 @@ def build_model(mechanism: Mechanism) -> Model:
     turn = tuple(cmath.exp(1j * o) for o in turning.offset)
     sums = tuple(_by_spin(c, turning, turn) for c in closed)
     size = _size(mechanism)
-    blocks, loose = _blocks(sums, turning, joints, ends, driven, size)
+    tied = tuple(_sum(r, turning, index, joint_index) for r in parts.relations)
+    blocks, loose = _blocks(sums, tied, turning, joints, ends, driven, size)
+    free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
+    wound = {g for t in tied for g, _ in t.groups} - free_angles
     return Model(
         mechanism=mechanism,
         links=names,
@@ -120,12 +158,16 @@ def build_model(mechanism: Mechanism) -> Model:
         order=order,
         contours=closed,
         spin_contours=sums,
+        relations=tuple(parts.relations),
+        sums=tied,
+        wound=tuple(sorted(wound)),
         blocks=blocks,
         free=_free_pairs(loose, turning, joints, ends),
         turn=turn,
         size=size,
         index=index,
         joint_index=joint_index,
+        bodies=parts.links,
     )
 
 
@@ -139,10 +181,11 @@ def _check(m: Mechanism) -> None:
     if m.frame not in links:
         faults.append(Fault("frame", f"there is no link '{m.frame}'."))
     for p in m.pairs:
-        for link, point in zip(p.links, p.points, strict=True):
+        points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
+        for link, point in zip(p.links, points, strict=True):
             if link not in links:
                 faults.append(Fault(f"pairs.{p.name}", f"there is no link '{link}'."))
-            elif point not in links[link].points:
+            elif point is not None and point not in links[link].points:
                 faults.append(Fault(f"pairs.{p.name}", f"link '{link}' has no point '{point}'."))
         if p.links[0] == p.links[1]:
             faults.append(Fault(f"pairs.{p.name}", "joins a link to itself."))
@@ -175,8 +218,29 @@ def _size(m: Mechanism) -> float:
     return 1.0
 
 
+def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> Sum:
+    groups: dict[int, float] = {}
+    drives: dict[int, float] = {}
+    offset = 0.0
+    for link, c in relation.angles:
+        k = index[link]
+        groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
+        offset += c * turning.offset[k]
+        for d, sign in turning.spin_drives[turning.spin[k]]:
+            drives[d] = drives.get(d, 0.0) + c * sign
+    scale = max(abs(c) for _, c in relation.angles)
+    return Sum(
+        name=relation.name,
+        groups=tuple((g, c) for g, c in groups.items() if g and abs(c) > 1e-14 * scale),
+        drives=tuple((d, c) for d, c in drives.items() if c != 0.0),
+        slides=tuple((joint_index[j], c) for j, c in relation.slides),
+        offset=offset,
+    )
+
+
 def _blocks(
     sums: tuple[SpinContour, ...],
+    tied: tuple[Sum, ...],
     turning: Angles,
     joints: tuple[Joint, ...],
     ends: tuple[tuple[int, int], ...],
@@ -194,41 +258,52 @@ def _blocks(
         row = [columns["angle", g] for g in sorted(groups - {0})]
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]
         pattern += [row, row]
+    for t in tied:
+        row = [columns["angle", g] for g, _ in t.groups]
+        pattern.append(row + [columns["slide", j] for j, _ in t.slides if j not in driven])
     order = block_order(pattern, len(columns))
-    rows = [{e // 2 for e in equations} for equations, _ in order.blocks]
+    last = 2 * len(sums)
+    rows = [{e // 2 for e in equations if e < last} for equations, _ in order.blocks]
+    ties = [tuple(sorted(e - last for e in equations if e >= last)) for equations, _ in order.blocks]
     placed = {c for r in rows for c in r}
+    tied_up = {r for t in ties for r in t}
     between: dict[frozenset[int], int] = {}
     for j, (p, q) in enumerate(ends):
         between.setdefault(frozenset((turning.group[p], turning.group[q])), j)
     blocks = []
-    for found, (_, unknowns) in zip(rows, order.blocks, strict=True):
+    for found, own_ties, (_, unknowns) in zip(rows, ties, order.blocks, strict=True):
         picked = [unknown[u] for u in unknowns]
         group = tuple(i for what, i in picked if what == "angle")
         slides = tuple(i for what, i in picked if what == "slide")
         own = tuple(sorted(found))
         blocks.append(
             Block(
-                kind=_kind(own, group, slides, sums, turning),
+                kind=_kind(own, own_ties, group, slides, sums, turning),
                 contours=own,
                 angles=group,
                 slides=slides,
-                name=joints[_inner_pair(own, group, slides, sums, between)].name,
-                redundant=2 * len(own) - len(unknowns),
+                name=joints[_inner_pair(own, group, slides, sums, between)].name if own else tied[own_ties[0]].name,
+                redundant=2 * len(own) + len(own_ties) - len(unknowns),
+                relations=own_ties,
             )
         )
     for i, contour in enumerate(sums):
         if i not in placed:
             blocks.append(Block("check", (i,), (), (), joints[contour.closing].name, redundant=2))
+    blocks += [Block("check", (), (), (), t.name, redundant=1, relations=(i,)) for i, t in enumerate(tied) if i not in tied_up]
     return tuple(blocks), [unknown[u] for u in sorted(order.loose)]
 
 
 def _kind(
     own: tuple[int, ...],
+    ties: tuple[int, ...],
     group: tuple[int, ...],
     slides: tuple[int, ...],
     sums: tuple[SpinContour, ...],
     turning: Angles,
 ) -> str:
+    if ties:
+        return "general" if own or len(ties) > 1 else "relation"
     if len(own) > 1:
         return "general"
     if len(group) + len(slides) == 1:

@@ -83,7 +83,14 @@ class Motion:
         return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
 
     def coordinate(self, pair: str) -> Real:
-        """Relative coordinate of a pair and its first two derivatives (F, 3): angle [rad] of a revolute, displacement [m]."""
+        """Relative coordinate of a pair and its first two derivatives (F, 3): angle [rad], or displacement [m] where it slides.
+
+        Of a gear, belt or rack pair: angle of its second link minus that of its first.
+        """
+        if pair not in self.model.joint_index:
+            relation = next(r for r in self.model.relations if r.name == pair)
+            a, b = (self.model.index[k] for k in relation.links)
+            return self._relative_angle(a, b)
         j = self.model.joint_index[pair]
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         if j in self.model.driven:
@@ -91,16 +98,24 @@ class Motion:
         if joint.coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
-            a, b = self.model.angles.spin[p], self.model.angles.spin[q]
-            values = (
-                self.angle(q) - self.angle(p),
-                self.speeds.spin[b] - self.speeds.spin[a],
-                self.accelerations.spin[b] - self.accelerations.spin[a],
-            )
+            return self._relative_angle(p, q)
+        return np.stack([np.broadcast_to(x, self.frames) for x in values], axis=-1)
+
+    def _relative_angle(self, p: int, q: int) -> Real:
+        """Angle of link q minus that of link p, with its first two derivatives (F, 3)."""
+        a, b = self.model.angles.spin[p], self.model.angles.spin[q]
+        values = (
+            self.angle(q) - self.angle(p),
+            self.speeds.spin[b] - self.speeds.spin[a],
+            self.accelerations.spin[b] - self.accelerations.spin[a],
+        )
         return np.stack([np.broadcast_to(x, self.frames) for x in values], axis=-1)
 
     def pair_position(self, pair: str) -> Real:
-        """Where a pair is in the world (F, 2) [m]: its pin, or the sliding link's point."""
+        """Where a pair is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
+        if pair not in self.model.joint_index:
+            relation = next(r for r in self.model.relations if r.name == pair)
+            return self._rows(relation.contact(self, 1.0)[0])
         return self._rows(self.joint_point(self.model.joint_index[pair]))
 
     # -- solved stages ------------------------------------------------------------------------------------------------
@@ -159,6 +174,9 @@ class Motion:
         if group not in self._group_angles:
             turning = self.model.angles
             spin = turning.spins_of[group][0]
+            if group in self.state.angle:  # relations and general blocks know the whole angle
+                self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.frames)
+                return self._group_angles[group]
             e = self.state.rot[spin] * np.conj(self.state.delta[spin])
             raw = np.arctan2(np.imag(e), np.real(e)) * np.ones(self.frames)
             step = np.diff(raw)

@@ -15,8 +15,13 @@ __all__ = ["drive_rates", "initial_state", "place_all"]
 Array = Any
 
 
-def initial_state(model: Model, drives: Sequence[Array]) -> State:
-    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides."""
+def initial_state(
+    model: Model, drives: Sequence[Array], constants: Sequence[float] = (), near: Mapping[str, Array] | None = None
+) -> State:
+    """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
+
+    ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
+    """
     factor: dict[tuple[int, int], Array] = {}
 
     def rotation(d: int, sign: int) -> Array:
@@ -34,7 +39,7 @@ def initial_state(model: Model, drives: Sequence[Array]) -> State:
         delta.append(total)
     rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
     slide = {j: drives[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}
-    return State(delta=delta, rot=rot, slide=slide)
+    return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {})
 
 
 def place_all(
@@ -43,10 +48,11 @@ def place_all(
     modes: Sequence[Array],
     starts: Mapping[str, Array] | None = None,
     patches: Mapping[int, Sequence[Patch]] | None = None,
+    constants: Sequence[float] = (),
 ) -> State:
     """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
     a block's positions are given."""
-    state = initial_state(model, drives)
+    state = initial_state(model, drives, constants, starts)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))

@@ -99,7 +99,7 @@ def solve_motion(
             modes = [m * compiled.changes.signs(i, law_time) for i, m in enumerate(modes)]
             patches = make_patches(model, compiled.changes, compiled.assembly.modes, law_time, scale)
             passed = compiled.changes.within(float(np.min(law_time)), float(np.max(law_time))) if drives is None else []
-    state = place_all(model, positions, modes, starts, patches)
+    state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
     motion = Motion(model, time, values, state, patches, passed)
     if strict:
         faults = _faults(compiled, motion, track, parameter)
@@ -203,7 +203,7 @@ def _least_miss(compiled: Compiled, block: Block, motion: Motion, frames: Array)
     miss = np.zeros(motion.frames)
     for f in frames[:: max(1, len(frames) // 8)]:
         drives = [np.float64(d[0][f]) for d in motion.drives]
-        state = initial_state(compiled.model, drives)
+        state = initial_state(compiled.model, drives, compiled.assembly.constants)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for b, mode in zip(compiled.model.blocks, compiled.assembly.modes, strict=True):
                 if b is block:

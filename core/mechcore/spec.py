@@ -14,16 +14,23 @@ from .laws import Law, Table
 
 __all__ = [
     "EFFECTS",
+    "Belt",
+    "Cylinder",
     "Drive",
     "Force",
+    "Gear",
     "Link",
     "Load",
     "Mechanism",
     "Pair",
+    "PinSlot",
     "Prismatic",
+    "Rack",
     "Revolute",
+    "Rolling",
     "Torque",
     "Vec2",
+    "Weld",
 ]
 
 Vec2 = tuple[float, float]
@@ -76,7 +83,104 @@ class Prismatic:
     angle: float = 0.0
 
 
-Pair = Revolute | Prismatic
+@dataclass(frozen=True, kw_only=True)
+class Weld:
+    """A rigid joint: the points coincide and the second link's frame keeps ``angle`` to the first's [rad]."""
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    angle: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinSlot:
+    """A pin in a straight slot: the pin's point slides along the slot and its link turns freely. ``guide`` carries the slot.
+
+    Its coordinate is the signed distance along the slot from the slot's point to the pin [m].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    along: Vec2 = (1.0, 0.0)
+    guide: Literal[0, 1] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rolling:
+    """A wheel that rolls without slip on a straight edge: ``links`` are (edge's link, wheel), ``points`` (a point that the wheel's
+    centre passes over, on the parallel through the centre; the wheel's centre).
+
+    ``along`` is the edge's direction in its link's frame; the wheel lies on the stated ``side`` of it. The coordinate is the
+    displacement of the wheel's centre along the edge [m].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    radius: float  # [m]
+    along: Vec2 = (1.0, 0.0)
+    side: Literal["left", "right"] = "left"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """A gear pair between two links that are pinned to the same ``carrier``. ``sizes``: teeth or radii, only their ratio counts.
+
+    ``internal``: the second is a ring gear. The coordinate is the angle of the second link minus that of the first [rad].
+    ``pressure_angle`` [rad] gives the force its direction; the reaction acts at the pitch point.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    sizes: tuple[float, float]
+    internal: bool = False
+    pressure_angle: float = 0.3490658503988659  # 20 degrees
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belt:
+    """A belt or chain over two pulleys pinned to the same ``carrier``; ``radii`` [m]. Crossed belts turn them against each other.
+
+    It does not slip; the span that is tight carries the force. The coordinate is as for `Gear`.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    radii: tuple[float, float]
+    crossed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """A pinion and a rack: ``links`` are (pinion, rack); ``slider`` names the prismatic pair that guides the rack on the link to
+    which the pinion is pinned. The pinion lies on the stated ``side`` of the direction of that guide."""
+
+    name: str
+    links: tuple[str, str]
+    slider: str
+    radius: float  # [m]
+    side: Literal["left", "right"] = "left"
+    pressure_angle: float = 0.3490658503988659
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """A cylinder (hydraulic, electric ...) between a point of the first link and a point of the second, at its ends pinned.
+
+    Compiled to two links without mass, ``<name>.barrel`` and ``<name>.rod``, with pins ``<name>.base`` and ``<name>.eye`` and a
+    prismatic pair ``<name>``, whose coordinate is the distance of the two points [m].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+
+
+Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder
 
 
 @dataclass(frozen=True, kw_only=True)

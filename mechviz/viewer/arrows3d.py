@@ -88,12 +88,12 @@ class ArrowNodes:
     def families(self) -> tuple[str, ...]:
         return tuple(self._on)
 
-    def reach(self) -> Real:
-        """The box (2, 2) [m] around the arrows that are on, over all frames; NaN if there are none."""
+    def reach(self) -> Real | None:
+        """The box (2, 2) [m] around the arrows that are on, over all frames, if there are any."""
         ends = [origins + lengths for family, (_, origins, lengths) in self._arrows.items() if self._on[family]]
         flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
         flat = flat[np.isfinite(flat).all(axis=1)]
-        return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else np.full((2, 2), np.nan)
+        return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None
 
     @property
     def factor(self) -> float:

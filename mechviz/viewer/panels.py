@@ -19,9 +19,9 @@ __all__ = ["Speeds", "Switches", "Timeline", "finite"]
 
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 
-LEFT_WIDTH = 300  # [px]
-RIGHT_WIDTH = 370
-TIMELINE_WIDTH = 600
+LEFT_WIDTH = 290  # [px]
+RIGHT_WIDTH = 360
+TIMELINE_WIDTH = 580
 CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of the drive
 USUAL_CYCLE = 8.0
 START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"

@@ -141,9 +141,10 @@ class Slot:
         assert self.chart is not None
         self.chart.data = self._curves.at(frame)
         unit = html.escape(self.quantity.unit)
+        values = [number(self._rounded(value)) for value in self._values[frame]]
         parts = [
-            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {number(self._rounded(value))} {unit}</span>'
-            for name, color, value in zip(self.quantity.curves, COLORS, self._values[frame], strict=False)
+            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {value} {unit}</span>'
+            for name, color, value in zip(self.quantity.curves, COLORS, values, strict=False)
         ]
         self._readout.content = (
             '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'

@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import Forces
-from mechcore.spec import Mechanism, Pair, Prismatic
+from mechcore import Forces, Motion
+from mechcore.spec import Pair
 
 from ..run import Run
 from ..vectors import centre_name, point_name
 
-__all__ = ["Axis", "Quantity", "find_axes", "find_quantities", "first_choice", "output_pair"]
+__all__ = ["Axis", "Quantity", "find_axes", "find_quantities", "first_choice", "output_pair", "slides"]
 
 Real = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def find_axes(run: Run) -> list[Axis]:
     """Drive positions that run one way only, then time. A plot needs ordered values, so an oscillating drive gives none."""
     axes = []
     for drive, (position, _, _) in zip(run.motion.mechanism.drives, run.motion.drives, strict=True):
-        unit, factor = _coordinate_units(_pair(run, drive.pair))[0]
+        unit, factor = _coordinate_units(slides(run.motion, drive.pair))[0]
         steps = np.diff(position)
         if len(position) > 1 and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
             what = "angle" if unit == "°" else "displacement"
@@ -70,15 +70,20 @@ def find_quantities(run: Run) -> list[Quantity]:
     ]
 
 
-def output_pair(mechanism: Mechanism) -> Pair | None:
+def slides(motion: Motion, pair: str) -> bool:
+    """Whether a pair's coordinate is a displacement; else it is an angle."""
+    return motion.model.joints[motion.model.joint_index[pair]].coordinate == "slide"
+
+
+def output_pair(motion: Motion) -> Pair | None:
     """The pair whose motion a mechanism is for: the slide on the frame, or else the pin on the frame, that no drive moves.
 
     None if there are several or none.
     """
+    mechanism = motion.mechanism
     driven = {d.pair for d in mechanism.drives}
     grounded = [p for p in mechanism.pairs if p.name not in driven and mechanism.frame in p.links]
-    slides = [p for p in grounded if isinstance(p, Prismatic)]
-    candidates = slides or grounded
+    candidates = [p for p in grounded if slides(motion, p.name)] or grounded
     return candidates[0] if len(candidates) == 1 else None
 
 
@@ -87,43 +92,41 @@ def first_choice(run: Run, count: int) -> list[Quantity]:
     mechanism = run.motion.mechanism
     quantities = {q.label: q for q in find_quantities(run)}
     wanted = [f"drive {drive.pair}: {effort}" for drive in mechanism.drives for effort in ("torque", "force")]
-    pair = output_pair(mechanism)
+    pair = output_pair(run.motion)
     if pair is not None:
-        wanted += [f"pair {pair.name}: {what}" for what in _motion_names(pair)]
+        sliding = slides(run.motion, pair.name)
+        link = next((name for name in pair.links if name != mechanism.frame), "")
+        # of a link on a pin its own angle, which counts from the world's x axis whichever way round the pair is written
+        wanted += [f"{f'pair {pair.name}' if sliding else f'link {link}'}: {what}" for what in _motion_names(sliding)]
     for key in mechanism.traced:
         wanted += [f"point {point_name(*key)}: {what}" for what in ("position", "velocity", "acceleration")]
     free = [p for p in mechanism.pairs if p.name not in {d.pair for d in mechanism.drives}]
-    wanted += [f"pair {p.name}: {what}" for p in free[-1:] for what in _motion_names(p)]
+    wanted += [f"pair {p.name}: {what}" for p in free[-1:] for what in _motion_names(slides(run.motion, p.name))]
     found = [label for label in dict.fromkeys([*wanted, *quantities]) if label in quantities]
     return [quantities[label] for label in found[:count]]
 
 
-def _pair(run: Run, name: str) -> Pair:
-    return next(p for p in run.motion.mechanism.pairs if p.name == name)
-
-
-def _coordinate_units(pair: Pair) -> tuple[tuple[str, float], tuple[str, float], tuple[str, float]]:
+def _coordinate_units(sliding: bool) -> tuple[tuple[str, float], tuple[str, float], tuple[str, float]]:
     """Units of a pair's coordinate and its two derivatives, with the factors from SI."""
-    if isinstance(pair, Prismatic):
+    if sliding:
         return ("mm", 1e3), ("m/s", 1.0), ("m/s²", 1.0)
     return ("°", 180.0 / np.pi), ("rad/s", 1.0), ("rad/s²", 1.0)
 
 
-def _motion_names(pair: Pair) -> tuple[str, str, str]:
-    if isinstance(pair, Prismatic):
+def _motion_names(sliding: bool) -> tuple[str, str, str]:
+    if sliding:
         return "displacement", "velocity", "acceleration"
     return "angle", "angular velocity", "angular acceleration"
 
 
 def _of_drives(run: Run) -> list[Quantity]:
-    return [
-        q for drive in run.motion.mechanism.drives if run.forces is not None for q in _of_drive(run.forces, _pair(run, drive.pair))
-    ]
+    if run.forces is None:
+        return []
+    return [q for drive in run.motion.mechanism.drives for q in _of_drive(run.forces, drive.pair)]
 
 
-def _of_drive(forces: Forces, pair: Pair) -> list[Quantity]:
-    name = pair.name
-    effort, unit = ("force", "N") if isinstance(pair, Prismatic) else ("torque", "N m")
+def _of_drive(forces: Forces, name: str) -> list[Quantity]:
+    effort, unit = ("force", "N") if slides(forces.motion, name) else ("torque", "N m")
     return [
         Quantity(f"drive {name}: {effort}", unit, (effort,), lambda: _column(forces.effort(name))),
         Quantity(f"drive {name}: power", "W", ("power",), lambda: _column(forces.power(name))),
@@ -132,19 +135,20 @@ def _of_drive(forces: Forces, pair: Pair) -> list[Quantity]:
 
 def _of_pair(run: Run, pair: Pair) -> list[Quantity]:
     motion, forces, name = run.motion, run.forces, pair.name
+    sliding = slides(motion, name)
 
     def coordinate(k: int, what: str, unit: str, factor: float) -> Quantity:
         return Quantity(f"pair {name}: {what}", unit, (what,), lambda: _column(motion.coordinate(name)[:, k] * factor))
 
     found = [
         coordinate(k, what, unit, factor)
-        for k, (what, (unit, factor)) in enumerate(zip(_motion_names(pair), _coordinate_units(pair), strict=True))
+        for k, (what, (unit, factor)) in enumerate(zip(_motion_names(sliding), _coordinate_units(sliding), strict=True))
     ]
     if forces is not None:
         found.append(
             Quantity(f"pair {name}: reaction", "N", ("Fx", "Fy", "|F|"), lambda: _with_length(forces.reaction(name)[:, :2]))
         )
-        if isinstance(pair, Prismatic):
+        if sliding:
             found.append(Quantity(f"pair {name}: couple", "N m", ("couple",), lambda: _column(forces.reaction(name)[:, 2])))
     return found
 

@@ -72,9 +72,10 @@ class Scene3D:
         keep_fitted(client, self._bounds)
 
 
-def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64], most: float) -> NDArray[np.float64]:
+def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64] | None, most: float) -> NDArray[np.float64]:
     """The box of the solids (2, 3) with that of the arrows (2, 2), as far as that reaches beyond it by no more than ``most``."""
     wider = np.array(bounds, float)
-    wider[0, :2] = np.fmin(bounds[0, :2], np.fmax(arrows[0], bounds[0, :2] - most))
-    wider[1, :2] = np.fmax(bounds[1, :2], np.fmin(arrows[1], bounds[1, :2] + most))
+    if arrows is not None:
+        wider[0, :2] = np.minimum(bounds[0, :2], np.maximum(arrows[0], bounds[0, :2] - most))
+        wider[1, :2] = np.maximum(bounds[1, :2], np.minimum(arrows[1], bounds[1, :2] + most))
     return wider

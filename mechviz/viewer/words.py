@@ -7,11 +7,10 @@ from html import escape
 
 import numpy as np
 
-from mechcore.spec import Drive, Mechanism, Prismatic
-
 from ..run import Run
 from ..vectors import FAMILIES, Scales
 from .marks3d import PATH
+from .quantities import slides
 from .stage import grid_cell
 
 __all__ = ["heading", "legend", "number", "place_in_run", "plan_list"]
@@ -71,7 +70,7 @@ def place_in_run(run: Run, frame: int) -> str:
     """Drive positions, time and frame number."""
     motion = run.motion
     parts = [
-        f"{escape(d.pair)} <b>{_position(motion.mechanism, d, float(q[0][frame]))}</b>"
+        f"{escape(d.pair)} <b>{_position(slides(motion, d.pair), float(q[0][frame]))}</b>"
         for d, q in zip(motion.mechanism.drives, motion.drives, strict=True)
     ]
     parts.append(f"time <b>{motion.time[frame]:.4f} s</b>")
@@ -79,9 +78,8 @@ def place_in_run(run: Run, frame: int) -> str:
     return _block("".join(f"<span>{part}</span>" for part in parts), "display:flex;gap:1.6em;font-variant-numeric:tabular-nums")
 
 
-def _position(mechanism: Mechanism, drive: Drive, value: float) -> str:
-    pair = next(p for p in mechanism.pairs if p.name == drive.pair)
-    text = f"{value * 1e3:.2f} mm" if isinstance(pair, Prismatic) else f"{np.degrees(value):.1f}°"
+def _position(sliding: bool, value: float) -> str:
+    text = f"{value * 1e3:.2f} mm" if sliding else f"{np.degrees(value):.1f}°"
     return text.replace("-", "−", 1)
 
 

@@ -1,6 +1,7 @@
-"""Kinematic pairs: what each kind allows, in one common form that the rest of the core works with.
+"""Kinematic pairs: what each kind allows, in the common forms that the rest of the core works with.
 
-To add a pair: a spec in ``mechcore.spec``, one file here that turns it into a `Joint`, one line in `KINDS`.
+A lower pair is a `Joint` (points that coincide or slide); gears, belts, racks and rolling add a `Relation` between coordinates.
+To add a pair: its spec in ``mechcore.spec``, one file here with a function ``build(pair, builder)``, one line in `KINDS`.
 """
 
 from __future__ import annotations
@@ -8,18 +9,30 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..spec import Link, Pair, Prismatic, Revolute
-from . import prismatic, revolute
+from ..spec import Belt, Cylinder, Gear, Mechanism, PinSlot, Prismatic, Rack, Revolute, Rolling, Weld
+from . import belt, cylinder, gear, pin_slot, prismatic, rack, revolute, rolling, weld
 from .joint import Joint, point_of
+from .parts import Builder
+from .relation import Relation
 
-__all__ = ["KINDS", "Joint", "joint_of", "point_of"]
+__all__ = ["KINDS", "Builder", "Joint", "Relation", "build_pairs", "point_of"]
 
-KINDS: dict[type, Callable[[Any, Link, Link], Joint]] = {
-    Revolute: revolute.joint,
-    Prismatic: prismatic.joint,
+KINDS: dict[type, Callable[[Any, Builder], None]] = {
+    Revolute: revolute.build,
+    Prismatic: prismatic.build,
+    Weld: weld.build,
+    PinSlot: pin_slot.build,
+    Rolling: rolling.build,
+    Gear: gear.build,
+    Belt: belt.build,
+    Rack: rack.build,
+    Cylinder: cylinder.build,
 }
 
 
-def joint_of(pair: Pair, first: Link, second: Link) -> Joint:
-    """The common form of a pair between two links."""
-    return KINDS[type(pair)](pair, first, second)
+def build_pairs(mechanism: Mechanism) -> Builder:
+    """Joints, relations and links of a whole mechanism."""
+    builder = Builder(mechanism=mechanism, links={link.name: link for link in mechanism.links})
+    for pair in mechanism.pairs:
+        KINDS[type(pair)](pair, builder)
+    return builder

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from ..spec import Link, Prismatic
+from ..spec import Prismatic
 from .joint import Joint, point_of
+from .parts import Builder
 
 
-def joint(pair: Prismatic, first: Link, second: Link) -> Joint:
+def build(pair: Prismatic, builder: Builder) -> None:
+    first, second = builder.ends(pair)
     along = complex(*pair.along)
-    return Joint(
-        name=pair.name,
-        kind="prismatic",
-        links=pair.links,
-        a=point_of(first, pair.points[0]),
-        b=point_of(second, pair.points[1]),
-        turns=False,
-        angle=pair.angle,
-        slide=along / abs(along),
-        guide=pair.guide,
+    builder.joints.append(
+        Joint(
+            name=pair.name,
+            kind="prismatic",
+            links=pair.links,
+            a=point_of(first, pair.points[0]),
+            b=point_of(second, pair.points[1]),
+            turns=False,
+            angle=pair.angle,
+            slide=along / abs(along),
+            guide=pair.guide,
+        )
     )

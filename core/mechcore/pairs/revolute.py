@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from ..spec import Link, Revolute
+from ..spec import Revolute
 from .joint import Joint, point_of
+from .parts import Builder
 
 
-def joint(pair: Revolute, first: Link, second: Link) -> Joint:
-    return Joint(
-        name=pair.name,
-        kind="revolute",
-        links=pair.links,
-        a=point_of(first, pair.points[0]),
-        b=point_of(second, pair.points[1]),
-        turns=True,
+def build(pair: Revolute, builder: Builder) -> None:
+    first, second = builder.ends(pair)
+    builder.joints.append(
+        Joint(
+            name=pair.name,
+            kind="revolute",
+            links=pair.links,
+            a=point_of(first, pair.points[0]),
+            b=point_of(second, pair.points[1]),
+            turns=True,
+        )
     )

@@ -1,0 +1,28 @@
+"""The common form of pairs that tie coordinates together instead of points: gears, belts, racks, rolling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..motion import Motion
+
+__all__ = ["Relation"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """``sum of coefficient * angle + sum of coefficient * displacement = constant``, the constant taken from the start.
+
+    It is written so that its rate is the velocity of the first link at the contact minus that of the second, along the unit
+    vector that ``contact`` gives together with the contact's place: the force that it transmits is then its Lagrange multiplier.
+    """
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
+    slides: tuple[tuple[str, float], ...]  # (sliding pair, coefficient)
+    contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier

@@ -1,0 +1,71 @@
+"""Recordings that tests read back: made once a session, looked at through the file alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+from numpy.typing import NDArray
+
+import mechviz
+from mechcore.spec import Mechanism
+from mechviz.record import Recording, RecordingSummary, write_recording
+from mechviz.run import Run, run_scene
+
+NAMES = [entry.name for entry in mechviz.gallery()]
+FRAMES = 240  # a run; enough for differences of poses to show their order
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A run, and the file that was written from it."""
+
+    run: Run
+    summary: RecordingSummary
+    recording: Recording
+
+    @property
+    def path(self) -> Path:
+        return self.summary.path
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism as the scene in the file describes it."""
+        return mechviz.loads(self.recording.scene_text).mechanism
+
+    def data(self, *parts: str) -> NDArray[np.float64]:
+        """Values (F, n) under /data."""
+        return self.recording.scalars("data", *parts)[1]
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the frames [s]."""
+        return 1e-9 * self.recording.scalars("health", "closure")[0]
+
+
+@cache
+def made(name: str, frames: int = FRAMES) -> Made:
+    """A gallery scene, recorded."""
+    run = run_scene(mechviz.load(name), frames=frames)
+    path = Path(mkdtemp(prefix="mechviz-")) / f"{name}.rrd"
+    summary = write_recording(run, path)
+    return Made(run, summary, Recording(path))
+
+
+def place(pose: NDArray[np.float64], point: tuple[float, float]) -> NDArray[np.float64]:
+    """World positions (F, 2) of a point given in link axes, from poses (F, 3)."""
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    return pose[:, :2] + np.column_stack([c * point[0] - s * point[1], s * point[0] + c * point[1]])
+
+
+def size_of(mechanism: Mechanism) -> float:
+    """The widest link [m]."""
+    return float(max(np.ptp([*link.points.values()], axis=0).max() for link in mechanism.links))
+
+
+def points_of(mechanism: Mechanism) -> Mapping[str, Mapping[str, tuple[float, float]]]:
+    return {link.name: link.points for link in mechanism.links}
