@@ -56,6 +56,12 @@ class Motion:
     def frames(self) -> int:
         return len(self.time)
 
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """(F,), or (D, F) where D designs are computed side by side (see `sweep`)."""
+        designs = [np.shape(arm)[:-1] for c in self.model.spin_contours for _, arm in c.arms if np.ndim(arm) > 1]
+        return (*designs[0], self.frames) if designs else (self.frames,)
+
     # -- results by name ----------------------------------------------------------------------------------------------
     def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad] of the link's frame in the world, the angle continuous (F, 3)."""
@@ -94,12 +100,12 @@ class Motion:
         j = self.model.joint_index[pair]
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         if j in self.model.driven:
-            return np.stack([np.broadcast_to(x, self.frames) for x in self.drives[self.model.driven[j]]], axis=-1)
+            return np.stack([np.broadcast_to(x, self.shape) for x in self.drives[self.model.driven[j]]], axis=-1)
         if joint.coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
             return self._relative_angle(p, q)
-        return np.stack([np.broadcast_to(x, self.frames) for x in values], axis=-1)
+        return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
     def _relative_angle(self, p: int, q: int) -> Real:
         """Angle of link q minus that of link p, with its first two derivatives (F, 3)."""
@@ -109,7 +115,7 @@ class Motion:
             self.speeds.spin[b] - self.speeds.spin[a],
             self.accelerations.spin[b] - self.accelerations.spin[a],
         )
-        return np.stack([np.broadcast_to(x, self.frames) for x in values], axis=-1)
+        return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
     def pair_position(self, pair: str) -> Real:
         """Where a pair is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
@@ -175,19 +181,19 @@ class Motion:
             turning = self.model.angles
             spin = turning.spins_of[group][0]
             if group in self.state.angle:  # relations and general blocks know the whole angle
-                self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.frames)
+                self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.shape)
                 return self._group_angles[group]
             e = self.state.rot[spin] * np.conj(self.state.delta[spin])
-            raw = np.arctan2(np.imag(e), np.real(e)) * np.ones(self.frames)
+            raw = np.array(np.broadcast_to(np.arctan2(np.imag(e), np.real(e)), self.shape))
             step = np.diff(raw)
             jump = np.round(step / (2.0 * np.pi))
             if np.abs(step - 2.0 * np.pi * jump).max(initial=0.0) > 0.5 * np.pi:
                 # too few frames to follow the angle by itself: its speed says how far it went in between
                 extra = sum((s * self.drives[d][1] for d, s in turning.spin_drives[spin]), 0.0)
-                w = np.broadcast_to(self.speeds.spin[spin] - extra, self.frames)
-                went = 0.5 * (w[1:] + w[:-1]) * np.diff(self.time)
+                w = np.broadcast_to(self.speeds.spin[spin] - extra, self.shape)
+                went = 0.5 * (w[..., 1:] + w[..., :-1]) * np.diff(self.time)
                 jump = np.round((step - went) / (2.0 * np.pi))
-            raw[1:] -= 2.0 * np.pi * np.cumsum(jump)
+            raw[..., 1:] -= 2.0 * np.pi * np.cumsum(jump, axis=-1)
             self._group_angles[group] = raw
         return self._group_angles[group]
 
@@ -208,11 +214,12 @@ class Motion:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
         joint = self.model.joints[j]
         local = joint.b if side else joint.a
-        vector = local * self.rotation(k) if local != 0 else 0j
+        nothing = not np.any(local != 0)
+        vector = 0j if nothing else local * self.rotation(k)
         d = self._slide_direction(k, j, side)
         if d is not None:
             vector = vector + self.state.slide[j] * d
-        if derivative == 0 or (local == 0 and d is None):
+        if derivative == 0 or (nothing and d is None):
             return vector
         out = self.turning(k, derivative) * vector
         if d is None:
@@ -267,7 +274,7 @@ class Motion:
 
     def _rows(self, z: Array, angle: Array | None = None) -> Real:
         parts = [np.real(z), np.imag(z)] + ([] if angle is None else [angle])
-        return np.stack([np.broadcast_to(np.asarray(p, float), (self.frames,)) for p in parts], axis=-1)
+        return np.stack([np.broadcast_to(np.asarray(p, float), self.shape) for p in parts], axis=-1)
 
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property
@@ -288,7 +295,7 @@ class Motion:
     @cached_property
     def condition(self) -> Real:
         """Largest block condition number of each frame (F,); inf where a block is singular."""
-        worst = np.ones(self.frames)
+        worst = np.ones(self.shape)
         for block, cols in zip(self.model.blocks, self.columns, strict=True):
             worst = np.maximum(worst, bl.condition(self.model, block, cols))
         return worst
@@ -306,7 +313,7 @@ class Motion:
         return total
 
     def _largest(self, residuals: list[Array]) -> Real:
-        worst = np.zeros(self.frames)
+        worst = np.zeros(self.shape)
         for r in residuals:
             worst = np.maximum(worst, np.abs(r))
         return worst
