@@ -164,7 +164,8 @@ def test_every_link_is_in_dynamic_balance(name):
             add(link, inertia, pose[:, :2] + r)
     for link in model["links"]:
         if link != model["frame"]:
-            force, moment = largest[link][:2].max(), largest[link][2]
+            force = largest[link][:2].max()
+            moment = largest[link][2] + 1e-3 * force * size_of(m.mechanism)  # a slider has no moments but round-off
             assert abs(sums[link][:, :2]).max() <= 1e-10 * force, link
             assert abs(sums[link][:, 2]).max() <= 1e-10 * moment, link
 

@@ -273,6 +273,15 @@ def test_seeking_shows_exactly_that_frame_and_stays_in_range(player, screen):
         assert player.wait() and screen.frames[-1] == shown == player.frame
 
 
+def test_scrubbing_takes_over_from_playing(player):
+    player.play()
+    player.seek(60)
+    assert not player.playing
+    player.play()
+    player.step(1)
+    assert not player.playing
+
+
 def test_steps_go_over_the_ends_of_a_loop_and_stop_at_them_without(player):
     player.seek(0)
     player.step(-1)

@@ -87,12 +87,17 @@ def errors() -> list[str]:
 def page(browser, viewer, errors) -> Iterator[Any]:
     opened = browser.new_page(viewport=SIZE)
     opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(viewer.url)
-    # Without a graphics card viser says so in a note that covers the top of the page
-    opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
-    opened.wait_for_function(READY, arg=list(NODES))
+    _go(opened, viewer)
     yield opened
     opened.close()
+
+
+def _go(page: Any, viewer: Viewer) -> None:
+    """Open the viewer and wait until the mechanism is there."""
+    page.goto(viewer.url)
+    # Without a graphics card viser says so in a note that covers the top of the page
+    page.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
+    page.wait_for_function(READY, arg=list(NODES))
 
 
 @pytest.fixture(autouse=True)
@@ -180,8 +185,10 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     page.mouse.click(*canvas)
     camera = page.evaluate("() => window.__viserMutable.camera.position.toArray()")
     for key, frame in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowUp", 311), ("Home", 0), ("End", 360)):
-        page.keyboard.press(key)
+        page.keyboard.down(key)
         _until(page, lambda frame=frame: viewer.frame == frame, f"{key} to {frame}")
+        page.wait_for_timeout(100)  # held: viser would turn the camera as long as an arrow key is down
+        page.keyboard.up(key)
     assert page.evaluate("() => window.__viserMutable.camera.position.toArray()") == camera
     page.keyboard.press("Space")
     _until(page, lambda: viewer.playing, "space plays")
@@ -197,13 +204,23 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
 
 
-def test_space_after_a_click_on_play_does_not_press_play_again(viewer, page):
-    page.get_by_role("button", name="Play", exact=True).click()
-    _until(page, lambda: viewer.playing, "playing")
+def test_space_after_a_click_on_a_button_plays(viewer, page):
+    page.get_by_role("button", name="Step ▸", exact=True).click()
+    _until(page, lambda: viewer.frame == 301, "one step")
     page.keyboard.press("Space")
+    _until(page, lambda: viewer.playing, "playing")
+    page.get_by_role("button", name="Pause", exact=True).click()
     _until(page, lambda: not viewer.playing, "paused")
+    page.keyboard.press("Space")
+    _until(page, lambda: viewer.playing, "playing again, not paused twice")
+
+
+def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
+    page.get_by_role("button", name="Step ▸", exact=True).focus()
+    page.keyboard.press("Space")
+    _until(page, lambda: viewer.frame == 301, "one step")
     page.wait_for_timeout(200)
-    assert not viewer.playing
+    assert viewer.frame == 301 and not viewer.playing
 
 
 def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
@@ -276,8 +293,7 @@ def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page
     camera = "() => window.__viserMutable.camera.position.toArray()"
     other = browser.new_page(viewport={"width": 1000, "height": 500})
     try:
-        other.goto(viewer.url)
-        other.wait_for_function(READY, arg=list(NODES))
+        _go(other, viewer)
         viewer.set_frame(200)
         _until_drawn(viewer, other)
         _until_drawn(viewer, page)

@@ -214,7 +214,7 @@ class Motion:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
         joint = self.model.joints[j]
         local = joint.b if side else joint.a
-        nothing = not np.any(local != 0)
+        nothing = isinstance(local, complex) and local == 0
         vector = 0j if nothing else local * self.rotation(k)
         d = self._slide_direction(k, j, side)
         if d is not None:

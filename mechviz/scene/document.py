@@ -14,7 +14,6 @@ from mechcore.spec import EFFECTS
 
 from .fields import (
     Angle,
-    Direction,
     ForceVector,
     GravityVector,
     Inertia,
@@ -27,7 +26,8 @@ from .fields import (
     describe,
     fault,
 )
-from .motions import DriveDocument, FactorTable
+from .motions import FactorTable
+from .pairs import PairDocument
 from .tables import Table, one_of, refuse
 
 __all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
@@ -118,69 +118,6 @@ class LinkDocument(Table):
             found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
             found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
-        refuse(found)
-        return self
-
-
-TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
-At = Annotated[Annotated[Text, Tag("<name>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(_is_text)]
-
-
-class PairDocument(Table):
-    """A kinematic pair between two links."""
-
-    revolute: TwoNames | None = None
-    """The two links that a pin joins."""
-    prismatic: TwoNames | None = None
-    """The two links of which one slides along the other."""
-    at: At | None = None
-    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name."""
-    along: Direction | None = None
-    """Prismatic: direction of the guide in the frame of the guide's link. Default [1, 0]."""
-    guide: Text | None = None
-    """Prismatic: the link that carries the guide. Default: the first."""
-    angle: Angle | None = None
-    """Prismatic: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
-    side: Literal["left", "right"] | None = None
-    """Assembly mode: the pin lies on this side of the line from the first link's other pin to the second link's."""
-    assembly: Literal["open", "crossed"] | None = None
-    """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
-    branch: Literal["ahead", "behind"] | None = None
-    """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
-    drive: DriveDocument | None = None
-    """Prescribed motion of this pair."""
-
-    @property
-    def kind(self) -> Literal["revolute", "prismatic"]:
-        return "revolute" if self.revolute is not None else "prismatic"
-
-    @property
-    def links(self) -> tuple[str, str]:
-        """The names of the two links."""
-        first, second = self.revolute or self.prismatic or ("", "")
-        return first, second
-
-    @property
-    def mode(self) -> str | None:
-        """The assembly mode, whichever way it is said."""
-        return self.side or self.assembly or self.branch
-
-    @model_validator(mode="after")
-    def _one_pair(self) -> PairDocument:
-        refuse(one_of(self, ("revolute", "prismatic"), "the pair"))
-        found: list[tuple[str, str, str]] = []
-        if self.links[0] == self.links[1]:
-            found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
-        foreign = ("along", "guide", "angle") if self.kind == "revolute" else ("side", "assembly")
-        for key in foreign:
-            if getattr(self, key) is not None:
-                hint = "Leave it out." if self.kind == "revolute" else "Write branch = 'ahead' or 'behind' instead."
-                found.append((key, f"{key} does not go with a {self.kind} pair.", hint))
-        modes = [key for key in ("side", "assembly", "branch") if getattr(self, key) is not None]
-        if len(modes) > 1:
-            found.append((modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them."))
-        if self.drive is not None and modes:
-            found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
         refuse(found)
         return self
 

@@ -26,7 +26,7 @@ from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, uni
 __all__ = [
     "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector",
     "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Point", "Quantity",
-    "Range", "Rate", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
+    "Range", "Rate", "Size", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
 
@@ -124,6 +124,7 @@ class Quantity:
 
 
 Length = Annotated[float | str, Quantity(("length",))]
+Size = Annotated[float | str, Quantity(("length",), "above zero")]
 Angle = Annotated[float | str, Quantity(("angle",))]
 Mass = Annotated[float | str, Quantity(("mass",), "zero")]
 Time = Annotated[float | str, Quantity(("time",))]
