@@ -3,6 +3,7 @@
 The hand method, from the last group inwards: the contours' closing joints are cut; the forces in the cuts follow block by block
 from the transposed columns of the kinematics (virtual work of each unknown); then every link of the remaining tree is in
 equilibrium with what hangs on it, and moments about the joints that fix an angle give couples and driving torques.
+Where constraints are redundant the shortest of all solutions is taken (`leastnorm`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.integrate import cumulative_simpson
 from . import blocks as bl
 from .closed_forms import cross
 from .effects import Wrench, wrenches
+from .leastnorm import least_norm
 from .motion import Motion
 
 __all__ = ["Forces", "LoadResult", "solve_forces"]
@@ -214,6 +216,8 @@ def solve_forces(motion: Motion) -> Forces:
         if not (isinstance(w.arm, complex) and w.arm == 0):
             moment[w.link] = moment[w.link] + cross(w.arm, w.force)
 
+    if model.redundant:
+        return Forces(motion, applied, *least_norm(motion, force, moment))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cuts, ties = _cut_forces(motion, *_hang(motion, force, moment))
         contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link

@@ -8,6 +8,7 @@ The unknowns are the angles of the groups and the displacements of the sliding p
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -94,6 +95,11 @@ class Model:
 
     bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that pairs bring along included
 
+    @property
+    def redundant(self) -> bool:
+        """Whether constraints are left over, so that statics alone does not determine all reactions."""
+        return bool(self.angles.spare) or any(b.redundant for b in self.blocks)
+
     @cached_property
     def connections(self) -> tuple[Connection, ...]:
         """Everything that transmits forces between two links: joints, and the relations that are no joint themselves."""
@@ -126,6 +132,7 @@ def build_model(mechanism: Mechanism) -> Model:
     joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
+    _check_lengths(joints, ends, names)
     undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
     if undrivable:
         why = "has no coordinate that a drive could prescribe."
@@ -134,6 +141,7 @@ def build_model(mechanism: Mechanism) -> Model:
     n = len(names)
 
     turning = angles(n, ends, joints, driven)
+    _check_spare_angles(mechanism, turning, joints, ends)
     order, equations = structure(n, ends, joints, driven)
     tree = spanning_tree(n, ends, order, equations)
     if len(tree.order) < n - 1:
@@ -193,6 +201,45 @@ def _check(m: Mechanism) -> None:
     faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
     if len({d.pair for d in m.drives}) != len(m.drives):
         faults.append(Fault("drives", "a pair has two drives."))
+    if faults:
+        raise MechanismError(faults)
+
+
+def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...]) -> None:
+    """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length."""
+    pins: dict[int, list[tuple[str, complex]]] = {}
+    others: set[int] = set()
+    for joint, (p, q) in zip(joints, ends, strict=True):
+        for k, at in ((p, joint.a), (q, joint.b)):
+            if joint.kind == "revolute":
+                pins.setdefault(k, []).append((joint.name, at))
+            else:
+                others.add(k)
+    faults = []
+    for k, at in pins.items():
+        if k == 0 or k in others or len(at) < 2:
+            continue
+        if all(abs(z - at[0][1]) <= 1e-14 * max(abs(at[0][1]), 1e-300) for _, z in at):
+            which = " and ".join(name for name, _ in at)
+            why = f"it has no length: its pins {which} are at the same point."
+            faults.append(Fault(f"links.{names[k]}", why, "Move one of the pins, or join the neighbours directly."))
+    if faults:
+        raise MechanismError(faults)
+
+
+def _check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...]) -> None:
+    """Joints that fix an angle which others have fixed already must agree with them."""
+    faults = []
+    for j in turning.spare:
+        p, q = ends[j]
+        if turning.spin[p] != turning.spin[q] or joints[j].turns:
+            why = "its angle is decided twice: by its own drive or guide and by other drives."
+            faults.append(Fault(f"pairs.{joints[j].name}", why, "Take one of these drives away."))
+            continue
+        off = (turning.offset[p] + joints[j].angle - turning.offset[q] + math.pi) % (2.0 * math.pi) - math.pi
+        if abs(off) > 1e-9:
+            why = f"its angle contradicts that of the other guides between the same links by {math.degrees(off):.6g}°."
+            faults.append(Fault(f"pairs.{joints[j].name}", why, "Make the guides parallel."))
     if faults:
         raise MechanismError(faults)
 

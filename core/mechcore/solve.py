@@ -19,6 +19,7 @@ from .model import Block, Model, build_model
 from .motion import Motion
 from .positions import initial_state, place_all
 from .spec import Mechanism
+from .structure import gruebler
 
 __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
@@ -242,8 +243,14 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         words += ": the group reaches a limit of its motion on this branch."
     remedy = "Change a length by more than that"
     if block.redundant:
-        words = words.replace("cannot be assembled", "the redundant constraint does not close")
-        remedy = "Correct the lengths so that the extra constraint agrees"
+        *_, mobility = gruebler(model)
+        over = len(model.mechanism.drives) - mobility
+        if over > 0 and len(model.mechanism.drives) > 1:
+            words = words.replace("cannot be assembled", "the drives contradict each other")
+            remedy = f"Take {over} of the {len(model.mechanism.drives)} drives away: the mechanism has {mobility} freedom(s)"
+        else:
+            words = words.replace("cannot be assembled", "the redundant constraint does not close")
+            remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
     if not block.redundant:
         from .reach import reachable_ranges  # here: only failures need it, and it needs this module
 

@@ -54,7 +54,7 @@ def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> No
     camera.look_at = view.look_at
 
 
-def keep_fitted(client: viser.ClientHandle, bounds: NDArray[np.float64]) -> None:
+def keep_fitted(server: viser.ViserServer, client: viser.ClientHandle, bounds: NDArray[np.float64]) -> None:
     """Fit the view of a browser to its window, also when that changes, until its user moves the camera.
 
     While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
@@ -67,7 +67,8 @@ def keep_fitted(client: viser.ClientHandle, bounds: NDArray[np.float64]) -> None
         changes[0] += 1
         latest = changes[0]
         await asyncio.sleep(SETTLING)
-        if latest != changes[0] or camera.image_height <= 0 or camera.image_width <= 0:
+        gone = client.client_id not in server.get_clients()
+        if gone or latest != changes[0] or camera.image_height <= 0 or camera.image_width <= 0:
             return
         view = fit_view(bounds, camera.image_width / camera.image_height)
         near = 0.01 * view.distance

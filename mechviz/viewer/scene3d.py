@@ -19,6 +19,7 @@ from .stage import set_stage
 
 __all__ = ["Scene3D"]
 
+FRAMES_FOR_LAYERS = 721
 SHOWN_FIRST = ("reaction", "applied", "inertia", "drive")
 
 
@@ -28,7 +29,9 @@ class Scene3D:
     def __init__(self, server: viser.ViserServer, run: Run):
         self._server = server
         motion = run.motion
-        solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name) for link in motion.mechanism.links})
+        # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
+        some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
+        solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
         self.size = solids.size
         self.traced = tuple(point for _, point in motion.mechanism.traced)
         vectors, moments = find_vectors(run), find_moments(run)
@@ -69,7 +72,7 @@ class Scene3D:
         move_to(client, fit_view(self._bounds, aspect))
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        keep_fitted(client, self._bounds)
+        keep_fitted(self._server, client, self._bounds)
 
 
 def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64] | None, most: float) -> NDArray[np.float64]:

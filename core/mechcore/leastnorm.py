@@ -1,0 +1,107 @@
+"""Reactions of mechanisms with redundant constraints: equilibrium has many solutions, the shortest one stands for them.
+
+All joint forces and couples at once, link by link (Newton-Euler), by the pseudo-inverse; couples count in units of force by the
+mechanism's size. Which joints are indeterminate follows from the null space: they can be stressed against each other with no load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .motion import Motion
+
+__all__ = ["indeterminate", "least_norm"]
+
+Array = Any
+RANK = 1e-10  # singular values below this part of the largest are zero
+
+
+def least_norm(
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array]
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]]]:
+    """Transmitted force and couple on the second link of every joint, place and force of every relation.
+
+    ``force`` and ``moment`` (about each link's origin) are what loads put on the links.
+    """
+    model = motion.model
+    matrix, labels = _equilibrium(motion)
+    n = len(model.links) - 1
+    rhs = np.zeros((motion.frames, 3 * n))
+    for k in range(1, n + 1):
+        rhs[:, 3 * k - 3], rhs[:, 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
+        rhs[:, 3 * k - 1] = -np.asarray(moment[k]) / model.size
+    x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
+    left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
+    size = np.abs(rhs).max(initial=0.0) or 1.0
+    x = np.where((left < 1e-7 * size)[:, None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
+    contacts: dict[str, tuple[Array, Array]] = {}
+    for column, (what, i, direction) in enumerate(labels):
+        value = x[:, column]
+        if what == "force":
+            transmitted[i] = (transmitted[i][0] + value * direction, transmitted[i][1])
+        elif what == "couple":
+            transmitted[i] = (transmitted[i][0], transmitted[i][1] + value * model.size)
+        else:
+            place, along = model.relations[i].contact(motion, value)
+            contacts[model.relations[i].name] = (place, value * along)
+    return transmitted, contacts
+
+
+def indeterminate(motion: Motion) -> tuple[str, ...]:
+    """Pairs whose reactions statics does not determine, at the run's best conditioned frame."""
+    model = motion.model
+    matrix, labels = _equilibrium(motion)
+    frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
+    _, s, vt = np.linalg.svd(matrix[frame])
+    rank = int((s > RANK * s[0]).sum())
+    loose = np.abs(vt[rank:]).max(axis=0, initial=0.0) > 1e-9
+    names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
+    return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
+
+
+def _equilibrium(motion: Motion) -> tuple[Array, list[tuple[str, int, Array]]]:
+    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments about their origins over the size, and its unknowns."""
+    model = motion.model
+    labels: list[tuple[str, int, Array]] = []
+    for j, joint in enumerate(model.joints):
+        along = motion.guide(j) if joint.slide is not None else None
+        driven = j in model.driven
+        if along is None:
+            labels += [("force", j, 1 + 0j), ("force", j, 1j)]
+        else:
+            labels.append(("force", j, 1j * along))
+            if driven:
+                labels.append(("force", j, along))
+        if not joint.turns or (driven and joint.coordinate == "angle"):
+            labels.append(("couple", j, 0j))
+    labels += [("tie", i, 0j) for i in range(len(model.relations))]
+    matrix = np.zeros((motion.frames, 3 * (len(model.links) - 1), len(labels)))
+
+    def put(column: int, k: int, f: Array, arm: Array, sign: float) -> None:
+        if k == 0:
+            return
+        matrix[:, 3 * k - 3, column] += sign * np.real(f)
+        matrix[:, 3 * k - 2, column] += sign * np.imag(f)
+        matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.size
+
+    for column, (what, i, direction) in enumerate(labels):
+        if what == "force":
+            (p, q) = model.ends[i]
+            put(column, q, direction, motion.arm(q, i, 1), 1.0)
+            put(column, p, direction, motion.arm(p, i, 0), -1.0)
+        elif what == "couple":
+            p, q = model.ends[i]
+            for k, sign in ((q, 1.0), (p, -1.0)):
+                if k:
+                    matrix[:, 3 * k - 1, column] += sign
+        else:
+            relation = model.relations[i]
+            place, along = relation.contact(motion, 1.0)
+            for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+                k = model.index[link]
+                put(column, k, along, place - motion.origins[k], sign)
+    return matrix, labels

@@ -1,0 +1,120 @@
+"""Redundant constraints: motion exact, reactions the shortest of all that balance, indeterminate joints named; contradictions refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import drawn, four_bar, load, move
+from test_properties import balance_of_links
+
+from mechcore import MechanismError, compile_mechanism, solve_motion
+from mechcore.laws import ConstantSpeed
+from mechcore.leastnorm import indeterminate
+from mechcore.spec import Drive, Force, Link, Mechanism, Prismatic
+from mechcore.structure import gruebler, rank_mobility
+
+POINTS = {"A": (0, 0), "E": (3, 0), "G": (1.5, 0), "B": (0.6, 0.8), "D": (3.6, 0.8), "H": (2.1, 0.8)}
+LINKS = {"c1": "AB", "bar": "BDH", "c2": "ED", "c3": "GH"}
+
+
+def three_cranks(**more) -> Mechanism:
+    return drawn(
+        POINTS, LINKS, "AEG", drive="A", law=ConstantSpeed(0.0, 1.0), effects=("inertia", "gravity"),
+        bodies={"bar": (4.0, (2.1, 0.8), 0.5), "c1": (1.0, (0.3, 0.4), 0.1)},
+        loads=(Force(name="F", link="bar", point="D", vector=(30.0, -10.0)),), **more,
+    )  # fmt: skip
+
+
+def test_three_parallel_cranks():
+    forces = load(three_cranks(), np.linspace(-0.5, 1.5, 21), 2.0, 1.0)
+    motion = forces.motion
+    assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
+    np.testing.assert_allclose(motion.velocity("bar")[:, 2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(motion.velocity("c3")[:, 2], 2.0, atol=1e-11)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert balance_of_links(forces) < 1e-10
+    assert np.abs(forces.power_balance).max() < 1e-10
+    assert set(indeterminate(motion)) == set("ABDEGH"), "all three cranks can be stressed against each other"
+
+
+def test_the_reactions_are_the_shortest_that_balance():
+    """Any other solution, made by adding a self-stress, is longer: the answer is orthogonal to the self-stress."""
+    forces = load(three_cranks(), [0.3], 2.0, 1.0)
+    motion = forces.motion
+    size = motion.model.size
+    # self-stress: tensions t_k along the cranks on the bar with no resultant force and no moment
+    u = (motion.point("c1", "B") - motion.point("c1", "A"))[0]
+    u = u / np.hypot(*u)
+    x = np.array([POINTS[p][0] for p in "BDH"])
+    t = np.linalg.svd(np.array([np.ones(3), x]))[2][2]
+    pins = {"A": t[0], "B": t[0], "E": t[1], "D": t[1], "G": t[2], "H": t[2]}
+    inner = 0.0
+    for pair, tension in pins.items():
+        spec = next(p for p in motion.mechanism.pairs if p.name == pair)
+        towards = 1.0 if spec.links[1] in ("c1", "c2", "c3") else -1.0
+        at_frame = pair in "AEG"
+        pull = tension * (1.0 if at_frame else -1.0) * towards  # on the second link
+        inner += forces.reaction(pair)[0, :2] @ u * pull
+    scale = np.abs([forces.reaction(p)[0] for p in pins]).max()
+    assert abs(inner) < 1e-9 * scale
+    assert size == pytest.approx(3.0)
+
+
+def test_a_redundant_constraint_that_does_not_close_is_refused():
+    wrong = drawn({**POINTS, "H": (2.1, 0.81)}, LINKS, "AEG", drive="A", law=ConstantSpeed(0.0, 1.0))
+    with pytest.raises(MechanismError, match="redundant constraint does not close"):
+        move(wrong, np.linspace(-0.5, 1.5, 21))
+
+
+def double_guide(angle: float = 0.0) -> Mechanism:
+    return Mechanism(
+        name="guides",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"P": (0.0, 0.0), "Q": (0.0, 0.2)}),
+            Link(name="table", points={"P": (0.0, 0.0), "Q": (0.3, 0.2)}, mass=10.0, centre=(0.1, 0.1), inertia=0.2),
+        ),
+        pairs=(
+            Prismatic(name="P", links=("frame", "table"), points=("P", "P")),
+            Prismatic(name="Q", links=("frame", "table"), points=("Q", "Q"), angle=angle),
+        ),
+        drives=(Drive(pair="P", law=ConstantSpeed(0.0, 0.1, travel=1.0)),),
+        effects=("inertia", "gravity"),
+        loads=(Force(name="F", link="table", point="Q", vector=(-50.0, 0.0)),),
+    )
+
+
+def test_two_aligned_guides():
+    forces = load(double_guide(), [0.0, 0.2, 0.5], 0.1, 3.0)
+    motion = forces.motion
+    np.testing.assert_allclose(motion.coordinate("Q")[:, 1], 0.1, rtol=1e-13)
+    assert balance_of_links(forces) < 1e-10
+    assert np.abs(forces.power_balance).max() < 1e-10
+    assert set(indeterminate(motion)) == {"P", "Q"}
+    np.testing.assert_allclose(forces.effort("P"), 10.0 * 3.0 + 50.0, rtol=1e-12)
+    np.testing.assert_allclose(forces.reaction("P")[:, 1] + forces.reaction("Q")[:, 1], 98.1, rtol=1e-12)
+
+
+def test_guides_that_are_not_parallel_are_refused():
+    with pytest.raises(MechanismError, match="contradicts that of the other guides.*Make the guides parallel"):
+        compile_mechanism(double_guide(angle=0.01))
+
+
+def test_contradicting_drives_are_named():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    both = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
+    with pytest.raises(MechanismError, match="drives contradict each other.*Take 1 of the 2 drives away"):
+        solve_motion(compile_mechanism(both), np.linspace(0.0, 1.0, 21))
+    twice = replace(m, drives=(*m.drives, Drive(pair="X", law=ConstantSpeed(0.0, 2.0))), modes={"D": "left"})
+    twice = replace(twice, pairs=(*m.pairs, replace(m.pairs[0], name="X")))
+    with pytest.raises(MechanismError, match="decided twice"):
+        compile_mechanism(twice)
+
+
+def test_links_without_length_are_named():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    short = tuple(replace(x, points={"B": (0.1, 0.0), "D": (0.1, 0.0)}) if x.name == "coupler" else x for x in m.links)
+    with pytest.raises(MechanismError, match="links.coupler: it has no length: its pins B and D"):
+        compile_mechanism(replace(m, links=short))
