@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore import Compiled, compile_mechanism, solve_motion
+from mechcore import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.answers import grashof
+from mechcore.assembly import all_modes
+from mechcore.equations import contour_equations
+from mechcore.leastnorm import indeterminate
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
@@ -17,10 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["check_lines", "plan_lines"]
 
 
-def check_lines(scene: Scene) -> list[str]:
-    """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run."""
-    from mechcore import default_times
+def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -> list[str]:
+    """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run.
 
+    ``equations`` adds the contour equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
+    """
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
     motion = solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
@@ -35,7 +40,8 @@ def check_lines(scene: Scene) -> list[str]:
     ]
     redundant = redundant_pairs(model)
     if redundant:
-        lines.append(f"redundant  constraints are left over at {', '.join(redundant)}: reactions there are not determined by statics")
+        lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
+        lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
     lines.append(f"contours   {len(model.contours)} independent")
@@ -46,6 +52,28 @@ def check_lines(scene: Scene) -> list[str]:
         f"health     contours close to {np.max(motion.closure) * 1e3:.1e} mm over {motion.frames} frames; "
         f"largest condition number {np.max(motion.condition):.3g}"
     )
+    lines += _grashof(compiled)
+    if motion.changes:
+        count = len(motion.changes)
+        lines.append(f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s")
+    if modes:
+        lines += _all_modes(compiled)
+    if equations:
+        lines += ["", *contour_equations(motion)]
+    return lines
+
+
+def _grashof(compiled: Compiled) -> list[str]:
+    return [
+        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {1e3 * loop.margin:.6g} mm" for loop in grashof(compiled.model)
+    ]
+
+
+def _all_modes(compiled: Compiled) -> list[str]:
+    lines = ["modes      all assembly modes of each group at the start, the groups before it as stated"]
+    for name, found in all_modes(compiled.model, compiled.assembly, compiled.start):
+        lines.append(f"  {name}: {len(found)}")
+        lines += [f"    {text}{'   <- stated' if here else ''}" for text, here in found]
     return lines
 
 

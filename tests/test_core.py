@@ -384,3 +384,38 @@ def test_prismatic_guides_on_either_link_agree():
     np.testing.assert_allclose(b.motion.coordinate("L"), a.motion.coordinate("L"), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(b.reaction("L"), -a.reaction("L"), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(b.effort("O"), a.effort("O"), rtol=1e-10, atol=1e-10)
+
+
+# -- contour equations in words ---------------------------------------------------------------------------------------------------
+def test_printed_contour_equations_hold_with_the_solved_motion():
+    """Parse the printed equations, put the solved velocities and accelerations in, and see them vanish."""
+    import re
+
+    from mechcore.equations import contour_equations, contour_residuals
+
+    geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
+    for mechanism in (lever(geometry, law=ConstantSpeed(0.9, 1.0)), watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0)):
+        motion = move(mechanism, [mechanism.drives[0].law(0.0)[0]], 3.0, 2.0)
+        assert np.abs(contour_residuals(motion)).max() < 1e-12
+        spin = [float(np.broadcast_to(motion.speeds.spin[s], 1)[0]) for s in motion.model.angles.spin]
+        accel = [float(np.broadcast_to(motion.accelerations.spin[s], 1)[0]) for s in motion.model.angles.spin]
+        values = {}
+        for i in range(len(spin)):
+            values[f"w_{i}"] = spin[i]
+            for j in range(len(spin)):
+                values[f"w_{i},{j}"], values[f"e_{i},{j}"] = spin[i] - spin[j], accel[i] - accel[j]
+        for joint in motion.model.joints:
+            if joint.slide is not None:
+                _, values[f"v_{joint.name}"], values[f"a_{joint.name}"] = motion.coordinate(joint.name)[0]
+        lines = [x for x in contour_equations(motion) if x.endswith("= 0")]
+        assert len(lines) == 6 * len(motion.model.contours)
+        for line in lines:
+            terms = re.findall(r"([+-][\d.e+-]+)?\s*\+?\s*((?:[wevaA-Z]_[\w,]+(?:\^2)?\s*)+)", line.split("=")[0])
+            assert terms or line.strip() == "0 = 0", line
+            total, size = 0.0, 0.0
+            for number, names in terms:
+                product = float(number or 1.0)
+                for name in names.split():
+                    product *= values[name[:-2]] ** 2 if name.endswith("^2") else values[name]
+                total, size = total + product, size + abs(product)
+            assert abs(total) < 1e-5 * max(size, 1e-9), line  # six digits are printed

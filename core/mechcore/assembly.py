@@ -15,7 +15,7 @@ from .errors import Fault, MechanismError
 from .model import Block, Model
 from .positions import initial_state
 
-__all__ = ["Assembly", "assemble", "group_modes"]
+__all__ = ["Assembly", "all_modes", "assemble", "group_modes"]
 
 Array = Any
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
@@ -431,3 +431,25 @@ def group_modes(
     rows = sorted((row for _, row in unique), key=lambda r: [round(float(v), 9) for v in r])
     return np.array(rows) if rows else np.empty((0, n + k))
 
+
+def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list[tuple[str, list[tuple[str, bool]]]]:
+    """Every group's assembly modes at the start in words, the groups before it as assembled; the flag marks the assembled one."""
+    state = initial_state(model, [np.float64(q) for q in drives], assembly.constants)
+    out = []
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for block, mode in zip(model.blocks, assembly.modes, strict=True):
+            found: list[tuple[str, bool]] = []
+            if block.kind in TWO_MODES:
+                sign = _orientation(model, block, block.name)
+                for word, s in zip(WORDS[block.kind], (sign, -sign), strict=True):
+                    found.append((f"{word}: {block.name} at {_place_of(model, block, state, s)}", s == mode))
+            elif block.kind == "general":
+                start = assembly.starts[block.name]
+                for x in group_modes(model, block, state):
+                    n = len(block.angles)
+                    same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
+                    found.append((_describe(model, block, x), bool(same)))
+            bl.place(model, block, state, mode, assembly.starts.get(block.name))
+            if found:
+                out.append((block.name, found))
+    return out

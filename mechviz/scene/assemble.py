@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from mechcore.errors import Fault
-from mechcore.laws import Table
-from mechcore.spec import Drive, Force, Link, Load, Mechanism, Pair, Prismatic, Revolute, Torque
+from mechcore.laws import Law, Table
+from mechcore.spec import Drive, Force, Link, Load, Mechanism, Torque
 
 from .convert import LARGEST, Converter
-from .document import LoadDocument, PairDocument, SceneDocument
+from .couplings import check_couplings
+from .document import LoadDocument, SceneDocument
 from .drives import law_of
 from .masses import links_that_cannot_turn, mass_properties
 from .motions import FactorTable
-from .placement import Placement, place_links
-from .references import check_references, points_of_pair, resolve_trace
+from .pair_specs import drawn_angle, modes_of, pair_spec
+from .pairs import PairDocument
+from .placement import place_links
+from .references import check_references, resolve_trace
 from .validate import Reading
 
 __all__ = ["assemble"]
@@ -28,7 +30,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
     """
     document = reading.document
     convert = Converter.of(document.units)
-    faults = list(check_references(reading))
+    faults = [*check_references(reading), *check_couplings(reading)]
     placement = place_links(document, convert)
     parallel = links_that_cannot_turn(document)
     links = []
@@ -39,14 +41,15 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
             effects = () if settled else tuple(document.effects)
             mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=key not in parallel)
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia))
-    pairs = [_pair(key, pair, placement, convert) for key, pair in document.pairs.items()]
+    pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items()]
     drives = []
     for key, pair in document.pairs.items():
         if pair.drive is not None:
-            drawn = _drawn_angle(pair, placement)
-            sort = "angle" if pair.kind == "revolute" else "length"
-            law = law_of(pair.drive, sort, convert, f"pairs.{key}.drive", drawn=drawn, cycles=document.run.cycles)
+            path = f"pairs.{key}.drive"
+            drawn = drawn_angle(pair, placement) if pair.coordinate == "angle" else 0.0
+            law = law_of(pair.drive, pair.coordinate, convert, path, drawn=drawn, cycles=document.run.cycles)
             if law is not None:
+                _check_length(pair, law, convert, path)
                 drives.append(Drive(pair=key, law=law))
     loads = [_load(key, load, document, convert) for key, load in document.loads.items()]
     gravity = convert.vector(document.gravity, "gravity", "gravity")
@@ -63,48 +66,21 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         loads=tuple(loads),
         effects=tuple(document.effects),
         gravity=gravity,
-        modes={key: pair.mode for key, pair in document.pairs.items() if pair.mode is not None},
+        modes=modes_of(document),
         sketch={key: pose for key, pose in placement.poses.items() if key != document.frame},
         traced=tuple(traced),
     ), []
 
 
-def _pair(name: str, pair: PairDocument, placement: Placement, convert: Converter) -> Pair:
-    points = points_of_pair(name, pair)
-    if pair.kind == "revolute":
-        return Revolute(name=name, links=pair.links, points=points)
-    guide: Literal[0, 1] = 1 if pair.guide == pair.links[1] else 0
-    along = (1.0, 0.0)
-    if pair.along is not None:
-        a, b = pair.along
-        if isinstance(a, str) and isinstance(b, str):
-            places = placement.points.get(pair.links[guide], {})
-            pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
-            along = (pb[0] - pa[0], pb[1] - pa[1])
-            if along == (0.0, 0.0):
-                convert.note(
-                    f"pairs.{name}.along",
-                    f"'{a}' and '{b}' are at the same place.",
-                    "Name two different points, or write a direction such as [1, 0].",
-                )
-        else:
-            along = (float(a), float(b))
-    if pair.angle is not None:
-        angle = convert.si(pair.angle, "angle", f"pairs.{name}.angle")
-    elif placement.drawn.issuperset(pair.links):
-        first, second = (placement.poses[link][2] for link in pair.links)
-        angle = math.remainder(second - first, 2.0 * math.pi)
-    else:
-        angle = 0.0
-    return Prismatic(name=name, links=pair.links, points=points, along=along, guide=guide, angle=angle)
-
-
-def _drawn_angle(pair: PairDocument, placement: Placement) -> float:
-    """The coordinate of a revolute pair between two drawn links [rad]; 0 for any other pair."""
-    if pair.kind != "revolute" or not placement.drawn.issuperset(pair.links):
-        return 0.0
-    first, second = (placement.poses[link][2] for link in pair.links)
-    return math.remainder(second - first, 2.0 * math.pi)
+def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:
+    """The drive of a cylinder prescribes the distance of two points, which has to be positive."""
+    start = float(law(0.0)[0])
+    if pair.kind == "cylinder" and start <= 0.0:
+        convert.note(
+            path,
+            f"the cylinder's length starts at {1e3 * start:g} mm.",
+            "Its coordinate is the distance of its two points: give a start, range or centre that is positive.",
+        )
 
 
 def _load(name: str, load: LoadDocument, document: SceneDocument, convert: Converter) -> Load:
@@ -129,7 +105,7 @@ def _factor(table: FactorTable, document: SceneDocument, convert: Converter, pat
     pair = document.pairs.get(table.drive) if table.drive is not None else (driven[0] if driven else None)
     if pair is None:
         return None
-    sort = "angle" if pair.kind == "revolute" else "length"
+    sort = pair.coordinate
     x, y = convert.row(table.position, sort, f"{path}.position"), tuple(table.factor)
     for k, value in enumerate(y):
         if abs(value) > LARGEST:

@@ -114,6 +114,108 @@ class SceneBuilder:
         }
         return self._add("pairs", name, entry)
 
+    def weld(
+        self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, angle: Value | None = None
+    ) -> SceneBuilder:
+        """A rigid joint between two links."""
+        return self._add("pairs", name, {"weld": [first, second], "at": at, "angle": angle})
+
+    def pin_slot(
+        self,
+        name: str,
+        first: str,
+        second: str,
+        *,
+        at: str | Sequence[str] | None = None,
+        along: Sequence[float] | Sequence[str] | None = None,
+        guide: str | None = None,
+        branch: str | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:
+        """A pin of one link in a straight slot of the other; ``guide`` names the link with the slot."""
+        entry = {"pin_slot": [first, second], "at": at, "along": along, "guide": guide, "branch": branch, "drive": drive}
+        return self._add("pairs", name, entry)
+
+    def rolling(
+        self,
+        name: str,
+        edge: str,
+        wheel: str,
+        *,
+        radius: Value,
+        at: str | Sequence[str] | None = None,
+        along: Sequence[float] | Sequence[str] | None = None,
+        side: str | None = None,
+        branch: str | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:
+        """A wheel that rolls on a straight edge of another link without slipping."""
+        entry = {"rolling": [edge, wheel], "at": at, "along": along, "radius": radius, "side": side, "branch": branch, "drive": drive}
+        return self._add("pairs", name, entry)
+
+    def gear(
+        self,
+        name: str,
+        first: str,
+        second: str,
+        *,
+        teeth: Sequence[int] | None = None,
+        radii: Sequence[Value] | None = None,
+        carrier: str | None = None,
+        internal: bool = False,
+        pressure_angle: Value | None = None,
+    ) -> SceneBuilder:
+        """A gear pair; ``internal``: the second wheel is a ring."""
+        entry = {
+            "gear": [first, second],
+            "carrier": carrier,
+            "teeth": teeth,
+            "radii": radii,
+            "internal": internal,
+            "pressure_angle": pressure_angle,
+        }
+        return self._add("pairs", name, entry)
+
+    def belt(
+        self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None, crossed: bool = False
+    ) -> SceneBuilder:
+        """A belt over two pulleys."""
+        return self._add("pairs", name, {"belt": [first, second], "carrier": carrier, "radii": radii, "crossed": crossed})
+
+    def chain(
+        self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None
+    ) -> SceneBuilder:
+        """A chain over two sprockets."""
+        return self._add("pairs", name, {"chain": [first, second], "carrier": carrier, "radii": radii})
+
+    def rack(
+        self,
+        name: str,
+        pinion: str,
+        rack: str,
+        *,
+        slider: str,
+        radius: Value,
+        side: str | None = None,
+        pressure_angle: Value | None = None,
+    ) -> SceneBuilder:
+        """A pinion and a rack that the prismatic pair ``slider`` guides."""
+        entry = {"rack": [pinion, rack], "slider": slider, "radius": radius, "side": side, "pressure_angle": pressure_angle}
+        return self._add("pairs", name, entry)
+
+    def cylinder(
+        self,
+        name: str,
+        first: str,
+        second: str,
+        *,
+        at: str | Sequence[str] | None = None,
+        side: str | None = None,
+        drive: Mapping[str, Any] | None = None,
+    ) -> SceneBuilder:
+        """A cylinder between a point of the first link and a point of the second."""
+        return self._add("pairs", name, {"cylinder": [first, second], "at": at, "side": side, "drive": drive})
+
     def force(
         self,
         name: str,

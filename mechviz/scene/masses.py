@@ -15,12 +15,12 @@ Vec2 = tuple[float, float]
 
 
 def links_that_cannot_turn(document: SceneDocument) -> set[str]:
-    """Links that a chain of sliding pairs holds parallel to the fixed one."""
+    """Links that a chain of sliding pairs and welds holds parallel to the fixed one."""
     held, grew = {document.frame}, True
     while grew:
         grew = False
         for pair in document.pairs.values():
-            if pair.kind == "prismatic" and (pair.links[0] in held) != (pair.links[1] in held):
+            if pair.parallel and (pair.links[0] in held) != (pair.links[1] in held):
                 held.update(pair.links)
                 grew = True
     return held

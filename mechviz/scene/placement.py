@@ -78,9 +78,9 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
 
 
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
-    """A pin that joins points of different names puts both at one place."""
+    """A pin or weld that joins points of different names puts both at one place."""
     for name, pair in document.pairs.items():
-        if pair.kind == "revolute":
+        if pair.coincide:
             a, b = points_of_pair(name, pair)
             for known, other in ((a, b), (b, a)):
                 if known in world:
@@ -129,7 +129,7 @@ def _draw(
 
 
 def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2]) -> None:
-    """Rough poses from two sketched points, or from one and an angle that a sliding pair hands on."""
+    """Rough poses from two sketched points, or from one and an angle that a sliding pair or weld hands on."""
     for name, local in placement.points.items():
         known = [point for point in local if point in world]
         if name not in placement.poses and len(known) > 1:
@@ -142,7 +142,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
     while grew:
         grew = False
         for pair in document.pairs.values():
-            if pair.kind != "prismatic":
+            if not pair.parallel:
                 continue
             first, second = pair.links
             turn = angle_of(document, pair.angle)
@@ -157,7 +157,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
 
 
 def angle_of(document: SceneDocument, angle: float | str | None) -> float:
-    """The stated angle of a sliding pair [rad], 0 where none is stated."""
+    """The stated angle of a sliding pair or weld [rad], 0 where none is stated."""
     return 0.0 if angle is None else Units(**document.units.model_dump()).si(angle, "angle")
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from mechcore.errors import Fault
 
-from .document import PairDocument, Pose
+from .document import Pose
 from .faults import did_you_mean, listing
+from .pairs import PairDocument
 from .validate import Reading
 
 __all__ = ["check_references", "link_names", "point_names", "points_of_pair", "resolve_trace"]
@@ -78,7 +79,8 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
         path = f"pairs.{name}"
         for k, link in enumerate(pair.links):
             yield from _known_link(reading, f"{path}.{pair.kind}[{k}]", link)
-        for k, (link, point) in enumerate(zip(pair.links, points_of_pair(name, pair), strict=True)):
+        points = zip(pair.links, points_of_pair(name, pair), strict=True) if pair.joins else ()
+        for k, (link, point) in enumerate(points):
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
             remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
             yield from _known_point(reading, where, link, point, remedy)
@@ -113,7 +115,7 @@ def _whole(reading: Reading) -> Iterator[Fault]:
     while grew:
         grew = False
         for pair in document.pairs.values():
-            if (pair.links[0] in reached) != (pair.links[1] in reached):
+            if pair.joins and (pair.links[0] in reached) != (pair.links[1] in reached):
                 reached.update(pair.links)
                 grew = True
     for link in link_names(reading):
@@ -161,7 +163,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     while grew:
         grew = False
         for name, pair in reading.document.pairs.items():
-            if pair.kind == "revolute" and points_of_pair(name, pair) == (text, text):
+            if pair.coincide and points_of_pair(name, pair) == (text, text):
                 a, b = pair.links
                 if (a in together) != (b in together):
                     together |= {a, b}

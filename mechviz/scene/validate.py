@@ -15,10 +15,11 @@ from pydantic import ValidationError
 
 from mechcore.errors import Fault
 
-from .document import LinkDocument, LoadDocument, PairDocument, Pose, RunDocument, SceneDocument, UnitsDocument
+from .document import LinkDocument, LoadDocument, Pose, RunDocument, SceneDocument, UnitsDocument
 from .faults import closest, listing
 from .fields import describe
 from .motions import DriveDocument, DriveTable, FactorTable, OscillationDocument, SegmentDocument, ZonesDocument
+from .pairs import KINDS, PairDocument
 from .tables import Table
 
 __all__ = ["Reading", "read_document"]
@@ -43,12 +44,14 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
 _SECTIONS = ("links", "pairs", "sketch", "loads")
 _SEPARABLE = {  # faulty parts without which the rest of the item still means the same
     ("pairs", "drive"), ("pairs", "side"), ("pairs", "assembly"), ("pairs", "branch"), ("pairs", "along"),
-    ("pairs", "guide"), ("pairs", "angle"), ("loads", "table"), ("loads", "axes"),
+    ("pairs", "guide"), ("pairs", "angle"), ("pairs", "pressure_angle"), ("pairs", "crossed"),
+    ("loads", "table"), ("loads", "axes"),
 }  # fmt: skip
 _STANDS_FOR: Mapping[tuple[str, str], Any] = {  # sound values in place of faulty ones, so that the rest can be checked
     ("links", "mass"): 1.0,
     ("links", "inertia"): 1.0,
     ("links", "centre"): [0.0, 0.0],
+    ("pairs", "radius"): 1.0,
     ("loads", "force"): [1.0, 0.0],
     ("loads", "torque"): 1.0,
 }
@@ -59,7 +62,10 @@ _SYNONYMS = {
     "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
     "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
     "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
-    "pin": "revolute", "slider": "prismatic", "traced": "trace", "nodes": "points",
+    "pin": "revolute", "traced": "trace", "nodes": "points", "gears": "gear", "belts": "belt", "pulleys": "belt",
+    "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
+    "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
+    "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
 }  # fmt: skip
 
 
@@ -237,9 +243,9 @@ _WANTED = {
 def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
-    if loc[-1] in ("revolute", "prismatic"):
+    if loc[-1] in KINDS:
         found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
-        if n < 3:
+        if n < 3 or loc[-1] != "revolute":
             return Fault(path, found, 'Write it like ["frame", "crank"].')
         remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
         return Fault(path, found, remedy)

@@ -1,0 +1,110 @@
+"""The contour equations of a mechanism in readable form, as the contour-graph method writes them (planar case).
+
+Round a contour 0-1-...-n-0, with the pair A_i joining body i-1 to body i, r_i its place, w_ij = w_i - w_j:
+
+    sum w_(i,i-1) = 0                                         sum e_(i,i-1) = 0
+    sum ( y_i w_(i,i-1), -x_i w_(i,i-1)) + sum v_i = 0        the same with e and relative accelerations
+                                                              + sum a^c_i - sum w_i^2 (r_(i+1) - r_i) = 0
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .model import Model
+from .motion import Motion
+
+__all__ = ["contour_equations"]
+
+
+def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
+    """Lines of text: the legend, then for every contour its velocity and acceleration equations, with numbers at a frame."""
+    model = motion.model
+    lines = ["bodies  " + ", ".join(f"{i} {name}" for i, name in enumerate(model.links))]
+    lines.append("w_ij = w_i - w_j [rad/s], e_ij [rad/s2]; v_A, a_A: sliding velocity and acceleration along the guide of pair A;")
+    lines.append("places of the pairs in metres, at the start; positive angles counter-clockwise")
+
+    def term(coefficient: float, symbols: str) -> str:
+        return f"{coefficient:+.6g} {symbols} " if abs(coefficient) > 1e-12 * max(model.size, 1.0) else ""
+
+    for number, contour in enumerate(model.contours, 1):
+        steps = _around(model, contour.closing)
+        bodies = [0 if not steps else steps[0][1], *(q for _, _, q in steps)]
+        names = [model.joints[j].name for j, _, _ in steps]
+        lines += ["", f"contour {number}: {'-'.join(map(str, bodies))} through {', '.join(names)}"]
+        spins: list[str] = []
+        first: list[str] = []
+        second: list[str] = []
+        spin2: list[str] = []
+        x2: list[str] = []
+        y2: list[str] = []
+        for j, p, q in steps:
+            joint = model.joints[j]
+            z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
+            if joint.turns:
+                w = f"w_{q},{p}"
+                spins.append(w)
+                first.append(term(z.imag, w))
+                second.append(term(-z.real, w))
+                spin2.append(f"e_{q},{p}")
+                x2.append(term(z.imag, f"e_{q},{p}"))
+                y2.append(term(-z.real, f"e_{q},{p}"))
+            if joint.slide is not None:
+                d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+                # relative velocity of body q's point at the pair against body p's, in the direction in which the coordinate grows
+                d = d if model.ends[j][joint.guide] == p else -d
+                carrier = model.ends[j][joint.guide]
+                first.append(term(d.real, f"v_{joint.name}"))
+                second.append(term(d.imag, f"v_{joint.name}"))
+                coriolis = 2.0 if carrier else 0.0  # the frame does not turn
+                x2.append(term(d.real, f"a_{joint.name}") + term(-coriolis * d.imag, f"w_{carrier} v_{joint.name}"))
+                y2.append(term(d.imag, f"a_{joint.name}") + term(coriolis * d.real, f"w_{carrier} v_{joint.name}"))
+        for (j, _, q), (nxt, _, _) in zip(steps, [*steps[1:], steps[0]], strict=True):
+            if q == 0:
+                continue
+            way = complex(
+                np.broadcast_to(motion.joint_point(nxt) - motion.joint_point(j), motion.frames)[frame]
+            )
+            x2.append(term(-way.real, f"w_{q}^2"))
+            y2.append(term(-way.imag, f"w_{q}^2"))
+        lines.append("  velocities")
+        lines += [f"    {' + '.join(spins) or '0'} = 0", f"    {''.join(first) or '0 '}= 0", f"    {''.join(second) or '0 '}= 0"]
+        lines.append("  accelerations")
+        lines += [f"    {' + '.join(spin2) or '0'} = 0", f"    {''.join(x2) or '0 '}= 0", f"    {''.join(y2) or '0 '}= 0"]
+    return lines
+
+
+def contour_residuals(motion: Motion, frame: int = 0) -> list[complex]:
+    """The velocity equation of every contour with the solved velocities put in, for a check of what is printed."""
+    model = motion.model
+    out = []
+    for contour in model.contours:
+        total = 0j
+        for j, p, q in _around(model, contour.closing):
+            z = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
+            spin = [np.broadcast_to(motion.speeds.spin[model.angles.spin[k]], motion.frames)[frame] for k in (p, q)]
+            total += -1j * z * (spin[1] - spin[0])
+            joint = model.joints[j]
+            if joint.slide is not None:
+                d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+                d = d if model.ends[j][joint.guide] == p else -d
+                total += d * np.broadcast_to(motion.speeds.slide[j], motion.frames)[frame]
+        out.append(total)
+    return out
+
+
+def _around(model: Model, closing: int) -> list[tuple[int, int, int]]:
+    """The way round a contour: (joint, from body, to body), starting at the body nearest to the frame."""
+    p, q = model.ends[closing]
+    tree = model.tree
+    up, line = [], [p]
+    while line[-1] != 0:
+        line.append(tree.parent[line[-1]])
+    down = []
+    k = q
+    while k not in line:
+        down.append((tree.joint[k], k, tree.parent[k]))
+        k = tree.parent[k]
+    for link in line[: line.index(k)]:
+        up.append((tree.joint[link], tree.parent[link], link))
+    return [*reversed(up), (closing, p, q), *down]

@@ -1,0 +1,184 @@
+"""Gears, belts and racks tie motions of wheels together that pins hold: do these pins exist, and do the sizes fit?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mechcore.errors import Fault
+
+from .convert import Converter
+from .document import SceneDocument
+from .faults import did_you_mean, listing
+from .pairs import PairDocument
+from .placement import Placement
+from .references import points_of_pair
+from .validate import Reading
+
+__all__ = ["carrier_of", "check_couplings", "check_gear"]
+
+_FIT = 1e-3  # radii are stated with few digits: how far they may miss the distance of the axes, relative to it
+
+
+def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
+    """Links that a revolute pair joins to a link -> that pair, the first one of each."""
+    found: dict[str, str] = {}
+    for name, pair in document.pairs.items():
+        if pair.kind == "revolute" and link in pair.links:
+            found.setdefault(pair.links[0] if pair.links[1] == link else pair.links[1], name)
+    return found
+
+
+def carrier_of(document: SceneDocument, pair: PairDocument) -> str | None:
+    """The link that carries both wheels: stated, or the fixed link, or the only one that both are pinned to."""
+    if pair.carrier is not None:
+        return pair.carrier
+    first, second = (_pinned_to(document, link) for link in pair.links)
+    both = [link for link in first if link in second]
+    if document.frame in both:
+        return document.frame
+    return both[0] if len(both) == 1 else None
+
+
+def check_couplings(reading: Reading) -> Iterator[Fault]:
+    """Faults of the links and pairs that gears, belts and racks name."""
+    for name, pair in reading.document.pairs.items():
+        if pair.kind in ("gear", "belt", "chain"):
+            yield from _carried(reading, f"pairs.{name}", pair)
+        elif pair.kind == "rack":
+            yield from _rack(reading, f"pairs.{name}", pair)
+        elif pair.kind == "cylinder":
+            yield from _own_names(reading, name)
+
+
+def _links(reading: Reading) -> list[str]:
+    raw = reading.raw.get("links")
+    return [str(name) for name in raw] if isinstance(raw, dict) else []
+
+
+def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
+    document, links = reading.document, _links(reading)
+    if pair.carrier is not None and pair.carrier not in links:
+        if "*" not in reading.broken["links"]:
+            yield Fault(f"{path}.carrier", f"there is no link '{pair.carrier}'.", did_you_mean(pair.carrier, links, what="Links"))
+        return
+    if pair.carrier in pair.links:
+        yield Fault(
+            f"{path}.carrier",
+            f"'{pair.carrier}' is one of the wheels.",
+            "Name the link to which both wheels are pinned.",
+        )
+        return
+    if reading.broken["pairs"] or not set(pair.links) <= set(links):
+        return  # the pin that is missing may be the one that could not be read
+    carrier = carrier_of(document, pair)
+    if carrier is not None:
+        where = path if pair.carrier is None else f"{path}.carrier"
+        for link in pair.links:
+            if carrier not in _pinned_to(document, link):
+                yield _not_pinned(where, link, carrier, list(_pinned_to(document, link)))
+        return
+    first, second = (list(_pinned_to(document, link)) for link in pair.links)
+    both = [link for link in first if link in second]
+    if both:
+        pinned = f"'{pair.links[0]}' and '{pair.links[1]}' are both pinned to {listing(both)}."
+        yield Fault(path, pinned, "Say which one carries them: carrier = ...")
+        return
+    words = "; ".join(f"'{link}' to {listing(own) or 'nothing'}" for link, own in zip(pair.links, (first, second), strict=True))
+    yield Fault(
+        path,
+        f"no link carries both wheels: a pin joins {words}.",
+        "Pin both to the same link, directly; links on one axis may share the place of the pin.",
+    )
+
+
+def _not_pinned(path: str, link: str, carrier: str, others: list[str]) -> Fault:
+    known = f" It is pinned to {listing(others)}." if others else ""
+    return Fault(
+        path,
+        f"'{link}' is not pinned to '{carrier}', which is to carry it.{known}",
+        f'Add a pair {{ revolute = ["{carrier}", "{link}"], at = ... }}, or name another carrier.',
+    )
+
+
+def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
+    document = reading.document
+    pinion, rack = pair.links
+    if reading.broken["pairs"] or pair.slider is None or not {pinion, rack} <= set(_links(reading)):
+        return
+    guides = [name for name, other in document.pairs.items() if other.kind == "prismatic" and rack in other.links]
+    if pair.slider not in guides:
+        known = document.pairs.get(pair.slider)
+        message = (
+            f"there is no pair '{pair.slider}'."
+            if known is None
+            else f"'{pair.slider}' is no prismatic pair of '{rack}', which it is to guide."
+        )
+        near = did_you_mean(pair.slider, guides, what=f"Prismatic pairs of '{rack}'")
+        remedy = near or f"Add a prismatic pair between '{rack}' and the link that carries '{pinion}'."
+        yield Fault(f"{path}.slider", message, remedy)
+        return
+    guide = document.pairs[pair.slider].links
+    carrier = guide[0] if guide[1] == rack else guide[1]
+    if carrier not in _pinned_to(document, pinion):
+        yield _not_pinned(path, pinion, carrier, list(_pinned_to(document, pinion)))
+
+
+def _own_names(reading: Reading, name: str) -> Iterator[Fault]:
+    """A cylinder brings two links and two pins along, whose names must be free."""
+    for section, parts, taken in (
+        ("links", ("barrel", "rod"), _links(reading)),
+        ("pairs", ("base", "eye"), list(reading.document.pairs)),
+    ):
+        for part in parts:
+            if f"{name}.{part}" in taken:
+                yield Fault(
+                    f"{section}.{name}.{part}",
+                    f"the cylinder '{name}' brings along a part of this name.",
+                    f"Rename the {section[:-1]} or the cylinder.",
+                )
+
+
+def check_gear(
+    path: str, pair: PairDocument, sizes: tuple[float, float], document: SceneDocument, placement: Placement, convert: Converter
+) -> None:
+    """Notes sizes that cannot mesh: a ring that is not larger than its pinion, radii that do not fit the axes' distance [m]."""
+    if any(map(math.isnan, sizes)):
+        return
+    key = "teeth" if pair.teeth is not None else "radii"
+    if pair.internal and sizes[1] <= sizes[0]:
+        convert.note(
+            f"{path}.{key}",
+            "the ring is not larger than the pinion.",
+            "An internal gear pair lists the pinion first and the ring second.",
+        )
+        return
+    distance = _axes_apart(pair, document, placement)
+    if key == "teeth" or distance is None:
+        return
+    sum_of = sizes[1] - sizes[0] if pair.internal else sizes[0] + sizes[1]
+    if abs(sum_of - distance) > _FIT * distance:
+        word = "difference" if pair.internal else "sum"
+        convert.note(
+            f"{path}.radii",
+            f"their {word} is {1e3 * sum_of:.6g} mm, but the axes are {1e3 * distance:.6g} mm apart.",
+            "Change the radii, or give teeth: then the pitch radii follow from the distance.",
+        )
+
+
+def _axes_apart(pair: PairDocument, document: SceneDocument, placement: Placement) -> float | None:
+    """Distance of the two wheels' axes on their carrier [m], None where it is not known."""
+    carrier = carrier_of(document, pair)
+    places = []
+    for link in pair.links:
+        name = _pinned_to(document, link).get(carrier or "")
+        if name is None:
+            return None
+        pin = document.pairs[name]
+        point = points_of_pair(name, pin)[pin.links.index(carrier or "")]
+        place = placement.points.get(carrier or "", {}).get(point)
+        if place is None:
+            return None
+        places.append(place)
+    distance = math.dist(*places)
+    return None if math.isnan(distance) or distance == 0.0 else distance

@@ -1,0 +1,190 @@
+"""Pairs of a scene document -> pairs of the core, in SI units and radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+from mechcore.spec import Belt, Cylinder, Gear, Pair, PinSlot, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
+
+from .convert import Converter
+from .couplings import carrier_of, check_gear
+from .document import SceneDocument
+from .pairs import PairDocument
+from .placement import Placement
+from .references import points_of_pair
+
+__all__ = ["drawn_angle", "modes_of", "pair_spec"]
+
+_STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5 and 30 degrees
+
+
+class _Maker:
+    """What every kind needs to become a pair of the core."""
+
+    def __init__(self, name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter):
+        self.name, self.pair, self.document, self.placement, self.convert = name, pair, document, placement, convert
+        self.path = f"pairs.{name}"
+
+    @property
+    def points(self) -> tuple[str, str]:
+        return points_of_pair(self.name, self.pair)
+
+    @property
+    def guide(self) -> Literal[0, 1]:
+        return 1 if self.pair.guide == self.pair.links[1] else 0
+
+    @property
+    def along(self) -> Vec2:
+        """Direction of the guide in the frame of its link."""
+        if self.pair.along is None:
+            return (1.0, 0.0)
+        a, b = self.pair.along
+        if not (isinstance(a, str) and isinstance(b, str)):
+            return (float(a), float(b))
+        places = self.placement.points.get(self.pair.links[self.guide], {})
+        pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
+        if pa == pb:
+            self.convert.note(
+                f"{self.path}.along",
+                f"'{a}' and '{b}' are at the same place.",
+                "Name two different points, or write a direction such as [1, 0].",
+            )
+        return (pb[0] - pa[0], pb[1] - pa[1])
+
+    @property
+    def angle(self) -> float:
+        """Constant angle from the first link's frame to the second's: stated, as drawn, or zero [rad]."""
+        if self.pair.angle is not None:
+            return self.convert.si(self.pair.angle, "angle", f"{self.path}.angle")
+        return drawn_angle(self.pair, self.placement)
+
+    @property
+    def radius(self) -> float:
+        assert self.pair.radius is not None
+        return self.convert.si(self.pair.radius, "length", f"{self.path}.radius")
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        assert self.pair.radii is not None
+        first, second = self.convert.row(self.pair.radii, "length", f"{self.path}.radii")
+        return first, second
+
+    @property
+    def pressure_angle(self) -> float:
+        if self.pair.pressure_angle is None:
+            return Gear.pressure_angle
+        value = self.convert.si(self.pair.pressure_angle, "angle", f"{self.path}.pressure_angle")
+        if not 0.0 <= value < _STEEPEST and not math.isnan(value):
+            self.convert.note(
+                f"{self.path}.pressure_angle",
+                f"{math.degrees(value):g} deg is no pressure angle of teeth: they lie below 45 deg.",
+                'Usual is "20 deg".',
+            )
+        return value
+
+    @property
+    def side(self) -> Literal["left", "right"]:
+        return self.pair.side or "left"
+
+    @property
+    def carrier(self) -> str:
+        return carrier_of(self.document, self.pair) or ""
+
+
+def _revolute(m: _Maker) -> Pair:
+    return Revolute(name=m.name, links=m.pair.links, points=m.points)
+
+
+def _prismatic(m: _Maker) -> Pair:
+    return Prismatic(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, angle=m.angle)
+
+
+def _weld(m: _Maker) -> Pair:
+    return Weld(name=m.name, links=m.pair.links, points=m.points, angle=m.angle)
+
+
+def _pin_slot(m: _Maker) -> Pair:
+    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide)
+
+
+def _rolling(m: _Maker) -> Pair:
+    return Rolling(name=m.name, links=m.pair.links, points=m.points, radius=m.radius, along=m.along, side=m.side)
+
+
+def _gear(m: _Maker) -> Pair:
+    if m.pair.teeth is not None:
+        first, second = m.pair.teeth
+        sizes = (float(first), float(second))
+    else:
+        sizes = m.radii
+    check_gear(m.path, m.pair, sizes, m.document, m.placement, m.convert)
+    return Gear(
+        name=m.name,
+        links=m.pair.links,
+        carrier=m.carrier,
+        sizes=sizes,
+        internal=m.pair.internal,
+        pressure_angle=m.pressure_angle,
+    )
+
+
+def _belt(m: _Maker) -> Pair:
+    return Belt(name=m.name, links=m.pair.links, carrier=m.carrier, radii=m.radii, crossed=m.pair.crossed)
+
+
+def _rack(m: _Maker) -> Pair:
+    return Rack(
+        name=m.name,
+        links=m.pair.links,
+        slider=m.pair.slider or "",
+        radius=m.radius,
+        side=m.side,
+        pressure_angle=m.pressure_angle,
+    )
+
+
+def _cylinder(m: _Maker) -> Pair:
+    return Cylinder(name=m.name, links=m.pair.links, points=m.points)
+
+
+_MAKE: Mapping[str, Callable[[_Maker], Pair]] = {
+    "revolute": _revolute,
+    "prismatic": _prismatic,
+    "weld": _weld,
+    "pin_slot": _pin_slot,
+    "rolling": _rolling,
+    "gear": _gear,
+    "belt": _belt,
+    "chain": _belt,
+    "rack": _rack,
+    "cylinder": _cylinder,
+}
+
+
+def pair_spec(name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Pair:
+    """The core's pair; faults of its values are noted."""
+    return _MAKE[pair.kind](_Maker(name, pair, document, placement, convert))
+
+
+def drawn_angle(pair: PairDocument, placement: Placement) -> float:
+    """The angle from the first link's frame to the second's as they are drawn [rad]; 0 where they are not."""
+    if not placement.drawn.issuperset(pair.links):
+        return 0.0
+    first, second = (placement.poses[link][2] for link in pair.links)
+    return math.remainder(second - first, 2.0 * math.pi)
+
+
+def modes_of(document: SceneDocument) -> dict[str, str]:
+    """Assembly modes by the name that the core knows the pair by.
+
+    The side of a cylinder is that of its eye. A cylinder that nothing drives has a positive length, never the other branch.
+    """
+    modes = {}
+    for name, pair in document.pairs.items():
+        if pair.kind == "cylinder" and pair.drive is None:
+            modes[name] = "ahead"
+        if pair.mode is not None:
+            modes[f"{name}.eye" if pair.kind == "cylinder" else name] = pair.mode
+    return modes

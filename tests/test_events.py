@@ -1,0 +1,105 @@
+"""Events of a motion against positions that geometry gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanisms import four_bar
+
+from mechcore import Motion, compile_mechanism, default_times, solve_motion
+from mechcore.events import Event, find_events, turning_points
+from mechcore.laws import Oscillation, zones
+from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
+
+
+def move(mechanism: Mechanism, frames: int = 90, cycles: float = 1.0) -> Motion:
+    return solve_motion(compile_mechanism(mechanism), default_times(mechanism, frames, cycles))
+
+
+def of(motion: Motion, item: str) -> list[Event]:
+    return [e for e in find_events(motion) if e.item == item]
+
+
+def test_turning_points_of_a_sine_are_found_to_fourth_order():
+    errors = []
+    for n in (20, 40):
+        t = np.linspace(0.0, 2.0, n)
+        errors.append(abs(turning_points(t, np.cos(3 * t + 0.2), -3 * np.sin(3 * t + 0.2)) - [(np.pi / 2 - 0.2) / 3, (1.5 * np.pi - 0.2) / 3]))
+    assert errors[1].max() < 1e-6
+    assert np.log2(errors[0].max() / errors[1].max()) > 3.0
+
+
+def test_no_turning_points_where_nothing_moves_or_after_a_rest():
+    t = np.linspace(0.0, 1.0, 11)
+    assert len(turning_points(t, np.zeros(11), np.zeros(11))) == 0
+    assert len(turning_points(t, np.where(t < 0.35, 1.0, np.where(t > 0.65, -1.0, 0.0)), np.zeros(11))) == 0
+
+
+@pytest.mark.parametrize("frames", [90, 360])
+def test_dead_points_of_a_crank_rocker(frames):
+    """The rocker turns back where crank and coupler lie in line: law of cosines in the triangles with sides b + a and b - a."""
+    a, b, c, d = 0.06, 0.18, 0.15, 0.2
+    motion = move(four_bar(E=(d, 0.0), AB=a, BD=b, DE=c, speed=2.0), frames)
+    outer = np.arccos((d**2 + (b + a) ** 2 - c**2) / (2 * d * (b + a)))
+    inner = np.pi + np.arccos((d**2 + (b - a) ** 2 - c**2) / (2 * d * (b - a)))
+    times = sorted(e.time for e in of(motion, "E"))
+    assert times == pytest.approx(sorted([outer / 2.0, inner / 2.0]), abs=1e-6)
+    assert all("limit position" in e.text and e.level == "INFO" and "drive A at" in e.text for e in of(motion, "E"))
+
+
+def slider_crank(law) -> Mechanism:
+    return Mechanism(
+        name="sc",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0, 0)}),
+            Link(name="crank", points={"A": (0, 0), "B": (0.05, 0)}),
+            Link(name="rod", points={"B": (0, 0), "C": (0.2, 0)}),
+            Link(name="slider", points={"C": (0, 0)}),
+        ),
+        pairs=(
+            Revolute(name="A", links=("frame", "crank"), points=("A", "A")),
+            Revolute(name="B", links=("crank", "rod"), points=("B", "B")),
+            Revolute(name="C", links=("rod", "slider"), points=("C", "C")),
+            Prismatic(name="S", links=("frame", "slider"), points=("A", "C"), along=(1.0, 0.0)),
+        ),
+        drives=(Drive(pair="A", law=law),),
+        modes={"S": "ahead"},
+    )
+
+
+def test_zones_of_a_drive():
+    law = zones(start=0.0, speed=2.0, run_up=0.5, steady=1.0, braking=0.25)
+    motion = move(slider_crank(law), 100)
+    found = [(e.text.split(" at ")[0], e.time) for e in of(motion, "A")]
+    assert [words for words, _ in found] == [
+        "drive starts",
+        "zone boundary of the drive's law",
+        "zone boundary of the drive's law",
+        "drive stops",
+    ]
+    assert [t for _, t in found] == pytest.approx([0.0, 0.5, 1.0, 1.25])
+
+
+def test_a_drive_that_swings_reverses_and_its_reversals_are_no_limits_of_others():
+    motion = move(slider_crank(Oscillation(1.0, 0.4, 2.0)), 200)
+    reversals = [e for e in of(motion, "A") if "reverses" in e.text]
+    assert [e.time for e in reversals] == pytest.approx([0.125, 0.375], abs=1e-6)
+    assert not of(motion, "S"), "the slider turns back only because its drive does"
+
+
+def test_limits_of_a_slider_are_named_with_their_side():
+    motion = move(slider_crank(zones(start=0.3, speed=1.0, run_up=0.0, steady=2 * np.pi, braking=0.0)), 77)
+    limits = {e.text.split(",")[0]: e for e in of(motion, "S")}
+    assert limits["limit position: coordinate smallest"].time == pytest.approx(np.pi - 0.3, abs=1e-6)
+    assert "150 mm" in limits["limit position: coordinate smallest"].text
+    assert "250 mm" in limits["limit position: coordinate largest"].text
+
+
+def test_singular_positions_warn():
+    """A parallelogram lies in line at 0 and 180 degrees: the coupler's group is singular there."""
+    motion = move(four_bar(E=(0.2, 0.0), AB=0.1, BD=0.2, DE=0.1, start=0.1), 1)
+    near = Motion(motion.model, motion.time, motion.drives, motion.state, motion.modes)
+    near.__dict__["condition"] = np.array([1.0, 1e12])
+    events = [e for e in find_events(near) if e.level == "WARN"]
+    assert len(events) == 1 and "1.0e+12" in events[0].text and events[0].time == near.time[1]
