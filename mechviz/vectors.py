@@ -129,7 +129,7 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
         if load.kind == "torque":
             found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
     for pair in motion.mechanism.pairs:
-        found.append(Moment("reaction", pair.name, motion.pair_position(pair.name), forces.reaction(pair.name)[:, 2]))
+        found.append(Moment("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, 2]))
     largest = max((_peak(m.value) for m in found), default=0.0)
     found = [m for m in found if _peak(m.value) > 1e-9 * largest]  # the rest is round-off
     return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
@@ -178,7 +178,7 @@ def _force_vectors(run: Run) -> list[Vector]:
     mechanism = motion.mechanism
     found = []
     for pair in mechanism.pairs:
-        found.append(Vector("reaction", pair.name, motion.pair_position(pair.name), forces.reaction(pair.name)[:, :2]))
+        found.append(Vector("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, :2]))
     for name, load in forces.loads.items():
         if load.kind != "torque":
             family, item = ("gravity", load.link) if load.kind == "gravity" else ("applied", name)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+
 from recordings import Made, made
 
 pytestmark = pytest.mark.picture
@@ -39,9 +40,8 @@ def viewer(folder: Path) -> Iterator[Any]:
     subprocess.run([binary, "analytics", "disable"], env=env, capture_output=True, check=False)
     log = folder / "viewer.log"
     with open(log, "wb") as out:
-        process = subprocess.Popen(
-            [binary, "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)], env=env, stdout=out, stderr=out
-        )
+        command = [binary, "--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)]
+        process = subprocess.Popen(command, env=env, stdout=out, stderr=out)
     try:
         yield connected(ViewerClient, process, port, log)
     finally:
@@ -56,7 +56,7 @@ def connected(client: Any, process: subprocess.Popen[bytes], port: int, log: Pat
     end = time.monotonic() + 60
     while time.monotonic() < end:
         if process.poll() is not None:
-            words = f"rerun's viewer does not start (a Vulkan driver such as mesa-vulkan-drivers is needed): {log.read_text()[-600:]}"
+            words = f"rerun's viewer does not start; it needs a Vulkan driver such as mesa-vulkan-drivers: {log.read_text()[-600:]}"
             pytest.fail(words) if REQUIRED else pytest.skip(words)
         try:
             found = client.connect(f"rerun+http://127.0.0.1:{port}/proxy")

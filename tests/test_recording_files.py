@@ -10,9 +10,9 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from recordings import made
 
 from mechviz.record import Recording, RecordingError, format_inspection, inspect, interruption, write_recording
+from recordings import made
 
 RUN = made("crank-rocker").run
 

@@ -19,6 +19,8 @@ import viser
 import websockets
 from viser import _messages
 
+from mechcore.laws import ConstantSpeed
+from mechcore.spec import Drive, Gear, Link, Mechanism, Revolute, Torque
 from mechviz import scene, vectors
 from mechviz.meshes import build_solids
 from mechviz.run import Run, run_scene
@@ -164,6 +166,26 @@ def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compre
     assert [q.label for q in first_choice(kinematic, 2)] == ["point foot.H: position", "point foot.H: velocity"]
     crank_rocker = run_scene(scene.load("crank-rocker"))
     assert [q.label for q in first_choice(crank_rocker, 2)] == ["link rocker: angle", "link rocker: angular velocity"]
+
+
+def test_gears_have_quantities_and_reactions_where_they_mesh():
+    frame = Link(name="frame", points={"A": (0.0, 0.0), "B": (0.12, 0.0)})
+    wheels = [Link(name=n, points={"c": (0.0, 0.0)}, mass=1.0, inertia=0.01) for n in ("pinion", "gear")]
+    pins = [Revolute(name=p, links=("frame", n), points=(p, "c")) for p, n in zip("AB", ("pinion", "gear"), strict=True)]
+    mechanism = Mechanism(
+        name="gears",
+        frame="frame",
+        links=(frame, *wheels),
+        pairs=(*pins, Gear(name="G", links=("pinion", "gear"), carrier="frame", sizes=(20, 40))),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 5.0)),),
+        loads=(Torque(name="load", link="gear", moment=-3.0),),
+    )
+    run = run_scene(SimpleNamespace(mechanism=mechanism, frames=20, cycles=1))
+    for q in find_quantities(run):
+        assert q.values().shape == (21, len(q.curves)), q.title
+    mesh = vectors.find_vectors(run)["reaction"]["G"]
+    np.testing.assert_allclose(mesh.origin, np.broadcast_to([0.04, 0.0], (21, 2)), atol=1e-12)
+    assert set(vectors.find_moments(run)) == {"drive", "applied"}
 
 
 def test_only_a_drive_that_runs_one_way_can_be_plotted_against(compressor):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..tables import pair_unit, tables
+from ..tables import Table, pair_unit
 from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -86,7 +86,7 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
     yield Stream(entity("plots", "reactions"), columns, every)
 
 
-def plot_styles(run: Run) -> Iterator[Static]:
+def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
     """Names, units and colours of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
     import rerun as rr
 
@@ -95,7 +95,7 @@ def plot_styles(run: Run) -> Iterator[Static]:
         return rr.SeriesLines.from_fields(names=names, colors=colors, widths=[1.6] * len(names), aggregation_policy="MinMax")
 
     known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
-    for table in tables(run):
+    for table in all_tables:
         kind = (*table.path[:2], table.path[-1]) if table.path[0] == "data" else table.path[:1]
         first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
         known[kind] = first + table.values.shape[1]

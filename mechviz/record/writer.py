@@ -14,11 +14,14 @@ from mechcore.events import Event, find_events
 
 from ..run import Stage, stopwatch
 from ..solids import solids_of
-from ..tables import tables
+from ..tables import links_with_mass, tables
 from ..vectors import Scales
 from .arrows import extent, shapes
+from .blueprint import make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
+from .paths import entity
+from .plots import plot_streams, plot_styles
 from .stream_file import Part, recording_file
 from .streams import Stream, Timelines, arrow_streams, mechanism_streams, picture_stride, static_shapes, table_streams
 
@@ -89,12 +92,10 @@ def write_recording(
         every = picture_stride(run)
         timelines = Timelines.of(run)
         events = sorted([*find_events(run.motion), *peak_events(run)], key=lambda e: e.time)
-        streams = [*mechanism_streams(run, solids), *table_streams(tables(run))]
+        all_tables = tables(run)
+        streams = [*mechanism_streams(run, solids), *table_streams(all_tables)]
         streams += arrow_streams(arrows, arcs, scales, solids, every)
     with stopwatch(stages, "blueprint"):
-        from .blueprint import make_blueprint
-        from .plots import plot_streams, plot_styles
-
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
             "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
@@ -102,7 +103,7 @@ def write_recording(
         }
         blueprint = make_blueprint(run, bounds, events)
         streams += plot_streams(run, every)
-        statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run)]
+        statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
             _describe(part.stream, run, solids, scales, stages, every, complete=False)
@@ -145,9 +146,6 @@ def _describe(
 def _properties_of_links(run: Run) -> list[tuple[str, Any]]:
     """Mass [kg], centre of mass in the link frame [m], J_S [kg m^2] of the links whose mass counts."""
     import rerun as rr
-
-    from ..tables import links_with_mass
-    from .paths import entity
 
     masses = {link.name: [link.mass, *link.centre, link.inertia] for link in run.motion.mechanism.links}
     return [(entity("data", "links", k, "properties"), rr.Scalars(masses[k])) for k in links_with_mass(run)]

@@ -150,7 +150,15 @@ class SceneBuilder:
         drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A wheel that rolls on a straight edge of another link without slipping."""
-        entry = {"rolling": [edge, wheel], "at": at, "along": along, "radius": radius, "side": side, "branch": branch, "drive": drive}
+        entry = {
+            "rolling": [edge, wheel],
+            "at": at,
+            "along": along,
+            "radius": radius,
+            "side": side,
+            "branch": branch,
+            "drive": drive,
+        }
         return self._add("pairs", name, entry)
 
     def gear(

@@ -72,7 +72,8 @@ def find_quantities(run: Run) -> list[Quantity]:
 
 def slides(motion: Motion, pair: str) -> bool:
     """Whether a pair's coordinate is a displacement; else it is an angle."""
-    return motion.model.joints[motion.model.joint_index[pair]].coordinate == "slide"
+    index = motion.model.joint_index.get(pair)  # a gear, belt or rack pair relates two angles and is no joint of its own
+    return index is not None and motion.model.joints[index].coordinate == "slide"
 
 
 def output_pair(motion: Motion) -> Pair | None:
