@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from mechviz.record import Recording, RecordingSummary, write_recording
 from mechviz.run import Run, run_scene
 
 NAMES = [entry.name for entry in mechviz.gallery()]
+FOLDER = TemporaryDirectory(prefix="mechviz-")  # goes when Python ends
 FRAMES = 240  # a run; enough for differences of poses to show their order
 
 
@@ -54,7 +55,7 @@ class Made:
 def made(name: str, frames: int = FRAMES) -> Made:
     """A gallery scene, recorded."""
     run = run_scene(mechviz.load(name), frames=frames)
-    path = Path(mkdtemp(prefix="mechviz-")) / f"{name}.rrd"
+    path = Path(FOLDER.name) / f"{name}-{frames}.rrd"
     summary = write_recording(run, path)
     return Made(run, summary, Recording(path))
 

@@ -56,7 +56,8 @@ def connected(client: Any, process: subprocess.Popen[bytes], port: int, log: Pat
     end = time.monotonic() + 60
     while time.monotonic() < end:
         if process.poll() is not None:
-            words = f"rerun's viewer does not start; it needs a Vulkan driver such as mesa-vulkan-drivers: {log.read_text()[-600:]}"
+            why = [line for line in log.read_text(errors="replace").splitlines() if "anick" in line or "rror" in line]
+            words = f"rerun's viewer does not start; it needs a Vulkan driver such as mesa-vulkan-drivers: {' '.join(why)[:300]}"
             pytest.fail(words) if REQUIRED else pytest.skip(words)
         try:
             found = client.connect(f"rerun+http://127.0.0.1:{port}/proxy")

@@ -21,7 +21,7 @@ __all__ = ["make_blueprint"]
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
-TILT = (0.07, 0.12)  # how far the eye stands aside and above, so that the layers can be told apart
+TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
 PICTURE = 1.5  # width of the 3D view over its height, about
 
 
@@ -101,7 +101,7 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     half = 0.5 * (high - low)
     margin = 1.1
     away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
-    direction = np.array([TILT[0], TILT[1], 1.0])
+    direction = np.array([0.0, TILT, 1.0])
     return middle + away * direction / np.linalg.norm(direction), middle
 
 

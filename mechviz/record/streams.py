@@ -149,7 +149,8 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
     """Arrows and arcs above the mechanism; what is too short to be seen has no instance in its row."""
     import rerun as rr
 
-    z, size = solids.z_top, solids.size
+    size = solids.size
+    z = solids.z_top + 0.008 * size  # before the paths of traced points, along which velocities point
     for arrow in arrows:
         scale = scales.per_metre(arrow.vector.family)
         seen = visible(arrow.vector.value, scale, size)
