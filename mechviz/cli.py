@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -33,7 +33,7 @@ FramesOpt = Annotated[
     int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="frames over the whole run [default: the scene's]")
 ]
 CyclesOpt = Annotated[
-    float | None, typer.Option("--cycles", min=1e-6, max=1e6, help="cycles of the first drive [default: the scene's]")
+    int | None, typer.Option("--cycles", min=1, max=1_000_000, help="cycles of the first drive [default: the scene's]")
 ]
 
 
@@ -56,7 +56,9 @@ def clear_errors(source: str) -> Iterator[None]:
     try:
         yield
     except MechanismError as e:
-        fail(str(e) if hasattr(e, "source") else _faults_text(source, e))
+        from .scene import SceneError
+
+        fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
     except KeyboardInterrupt:
         fail("interrupted: nothing was left half-written.", 130)
     except BrokenPipeError:
@@ -66,28 +68,13 @@ def clear_errors(source: str) -> Iterator[None]:
         fail(f"{e.filename or source}: {e.strerror or e}.")
 
 
-def _faults_text(source: str, error: Any) -> str:
-    from .scene.faults import SceneError
-
-    if isinstance(error, SceneError):
-        return str(error)
-    n = len(error.faults)
-    width = max(len(f.path) for f in error.faults)
-    lines = [f"{source}: {n} problem{'s' if n != 1 else ''}"]
-    for f in error.faults:
-        lines.append(f"  {f.path:<{width}}  {f.message}")
-        if f.remedy:
-            lines.append(f"  {'':<{width}}  {f.remedy}")
-    return "\n".join(lines)
-
-
 def load_scene(source: str) -> Scene:
     from .scene import load
 
     return load(source)
 
 
-def solve(scene: Scene, frames: int | None, cycles: float | None) -> Run:
+def solve(scene: Scene, frames: int | None, cycles: int | None) -> Run:
     from .run import run_scene
 
     return run_scene(scene, frames=frames, cycles=cycles)

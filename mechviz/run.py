@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from mechcore.plan import Plan, make_plan
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["Run", "Stage", "run_scene", "stopwatch"]
+__all__ = ["Run", "Stage", "run_scene", "stopwatch", "with_run"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,15 @@ class Run:
     stages: tuple[Stage, ...]
 
 
+def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
+    """The scene with another number of frames or cycles, validated like any scene (not every drive can repeat)."""
+    if frames is None and cycles is None:
+        return scene
+    document = scene.document.model_dump(exclude_defaults=True)
+    run = {**document.get("run", {}), "frames": frames or scene.frames, "cycles": cycles or scene.cycles}
+    return type(scene).build(name=scene.name, **{**document, "run": run})
+
+
 @contextmanager
 def stopwatch(stages: list[Stage], name: str) -> Iterator[None]:
     """Append the wall time of a block of code to ``stages``."""
@@ -49,21 +58,25 @@ def run_scene(
     scene: Scene,
     *,
     frames: int | None = None,
-    cycles: float | None = None,
+    cycles: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Run:
-    """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`."""
+    """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
+
+    The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
+    """
     stages: list[Stage] = []
+    scene = with_run(scene, frames, cycles)
     mechanism = scene.mechanism
     plan = make_plan(mechanism)
 
-    def stage(name: str):  # type: ignore[no-untyped-def]
+    def stage(name: str) -> AbstractContextManager[None]:
         progress(name)
         return stopwatch(stages, name)
 
     with stage("compile"):
         compiled = compile_mechanism(mechanism)
-    times = default_times(mechanism, scene.frames if frames is None else frames, scene.cycles if cycles is None else cycles)
+    times = default_times(mechanism, scene.frames, scene.cycles)
     with stage("positions"):
         motion = solve_motion(compiled, times)
         _ = motion.origins
