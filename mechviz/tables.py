@@ -16,7 +16,7 @@ from .vectors import centre_name, point_name
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Table", "links_with_mass", "pair_unit", "tables"]
+__all__ = ["JointInfo", "Table", "joints_of", "links_with_mass", "pair_unit", "tables"]
 
 Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
@@ -49,10 +49,27 @@ def links_with_mass(run: Run) -> list[str]:
     return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]
 
 
-def pair_unit(motion: Motion, pair: str) -> str:
-    """Unit of a pair's coordinate: ``m`` where it slides, else ``rad``."""
+@dataclass(frozen=True)
+class JointInfo:
+    """A joint that transmits forces: a pair of the mechanism, or one that a pair brings along (the pins of a cylinder)."""
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    unit: str  # of its coordinate: ``m`` where it slides, else ``rad``
+
+
+def joints_of(motion: Motion) -> list[JointInfo]:
+    """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
     model = motion.model
-    return "m" if model.joints[model.joint_index[pair]].coordinate == "slide" else "rad"
+    found = [JointInfo(j.name, j.kind, j.links, "m" if j.coordinate == "slide" else "rad") for j in model.joints]
+    known = {j.name for j in found}
+    return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
+
+
+def pair_unit(motion: Motion, pair: str) -> str:
+    """Unit of a joint's coordinate."""
+    return next(j.unit for j in joints_of(motion) if j.name == pair)
 
 
 def tables(run: Run) -> list[Table]:
@@ -86,13 +103,13 @@ def _points(run: Run) -> Iterator[Table]:
 
 def _joints(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
-    for pair in motion.mechanism.pairs:
-        path, name = ("data", "joints", pair.name), pair.name
-        unit = pair_unit(motion, name)
+    for joint in joints_of(motion):
+        path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
         rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
         yield Table((*path, "motion"), f"{name}.motion", rates, motion.coordinate(name))
-        yield Table((*path, "position"), f"{name}.position", _POSE[:2], motion.pair_position(name))
+        place = motion.pair_position(name) if forces is None else forces.position(name)
+        yield Table((*path, "position"), f"{name}.position", _POSE[:2], place)
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
             yield Table((*path, "reaction"), f"{name}.reaction", columns, forces.reaction(name))

@@ -298,6 +298,24 @@ def test_a_triad_follows_one_branch_and_comes_back():
     assert steps < 0.02, "no jump to another assembly mode"
 
 
+def test_the_walk_does_not_change_branch_even_with_wild_steps(monkeypatch):
+    """With steps of a third of a turn and no limit on Newton's corrections the sign of the determinant alone must guard it."""
+    from mechcore import continuation
+
+    compiled = compile_mechanism(class_three())
+    monkeypatch.setattr(continuation, "LARGEST_CORRECTION", np.inf)
+
+    def drives(p):
+        return [p], [1.0]
+
+    fine = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, 0.05)
+    for step in (0.5, 1.0, 2.0, 3.0):
+        wild = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, step)
+        (name,) = wild.splines
+        a, b = fine.splines[name](6.0), wild.splines[name](6.0)
+        assert wild.ends[1] == 6.0 and np.abs(np.exp(1j * a) - np.exp(1j * b)).max() < 1e-6, step
+
+
 def test_turn_ten_thousand_equals_turn_one():
     for m in (class_three(), four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, speed=7.0)):
         compiled = compile_mechanism(m)

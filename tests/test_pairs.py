@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import four_bar, load, pin, slider_crank
+from mechanisms import four_bar, load, move, pin, slider_crank
 from test_properties import balance_of_links
 
 from mechcore import MechanismError, compile_mechanism, solve_forces, solve_motion
@@ -206,7 +206,9 @@ def test_wheel_rolls_without_slipping(side):
         at - forces.motion.origins[k]
     )
     assert np.abs(slip).max() < 1e-14
-    assert np.abs(forces.power_balance).max() < 1e-12
+    sound(forces)
+    normal = forces.reaction("W")[:, 1]
+    assert (normal > 0).all(), "the edge carries the wheel"
 
 
 def test_pin_in_slot_is_the_shaper():
@@ -321,3 +323,75 @@ def test_a_drive_on_a_gear_pair_is_refused():
     m = gear_train()
     with pytest.raises(MechanismError, match="no coordinate that a drive could prescribe"):
         compile_mechanism(replace(m, drives=(Drive(pair="G", law=ConstantSpeed(0.0, 1.0)),)))
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "formula"),
+    [
+        (planetary(), (4, 4, 2, -1)),
+        (gear_train(), (2, 2, 1, 1)),
+    ],
+    ids=["planetary", "gears"],
+)
+def test_mobility_counts_gears_as_higher_pairs(mechanism, formula):
+    from mechcore.structure import gruebler, rank_mobility
+
+    motion = move(mechanism, [0.3])
+    n, p5, p4, w = formula
+    assert gruebler(motion.model)[:3] == (n, p5, p4)
+    assert gruebler(motion.model)[3] == 3 * n - 2 * p5 - p4 - 3 * sum(isinstance(p, Weld) for p in mechanism.pairs) == (
+        w if w >= 0 else 3 * 4 - 2 * 4 - 2 - 3
+    )
+    assert rank_mobility(motion) == 1
+
+
+def test_mobility_of_slots_racks_and_rolling():
+    from mechcore.structure import gruebler, rank_mobility
+
+    slot = Mechanism(
+        name="slot", frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.0), "B": (0.0, -0.12)}), Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
+               Link(name="lever", points={"B": (0.0, 0.0)})),
+        pairs=(pin("O", "frame", "crank"), pin("B", "frame", "lever"), PinSlot(name="A", links=("lever", "crank"), points=("B", "A"))),
+        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),), modes={"A": "ahead"},
+    )  # fmt: skip
+    rack = Mechanism(
+        name="rack", frame="frame",
+        links=(Link(name="frame", points={"A": (0.0, 0.0), "G": (0.0, -0.04)}), wheel("pinion"), Link(name="rack", points={"R": (0.0, 0.0)})),
+        pairs=(_at("A", "frame", "A", "pinion"), Prismatic(name="S", links=("frame", "rack"), points=("G", "R")),
+               Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04)),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+    )  # fmt: skip
+    wheeled = Mechanism(
+        name="wheel", frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.1)}), wheel("wheel"), Link(name="cart", points={"c": (0.0, 0.0)})),
+        pairs=(Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1), pin("c", "cart", "wheel"),
+               Prismatic(name="S", links=("frame", "cart"), points=("O", "c"))),
+        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+    )  # fmt: skip
+    for mechanism, counts in ((slot, (2, 2, 1, 1)), (rack, (2, 2, 1, 1)), (wheeled, (2, 3, 0, 0))):
+        motion = move(mechanism, [0.3])
+        assert gruebler(motion.model) == counts, mechanism.name
+        assert rank_mobility(motion) == 1, mechanism.name
+
+
+def test_slide_on_a_turning_arm_has_its_coriolis_acceleration():
+    """An open chain with two drives: r'' - r w^2 along the arm, r e + 2 r' w across it."""
+    m = Mechanism(
+        name="polar", frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="arm", points={"O": (0.0, 0.0)}),
+               Link(name="tool", points={"T": (0.0, 0.0)}, mass=2.0)),
+        pairs=(pin("O", "frame", "arm"), Prismatic(name="S", links=("arm", "tool"), points=("O", "T"))),
+        drives=(Drive(pair="O", law=Oscillation(0.3, 0.8, 0.4)), Drive(pair="S", law=Oscillation(1.0, 0.5, 0.7, 0.2))),
+        effects=("inertia",),
+    )  # fmt: skip
+    forces = solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 31)))
+    motion = forces.motion
+    q, w, e = motion.coordinate("O").T
+    r, v, a = motion.coordinate("S").T
+    along, across = np.exp(1j * q), 1j * np.exp(1j * q)
+    expected = (a - r * w**2) * along + (r * e + 2 * v * w) * across
+    np.testing.assert_allclose(motion.point("tool", "T", 2) @ [1, 1j], expected, rtol=1e-12)
+    np.testing.assert_allclose(forces.effort("S"), 2.0 * (a - r * w**2), rtol=1e-11)
+    np.testing.assert_allclose(forces.effort("O"), 2.0 * r * (r * e + 2 * v * w), rtol=1e-10, atol=1e-12)
+    sound(forces)

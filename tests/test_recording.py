@@ -52,6 +52,8 @@ def test_joints_coincide_on_both_links(name):
     mechanism = m.mechanism
     points, near = points_of(mechanism), 1e-12 * size_of(mechanism)
     for pair in mechanism.pairs:
+        if not isinstance(pair, Revolute | Prismatic):
+            continue
         poses = [m.data("links", link, "pose") for link in pair.links]
         at = [place(q, points[k][p]) for q, k, p in zip(poses, pair.links, pair.points, strict=True)]
         position = m.data("joints", pair.name, "position")
@@ -77,6 +79,9 @@ def smooth(m: Made) -> np.ndarray:
     ok = np.zeros(len(t), bool)
     ok[1:-1] = True
     breaks = [e.time for e in m.recording.events if "drive" in e.text.split(":")[1][:8] or "zone" in e.text]
+    near_singular = m.recording.scalars("health", "condition")[1][:, 0] > 20.0  # much happens there between two frames
+    assert near_singular.mean() < 0.3
+    breaks += list(t[near_singular])
     for b in breaks:
         ok &= ~((t > b - 1.5 * (t[1] - t[0])) & (t < b + 1.5 * (t[1] - t[0])))
     return ok
@@ -92,7 +97,7 @@ def difference_errors(m: Made) -> dict[str, float]:
             for link in m.recording.model["links"]:
                 x, v = m.data("links", link, lower)[:, columns], m.data("links", link, upper)[:, columns]
                 off.append(((x[2:] - x[:-2]) / (t[2:] - t[:-2])[:, None] - v[1:-1])[ok[1:-1]])
-                scale = max(scale, abs(v).max())
+                scale = max(scale, abs(v).max(), 1e-6 * abs(x).max() / (t[1] - t[0]))  # a steady speed has no acceleration
             errors[f"{kind} {upper}"] = float(np.sqrt(np.mean(np.square(off)))) / scale
     return errors
 
@@ -250,8 +255,11 @@ def test_properties_and_documents_say_what_was_done(name):
         assert p[scale] > 0
     model = json.loads(p["model"])
     mechanism = m.mechanism
-    assert set(model["links"]) == {link.name for link in mechanism.links} and model["frame"] == mechanism.frame
-    assert {j: tuple(a["links"]) for j, a in model["joints"].items()} == {q.name: q.links for q in mechanism.pairs}
+    assert set(model["links"]) >= {link.name for link in mechanism.links} and model["frame"] == mechanism.frame
+    assert set(model["joints"]) >= {q.name for q in mechanism.pairs}
+    for q in mechanism.pairs:
+        if isinstance(q, Revolute | Prismatic):
+            assert model["joints"][q.name] == {"type": type(q).__name__.lower(), "links": list(q.links)}
     assert model["drives"] == [d.pair for d in mechanism.drives]
     assert m.recording.scene_text == m.run.scene.text
     for step in plan.computed + plan.skipped:
@@ -263,7 +271,7 @@ def test_all_rows_are_on_all_timelines_at_the_frames(name):
     m = made(name)
     motion = m.run.motion
     ns = np.round(motion.time * 1e9).astype(np.int64)
-    rotary = [d.pair for d in motion.mechanism.drives if not isinstance(pair_of(m, d.pair), Prismatic)]
+    rotary = [d.pair for d in motion.mechanism.drives if isinstance(pair_of(m, d.pair), Revolute)]
     for path in m.recording.entities:
         if not path.startswith(("/data", "/health", "/mechanism", "/vectors")):
             continue

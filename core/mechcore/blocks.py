@@ -158,7 +158,7 @@ def relation_sum(
 ) -> tuple[Array, dict[tuple[str, int], float]]:
     """A relation's known terms [m], its constant subtracted, and the coefficients of the unknowns of ``block``."""
     t = model.sums[relation]
-    known: Array = t.offset - (state.constants[relation] if state.constants else 0.0)
+    known: Array = -state.constants[relation] if state.constants else 0.0
     unknown: dict[tuple[str, int], float] = {}
     for d, c in t.drives:
         known = known + c * state.drives[d]

@@ -73,7 +73,8 @@ def _at(motion: Motion, rows: Real, t: float) -> float:
 
 
 def _words(motion: Motion, pair: str, value: float) -> str:
-    if motion.model.joints[motion.model.joint_index[pair]].coordinate == "angle":
+    j = motion.model.joint_index.get(pair)
+    if j is None or motion.model.joints[j].coordinate == "angle":
         return f"{np.degrees(value):.4g}°"
     return f"{1e3 * value:.5g} mm"
 

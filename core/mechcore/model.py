@@ -33,13 +33,12 @@ class SpinContour:
 
 @dataclass(frozen=True)
 class Sum:
-    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + offset = constant``."""
+    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients = constant``."""
 
     name: str
     groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
     drives: tuple[tuple[int, float], ...]  # turning drives inside groups
     slides: tuple[tuple[int, float], ...]  # sliding joints
-    offset: float
 
 
 @dataclass(frozen=True)
@@ -268,11 +267,9 @@ def _size(m: Mechanism) -> float:
 def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> Sum:
     groups: dict[int, float] = {}
     drives: dict[int, float] = {}
-    offset = 0.0
     for link, c in relation.angles:
         k = index[link]
         groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
-        offset += c * turning.offset[k]
         for d, sign in turning.spin_drives[turning.spin[k]]:
             drives[d] = drives.get(d, 0.0) + c * sign
     scale = max(abs(c) for _, c in relation.angles)
@@ -281,7 +278,6 @@ def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_in
         groups=tuple((g, c) for g, c in groups.items() if g and abs(c) > 1e-14 * scale),
         drives=tuple((d, c) for d, c in drives.items() if c != 0.0),
         slides=tuple((joint_index[j], c) for j, c in relation.slides),
-        offset=offset,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .model import Model
+from .model import Model, Sum
 from .motion import Motion
 
 __all__ = ["Group", "contour_pairs", "groups", "gruebler", "rank_mobility", "redundant_pairs"]
@@ -32,9 +32,10 @@ class Group:
 
 def gruebler(model: Model) -> tuple[int, int, int, int]:
     """Planar mobility by Gruebler-Kutzbach: n moving links, p5 pairs with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
+    rolling = {r.name for r in model.relations} & set(model.joint_index)  # a slot and a relation: together one freedom
     n = len(model.links) - 1
-    p5 = sum(1 for j in model.joints if j.freedoms == 1)
-    p4 = sum(1 for j in model.joints if j.freedoms == 2)
+    p5 = sum(1 for j in model.joints if j.freedoms == 1) + len(rolling)
+    p4 = sum(1 for j in model.joints if j.freedoms == 2) + len(model.relations) - 2 * len(rolling)
     welds = sum(1 for j in model.joints if j.freedoms == 0)
     return n, p5, p4, 3 * n - 2 * p5 - p4 - 3 * welds
 
@@ -62,11 +63,33 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
             turn = np.zeros((1, 3 * (n + 1)))
             turn[0, 3 * p + 2], turn[0, 3 * q + 2] = 1.0, -1.0
             rows.append(turn)
+    for tie in model.sums:
+        rows.append(_tie_row(model, motion, tie, frame))
     jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
     if 0 in jacobian.shape:
         return 3 * n
     s = np.linalg.svd(jacobian, compute_uv=False)
     return int(3 * n - (s > tolerance * s[0]).sum())
+
+
+def _tie_row(model: Model, motion: Motion, tie: Sum, frame: int) -> np.ndarray:
+    """A relation's rate by the links' absolute coordinates, lengths in units of the size."""
+    row = np.zeros((1, 3 * len(model.links)))
+    relation = next(r for r in model.relations if r.name == tie.name)
+    for link, c in relation.angles:
+        row[0, 3 * model.index[link] + 2] += c / model.size
+    for j, c in tie.slides:
+        p, q = model.ends[j]
+        joint = model.joints[j]
+        d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+        owner, other = (p, q) if joint.guide == 0 else (q, p)
+        at = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
+        for k, sign in ((other, 1.0), (owner, -1.0)):  # rate of the coordinate: relative velocity at the sliding point
+            arm = (at - complex(np.broadcast_to(motion.origins[k], motion.frames)[frame])) / model.size
+            row[0, 3 * k] += sign * c * d.real
+            row[0, 3 * k + 1] += sign * c * d.imag
+            row[0, 3 * k + 2] += sign * c * (d.imag * arm.real - d.real * arm.imag)
+    return row
 
 
 def groups(model: Model) -> tuple[Group, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import links_with_mass
+from ..tables import joints_of, links_with_mass
 from ..vectors import LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, centre_name, find_moments, find_scales, find_vectors
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Arc:
 
 def shapes(run: Run, size: float) -> tuple[list[Arrow], list[Arc], Scales]:
     """All arrows and arcs of a run with their scales; ``size`` [m] is the mechanism's."""
-    vectors = find_vectors(run)
+    vectors = _with_all_reactions(run, find_vectors(run))
     counted = {centre_name(link) for link in links_with_mass(run)}
     idle = {centre_name(link.name) for link in run.motion.mechanism.links} - counted  # masses that no effect asks for
     arrows = [
@@ -74,6 +74,20 @@ def shapes(run: Run, size: float) -> tuple[list[Arrow], list[Arc], Scales]:
     arcs += _inertia_moments(run, arrows, find_scales(kept, {}, size), size)
     scales = find_scales(kept, _by_family(arcs), size)
     return arrows, arcs, scales
+
+
+def _with_all_reactions(run: Run, vectors: dict[str, dict[str, Vector]]) -> dict[str, dict[str, Vector]]:
+    """The vectors with the reactions of joints that a pair brings along, such as the pins of a cylinder."""
+    forces = run.forces
+    if forces is None:
+        return vectors
+    known = vectors.get("reaction", {})
+    more = {
+        j.name: Vector("reaction", j.name, forces.position(j.name), forces.reaction(j.name)[:, :2])
+        for j in joints_of(run.motion)
+        if j.name not in known
+    }
+    return {**vectors, "reaction": {**known, **more}}
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:

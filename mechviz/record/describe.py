@@ -6,6 +6,7 @@ import json
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from ..tables import joints_of
 from ..vectors import Scales
 
 if TYPE_CHECKING:
@@ -36,14 +37,12 @@ def scene_text(run: Run) -> str:
 
 def model_json(run: Run) -> str:
     """The connectivity that a reader needs to check the physics, as JSON."""
-    mechanism, core = run.motion.mechanism, run.motion.model
+    mechanism = run.motion.mechanism
     loads = {} if run.forces is None else run.forces.loads
     model = {
         "frame": mechanism.frame,
-        "links": list(core.links),
-        "joints": {
-            p.name: {"type": core.joints[core.joint_index[p.name]].kind, "links": list(p.links)} for p in mechanism.pairs
-        },
+        "links": list(run.motion.model.links),
+        "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in joints_of(run.motion)},
         "drives": [d.pair for d in mechanism.drives],
         "loads": {name: {"kind": load.kind, "links": [load.link]} for name, load in loads.items()},
     }

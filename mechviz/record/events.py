@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechcore.events import SINGULAR, Event
 
-from ..tables import pair_unit
+from ..tables import joints_of, pair_unit
 
 if TYPE_CHECKING:
     from ..run import Run
@@ -31,7 +31,7 @@ def peak_events(run: Run) -> list[Event]:
         if k is not None:
             text = f"largest driving {what} of the run, {effort[k]:.5g} {unit}"
             found.append(Event(float(motion.time[k]), "INFO", drive.pair, text))
-    sizes = {p.name: np.hypot(*forces.reaction(p.name)[:, :2].T) for p in motion.mechanism.pairs}
+    sizes = {j.name: np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(motion)}
     places = {name: _largest(size, sound) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]
     if known:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..tables import Table, pair_unit
+from ..tables import Table, joints_of
 from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -49,10 +49,10 @@ def main_outputs(run: Run) -> list[Output]:
     """Position, velocity and acceleration of what the mechanism moves: sliders at the frame, else traced points, else rockers."""
     mechanism = run.motion.mechanism
     driven = {d.pair for d in mechanism.drives}
-    at_frame = [p for p in mechanism.pairs if mechanism.frame in p.links and p.name not in driven]
-    sliders = [p.name for p in at_frame if pair_unit(run.motion, p.name) == "m"][:MOST]
+    at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
+    sliders = [j.name for j in at_frame if j.unit == "m"][:MOST]
     points = [point_name(*p) for p in mechanism.traced][:MOST]
-    rockers = [p.name for p in at_frame if pair_unit(run.motion, p.name) == "rad"][:MOST]
+    rockers = [j.name for j in at_frame if j.unit == "rad"][:MOST]
     if sliders or not points:
         joints, unit, noun = (sliders, "m", "Slider") if sliders else (rockers, "rad", "Rocker")
         units = (unit, f"{unit}/s", f"{unit}/s²")
@@ -76,7 +76,7 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
         return
     import rerun as rr
 
-    sizes = np.column_stack([np.hypot(*forces.reaction(p.name)[:, :2].T) for p in run.motion.mechanism.pairs])
+    sizes = np.column_stack([np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
     peaks = np.maximum.reduceat(sizes, np.arange(0, len(sizes), every), axis=0)
 
     def columns(frames: Index) -> Any:
@@ -101,4 +101,4 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         known[kind] = first + table.values.shape[1]
         yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
     if run.forces is not None:
-        yield Static(entity("plots", "reactions"), style([f"{p.name} [N]" for p in run.motion.mechanism.pairs], 0))
+        yield Static(entity("plots", "reactions"), style([f"{j.name} [N]" for j in joints_of(run.motion)], 0))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import Table, pair_unit
+from ..tables import Table, joints_of, pair_unit
 from ..vectors import Scales, Vector, point_name
 from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
@@ -136,13 +136,13 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
             )
 
         yield Stream(entity("mechanism", "links", link), place)
-    for pair in motion.mechanism.pairs:
-        position = motion.pair_position(pair.name)
+    for joint in joints_of(motion):
+        position = motion.pair_position(joint.name)
 
         def point(frames: Index, position: Real = position) -> Any:
             return rr.Points3D.columns(positions=_in_space(position[frames], solids.z_top))
 
-        yield Stream(entity("mechanism", "joints", pair.name), point)
+        yield Stream(entity("mechanism", "joints", joint.name), point)
 
 
 def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, every: int) -> Iterator[Stream]:
@@ -190,11 +190,11 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
             vertex_colors=solid.colors,
         )
         yield Static(entity("mechanism", "links", name, "mesh"), mesh)
-    for pair, label in _labels(run).items():
+    for joint, label in _labels(run).items():
         style = rr.Points3D.from_fields(
             colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label)
         )
-        yield Static(entity("mechanism", "joints", pair), style)
+        yield Static(entity("mechanism", "joints", joint), style)
     for link, point in motion.mechanism.traced:
         path = _in_space(motion.point(link, point), solids.z_top)
         color = tuple(int(0.5 * c + 127) for c in solids.links[link].color[:3])
@@ -215,16 +215,17 @@ def _labels(run: Run) -> dict[str, str]:
     motion = run.motion
     near = 1e-6 * motion.model.size
     heaps: list[tuple[Real, list[str]]] = []
-    for pair in motion.mechanism.pairs:
-        place = motion.pair_position(pair.name)
+    joints = [joint.name for joint in joints_of(motion)]
+    for joint in joints:
+        place = motion.pair_position(joint)
         for known, names in heaps:
             if np.abs(known - place).max(initial=0.0) < near:
-                names.append(pair.name)
+                names.append(joint)
                 break
         else:
-            heaps.append((place, [pair.name]))
+            heaps.append((place, [joint]))
     first = {names[0]: ", ".join(names) for _, names in heaps}
-    return {pair.name: first.get(pair.name, "") for pair in motion.mechanism.pairs}
+    return {joint: first.get(joint, "") for joint in joints}
 
 
 def _check_mesh(name: str, solid: Any) -> None:
