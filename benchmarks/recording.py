@@ -1,4 +1,4 @@
-"""Recording throughput: 10,000 frames of the ten-link gallery scene, forces and all, aperiodic in time.
+"""Recording throughput: 10,000 frames of the ten-link gallery scenes, as kinematics and with forces and all.
 
     python benchmarks/recording.py
 """
@@ -19,9 +19,8 @@ from mechviz.run import run_scene
 FRAMES = 10_000
 
 
-def main() -> None:
-    print(machine("numpy", "rerun-sdk"))
-    scene = mechviz.load("ten-link")
+def throughput(name: str) -> None:
+    scene = mechviz.load(name)
     run = run_scene(scene, frames=FRAMES - 1)
     links = len(scene.mechanism.links)
     with tempfile.TemporaryDirectory() as folder:
@@ -33,9 +32,15 @@ def main() -> None:
             times.append(time.perf_counter() - start)
         size = path.stat().st_size
     seconds = statistics.median(times)
-    print(f"{FRAMES} frames, {links} links: {seconds:.2f} s, {FRAMES / seconds:.0f} frames/s, {size / FRAMES:.0f} B a frame")
+    print(f"{name}: {FRAMES} frames, {links} links: {seconds:.2f} s, {FRAMES / seconds:.0f} frames/s, {size / FRAMES:.0f} B a frame")
     for s in run.stages:
         print(f"  {s.name}: {1e3 * s.seconds:.1f} ms")
+
+
+def main() -> None:
+    print(machine("numpy", "rerun-sdk"))
+    for name in ("ten-link", "ten-link-forces"):
+        throughput(name)
 
 
 if __name__ == "__main__":

@@ -59,8 +59,11 @@ def clear_errors(source: str) -> Iterator[None]:
         from .scene import SceneError
 
         fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
-    except KeyboardInterrupt:
-        fail("interrupted: nothing was left half-written.", 130)
+    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit
+        from .record import interruption
+
+        note = interruption(e) or "nothing was written."
+        fail(f"interrupted: {note}", 130 if isinstance(e, KeyboardInterrupt) else 143)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(0) from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import Motion
+from mechcore import Motion, answers
 
 from .vectors import centre_name, point_name
 
@@ -74,7 +74,7 @@ def pair_unit(motion: Motion, pair: str) -> str:
 
 def tables(run: Run) -> list[Table]:
     """All tables of a run; what the scene does not call for is not there."""
-    return [*_links(run), *_points(run), *_joints(run), *_drives(run), *_loads(run), *_health(run)]
+    return [*_links(run), *_points(run), *_joints(run), *_drives(run), *_loads(run), *_answers(run), *_health(run)]
 
 
 def _links(run: Run) -> Iterator[Table]:
@@ -134,6 +134,28 @@ def _drives(run: Run) -> Iterator[Table]:
         if forces is not None:
             wrench = forces.wrench(drive.pair)
             yield Table(("data", "drive", drive.pair, "wrench"), f"{drive.pair}.drive_wrench", _WRENCH, wrench)
+
+
+def _answers(run: Run) -> Iterator[Table]:
+    """What the scene asks for beyond motion and forces, under ``/data/answers``."""
+    motion = run.motion
+    asked = motion.mechanism.answers
+    singles = {
+        "transmission_angle": ("angle", "rad", answers.transmission_angles),
+        "velocity_ratio": ("ratio", "1", answers.velocity_ratios),
+        "mechanical_advantage": ("advantage", "1", answers.mechanical_advantage),
+    }
+    for name, (column, unit, compute) in singles.items():
+        if name in asked:
+            for pair, values in compute(motion).items():
+                yield Table(("data", "answers", name, pair), f"{name} {pair}", ((column, unit),), values[:, None])
+    if "instant_centre" in asked:
+        for (a, b), place in answers.instant_centres(motion).items():
+            yield Table(("data", "answers", "instant_centre", f"{a} {b}"), f"instant centre {a} {b}", _POSE[:2], place)
+    if "curvature" in asked:
+        for link, point in motion.mechanism.traced:
+            bend = answers.curvature(motion, link, point)[:, None]
+            yield Table(("data", "answers", "curvature", f"{link}.{point}"), f"curvature {link}.{point}", (("curvature", "1/m"),), bend)
 
 
 def _loads(run: Run) -> Iterator[Table]:

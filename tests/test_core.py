@@ -308,6 +308,8 @@ def test_the_walk_does_not_change_branch_even_with_wild_steps(monkeypatch):
     def drives(p):
         return [p], [1.0]
 
+    row = (0.0, {}, {}, {"P": 0.3})
+    assert continuation._same_branch(row, (0.1, {}, {}, {"P": 0.2})) and not continuation._same_branch(row, (0.1, {}, {}, {"P": -0.2}))
     fine = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, 0.05)
     for step in (0.5, 1.0, 2.0, 3.0):
         wild = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, step)

@@ -100,6 +100,16 @@ def gear_train(internal: bool = False) -> Mechanism:
     )
 
 
+def test_a_gear_driven_through_a_pair_named_the_other_way_round():
+    """The drive's angle is the frame's against the pinion's here, so the pinion turns against it."""
+    m = gear_train()
+    turned = replace(m, pairs=(_at("A", "pinion", "c", "frame", "A"), *m.pairs[1:]))
+    a, b = load(m, THETA, 4.0, 5.0), load(turned, -THETA, -4.0, -5.0)
+    np.testing.assert_allclose(b.motion.pose("gear")[:, 2], a.motion.pose("gear")[:, 2], rtol=1e-12)
+    np.testing.assert_allclose(b.reaction("G"), a.reaction("G"), rtol=1e-9, atol=1e-9)
+    sound(b)
+
+
 @pytest.mark.parametrize("internal", [False, True])
 def test_gear_pair_ratio_reactions_and_line_of_action(internal):
     m = gear_train(internal)
@@ -211,6 +221,27 @@ def test_wheel_rolls_without_slipping(side):
     assert (normal > 0).all(), "the edge carries the wheel"
 
 
+def test_crank_and_rod_roll_a_wheel():
+    """A slider-crank whose slider is a rolling wheel: nothing redundant, the contact force follows from the transposed blocks."""
+    base = slider_crank(r=0.05, l=0.2, e=0.1)
+    m = replace(
+        base,
+        links=(*base.links[:3], wheel("wheel", mass=3.0, inertia=0.01, centre=(0.02, 0.01))),
+        pairs=(*base.pairs[:2], _at("C", "rod", "C", "wheel"),
+               Rolling(name="W", links=("frame", "wheel"), points=("G", "c"), radius=0.1)),
+        modes={"W": "ahead"},
+        effects=("inertia", "gravity"),
+    )  # fmt: skip
+    forces = load(m, THETA, 4.0, 3.0)
+    motion = forces.motion
+    assert not motion.model.redundant
+    s = motion.coordinate("W")
+    np.testing.assert_allclose(motion.velocity("wheel")[:, 2], -s[:, 1] / 0.1, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(motion.acceleration("wheel")[:, 2], -s[:, 2] / 0.1, rtol=1e-10, atol=1e-10)
+    sound(forces)
+    np.testing.assert_allclose(forces.position("W")[:, 1], 0.0, atol=1e-15)
+
+
 def test_pin_in_slot_is_the_shaper():
     """A pin in a slotted lever moves as the block on the lever does, and presses square to the slot."""
     m = Mechanism(
@@ -274,12 +305,13 @@ def test_cylinder_lifts_a_boom():
 def test_geared_five_bar_with_a_gear_on_the_coupler():
     """The crank is a gear and drives one on the coupler: this needs the angle of a closed-form group beyond one turn."""
     base = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, speed=1.0)
-    tip = wheel("idler", mass=0.0, inertia=0.0)
+    tip = wheel("idler", mass=0.5, inertia=0.02, centre=(0.01, 0.0))
     coupler = replace(base.links[2], points={**base.links[2].points, "M": (0.12, 0.0)})
     direct = replace(
         base,
         links=(*base.links[:2], coupler, base.links[3], tip),
         pairs=(*base.pairs, _at("i", "coupler", "M", "idler"), Gear(name="G", links=("crank", "idler"), carrier="coupler", sizes=(20, 40))),
+        effects=("inertia", "gravity"),
     )
     compiled = compile_mechanism(direct)
     for times in (np.linspace(0.0, 50.0, 2001), np.linspace(0.0, 50.0, 6)):
@@ -288,6 +320,7 @@ def test_geared_five_bar_with_a_gear_on_the_coupler():
         relative = 20 * (crank - coupler_angle) + 40 * (idler - coupler_angle)
         np.testing.assert_allclose(relative, relative[0], atol=1e-9)
         last = idler[-1]
+    sound(solve_forces(motion))
     assert abs(last + 50.0 / 2) < 2.0, "the idler runs on, half as fast as the crank, through eight turns"
 
 

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .answers import curvature, transmission_angles, velocity_ratios
+from .leastnorm import indeterminate
 from .motion import Motion
 
 __all__ = ["SINGULAR", "Event", "find_events"]
@@ -17,6 +19,9 @@ Real = NDArray[np.float64]
 
 SINGULAR = 1e8
 """Condition number of a block from which half of the digits of a result are gone."""
+
+POOR = 30.0
+"""Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
 
 NOISE = 1e-9
 """Speeds below this part of the run's largest are standstill."""
@@ -34,7 +39,8 @@ class Event:
 
 def find_events(motion: Motion) -> list[Event]:
     """All events of a motion, sorted by time."""
-    found = [*_limits(motion), *_drive_events(motion), *_singular(motion)]
+    found = [*_limits(motion), *_drive_events(motion), *_singular(motion), *_changes(motion), *_extremes(motion)]
+    found += [*_indeterminate(motion)]
     return sorted(found, key=lambda e: e.time)
 
 
@@ -148,6 +154,50 @@ def _singular(motion: Motion) -> Iterator[Event]:
         t0, t1 = float(motion.time[start]), float(motion.time[end])
         text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {_at_drive(motion, t0)}"
         yield Event(t0, "WARN", "mechanism", text)
+
+
+def _changes(motion: Motion) -> Iterator[Event]:
+    """Where assembly modes meet and the motion goes through."""
+    for change in motion.changes:
+        if change.dead:
+            text = f"dead point of the drive: the group at {change.name} goes through its limit, {_at_drive(motion, change.time)}"
+        else:
+            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through, {_at_drive(motion, change.time)}"
+        yield Event(float(change.time), "WARN", change.name, text)
+
+
+def _extremes(motion: Motion) -> Iterator[Event]:
+    """Where the answers that a scene asks for become extreme."""
+    asked = motion.mechanism.answers
+    if "transmission_angle" in asked:
+        for pair, angle in transmission_angles(motion).items():
+            away = np.abs(angle - 0.5 * np.pi)
+            if np.isfinite(away).any():
+                k = int(np.nanargmax(away))
+                level: Literal["INFO", "WARN"] = "WARN" if away[k] > np.radians(90.0 - POOR) else "INFO"
+                text = f"worst transmission angle of the run, {np.degrees(angle[k]):.4g}°, {_at_drive(motion, float(motion.time[k]))}"
+                yield Event(float(motion.time[k]), level, pair, text)
+    if "velocity_ratio" in asked:
+        for pair, ratio in velocity_ratios(motion).items():
+            if np.isfinite(ratio).any() and np.ptp(ratio[np.isfinite(ratio)]) > NOISE * motion.model.size:
+                k = int(np.nanargmax(np.abs(ratio)))
+                text = f"largest velocity ratio of the run, {ratio[k]:.5g}, {_at_drive(motion, float(motion.time[k]))}"
+                yield Event(float(motion.time[k]), "INFO", pair, text)
+    if "curvature" in asked:
+        for link, point in motion.mechanism.traced:
+            bend = np.abs(curvature(motion, link, point))
+            if np.isfinite(bend).any():
+                k = int(np.nanargmax(bend))
+                text = f"sharpest bend of the path of {link}.{point}, radius {1e3 / bend[k]:.5g} mm"
+                yield Event(float(motion.time[k]), "INFO", f"{link}.{point}", text)
+
+
+def _indeterminate(motion: Motion) -> Iterator[Event]:
+    """Redundant constraints, where forces are asked for."""
+    if motion.model.redundant and (motion.mechanism.effects or motion.mechanism.loads):
+        names = ", ".join(indeterminate(motion))
+        text = f"indeterminate reactions at {names}: constraints are redundant, the smallest reactions that balance are given"
+        yield Event(float(motion.time[0]), "WARN", "mechanism", text)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -215,11 +215,11 @@ def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...],
             else:
                 others.add(k)
     faults = []
-    for k, at in pins.items():
-        if k == 0 or k in others or len(at) < 2:
+    for k, own in pins.items():
+        if k == 0 or k in others or len(own) < 2:
             continue
-        if all(abs(z - at[0][1]) <= 1e-14 * max(abs(at[0][1]), 1e-300) for _, z in at):
-            which = " and ".join(name for name, _ in at)
+        if all(abs(z - own[0][1]) <= 1e-14 * max(abs(own[0][1]), 1e-300) for _, z in own):
+            which = " and ".join(name for name, _ in own)
             why = f"it has no length: its pins {which} are at the same point."
             faults.append(Fault(f"links.{names[k]}", why, "Move one of the pins, or join the neighbours directly."))
     if faults:

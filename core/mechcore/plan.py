@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from .spec import EFFECTS, Mechanism
+from .spec import ANSWERS, EFFECTS, Mechanism
 
 __all__ = ["OUTPUTS", "Plan", "Step", "make_plan"]
 
@@ -68,5 +68,7 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     step("energy and power balance", do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
     step("friction", False, "", "no friction is named")
     step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
+    for name in mechanism.answers:
+        step(f"answer {name}", "velocities" in wanted, ANSWERS[name], "velocities are not asked for")
     effects = (*asked, *(f"load {n}" for n in loads)) if do_forces else ()
     return Plan(computed=tuple(computed), skipped=tuple(skipped), effects=effects)

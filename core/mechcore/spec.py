@@ -13,6 +13,7 @@ from typing import Literal
 from .laws import Law, Table
 
 __all__ = [
+    "ANSWERS",
     "EFFECTS",
     "Belt",
     "Cylinder",
@@ -40,6 +41,15 @@ EFFECTS: Mapping[str, str] = {
     "gravity": "weight m g of the links that have a mass",
 }
 """Effects that a scene can name, beside the loads that it lists one by one."""
+
+ANSWERS: Mapping[str, str] = {
+    "transmission_angle": "angle between the two links of every RRR group, at their common pin",
+    "velocity_ratio": "rate of every pair's coordinate per unit rate of the first drive",
+    "mechanical_advantage": "output effort per input effort of the ideal mechanism, at every pair on the frame",
+    "instant_centre": "point of equal velocity of every two links",
+    "curvature": "curvature of the paths of the traced points",
+}
+"""Answers that a scene can ask for; see `mechcore.answers`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,3 +246,4 @@ class Mechanism:
     modes: Mapping[str, str] = field(default_factory=dict)  # pair -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
     sketch: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> rough x, y, angle at the start
     traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted
+    answers: tuple[str, ...] = ()  # names from ANSWERS
