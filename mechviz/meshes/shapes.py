@@ -24,15 +24,12 @@ __all__ = ["Draft", "Neck", "Piece", "draft_pieces"]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A part of one link on the layer of its group."""
+    """A flat part of one link on the layer of its group."""
 
     link: str
     outline: Polygon
     group: str
-    kind: str  # "plate", "wheel", "block", "rail", "flange", "belt" or "tube"
-    mates: frozenset[str] = frozenset()  # pairs in which it meshes: what is in the same pair does not clash with it
-    height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
-    profile: Profile = ()  # a tube: (radius, distance along x) instead of a flat part
+    kind: str  # "plate", "block" or "rail"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +49,6 @@ class Draft:
     necks: list[Neck] = field(default_factory=list)
     fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
     groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
-    wheels: list[str] = field(default_factory=list)  # of every wheel the group that it belongs to
-    through: dict[int, set[str]] = field(default_factory=dict)  # axle -> groups that its pin passes beside those of its links
-
-    def merge(self, old: str, new: str) -> None:
-        """All that was to lie on the layer of one group lies on that of another."""
-        self.groups.update({name: new for name, group in self.groups.items() if group == old})
-        self.wheels[:] = [new if group == old else group for group in self.wheels]
-        for k, reached in self.through.items():
-            self.through[k] = {new if group == old else group for group in reached}
-
-    def reached(self, model: Model, axle: int) -> tuple[str, ...]:
-        """Groups that the pin of an axle passes."""
-        own = {self.groups[name] for name in model.axles[axle].centres if name != model.frame}
-        return tuple(sorted(own | self.through.get(axle, set())))
 
     @property
     def group_names(self) -> list[str]:
@@ -76,22 +59,13 @@ def draft_pieces(model: Model) -> Draft:
     """Choose the form of every guide and draw all pieces."""
     model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
     draft = Draft(groups={name: name for name in model.links if name != model.frame})
-    plain = group_wheels(model, draft)
-    group_telescopes(model, draft)
-    group_slots(model, draft)
     forms = {guide.pair: _form(model, guide) for guide in model.guides}
     homes = _homes(model, draft, forms)
-    plates = {
-        name: _plate(model, name, forms) for name in model.links if name != model.frame and name not in homes and name not in plain
-    }
-    join_welds(model, draft, plates)
     for guide in model.guides:
         _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
-    draw_wheels(model, draft, plain)
-    draw_telescopes(model, draft)
-    draw_slots(model, draft)
-    for name, shape in plates.items():
-        draft.pieces.append(Piece(name, shape, draft.groups[name], "plate"))
+    for name in model.links:
+        if name != model.frame and name not in homes:
+            draft.pieces.append(Piece(name, _plate(model, name, forms), draft.groups[name], "plate"))
     return draft
 
 
@@ -147,9 +121,12 @@ def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, st
             homes[block] = guide.pair
             continue
         old, new = draft.groups[block], draft.groups[rail]
-        if old != new and not joined(model, draft, old, new):
+        ours = {name for name, group in draft.groups.items() if group == old}
+        theirs = {name for name, group in draft.groups.items() if group == new}
+        joined = any(ours & set(axle.centres) and theirs & set(axle.centres) for axle in model.axles)
+        if old != new and not joined:
             homes[block] = guide.pair
-            draft.merge(old, new)
+            draft.groups.update(dict.fromkeys(ours, new))
     return homes
 
 
@@ -209,13 +186,6 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
             if form == "saddle":
                 length, width = 2.0 * size.block, 3.2 * size.r
                 extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.r))
-    for slot in model.slots:
-        if slot.link == link:
-            low, high = slot.travel
-            discs += [(_along(slot.origin, slot.along, s), size.r) for s in (low, high)]
-            slots.append(pin_slot(model, slot))
-    discs += [(weld.points[weld.links.index(link)], size.r) for weld in model.welds if link in weld.links]
-    discs += rail_ends(model, link)
     if not discs:
         discs = [((0.0, 0.0), size.r)]
     whole = unary_union([outline.hull(discs, model.segments), *extra])

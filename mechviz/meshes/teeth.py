@@ -14,7 +14,7 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
-from .outline import polygons, rounded
+from .outline import polygons
 
 __all__ = ["ADDENDUM", "BACKLASH", "DEDENDUM", "external_wheel", "rack_teeth", "ring_teeth"]
 
@@ -22,16 +22,17 @@ ADDENDUM = 1.0
 DEDENDUM = 1.25
 BACKLASH = 0.05  # by which each tooth is thinner than half the pitch, in modules: half of what a mesh has altogether
 
-_STEPS = 61  # positions of the cutter
+_STEPS = 49  # positions of the cutter
 _ROLL = 5.0  # how far it rolls to either side of the tooth, along the pitch line, in modules
-_FINE = 0.006  # the outline may miss the generated one by this much: an eighth of the backlash
+_FINE = 0.004  # the outline may miss the generated one by this much: a tenth of the backlash
 
 
 def _cutter(angle: float, tip: float) -> Polygon:
     """A tooth of the cutting rack, pointing to -x from the pitch line x = 0; wider than half the pitch by the backlash."""
-    half, slope, back = 0.25 * np.pi + 0.5 * BACKLASH, np.tan(angle), 2.0 * ADDENDUM
-    corners = [(-tip, half - tip * slope), (-tip, tip * slope - half), (back, -half - back * slope), (back, half + back * slope)]
-    return rounded(Polygon(corners), 0.2)
+    half, slope, back = 0.25 * np.pi + 0.5 * BACKLASH, np.tan(angle), 1.4 * ADDENDUM
+    return Polygon(
+        [(-tip, half - tip * slope), (-tip, tip * slope - half), (back, -half - back * slope), (back, half + back * slope)]
+    )
 
 
 @cache
@@ -67,7 +68,7 @@ def ring_teeth(teeth: int, pinion: int, angle: float, rim: float) -> Polygon:
     reach = min(2.0 * _ROLL, 0.9 * radius)
     cuts = []
     for turn in np.linspace(-reach, reach, 2 * _STEPS - 1) / radius:
-        placed = affinity.rotate(tool, -turn * teeth / pinion, origin=(0.0, 0.0), use_radians=True)
+        placed = affinity.rotate(tool, -turn * (teeth - pinion) / pinion, origin=(0.0, 0.0), use_radians=True)
         cuts.append(affinity.rotate(affinity.translate(placed, radius - small, 0.0), turn, origin=(0.0, 0.0), use_radians=True))
     outside = Point(0.0, 0.0).buffer(radius - ADDENDUM, quad_segs=max(16, teeth))
     space = polygons(unary_union(cuts).simplify(_FINE).difference(outside.buffer(-0.5)))[0]
