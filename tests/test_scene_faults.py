@@ -105,7 +105,7 @@ CASES = [
     ("pairs/B/revolute", ["crank", "crank"], "pairs.B.revolute", "joins 'crank' to itself.", "two different"),
     ("pairs/B/revolute", "crank", "pairs.B.revolute", "'crank' where a list is wanted.", "brackets"),
     ("pairs/B/revolute", ["crank", 5], "pairs.B.revolute[1]", "5 where a text is wanted.", "quotes"),
-    ("pairs/B", {}, "pairs.B", "has none of revolute or prismatic.", "Give one"),
+    ("pairs/B", {}, "pairs.B", "has none of revolute, prismatic, weld", "Give one"),
     ("pairs/B/prismatic", ["crank", "coupler"], "pairs.B", "revolute and prismatic at once.", "Keep one"),
     ("pairs/B/at", "Q", "pairs.B.at", "link 'crank' has no point 'Q'.", "Points of 'crank': 'A', 'B'."),
     ("pairs/B/at", ["B", "F"], "pairs.B.at[1]", "link 'coupler' has no point 'F'.", "'B', 'C', 'E'"),

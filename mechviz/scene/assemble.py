@@ -65,6 +65,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         drives=tuple(drives),
         loads=tuple(loads),
         effects=tuple(document.effects),
+        answers=tuple(document.answers),
         gravity=gravity,
         modes=modes_of(document),
         sketch={key: pose for key, pose in placement.poses.items() if key != document.frame},

@@ -35,6 +35,7 @@ class SceneBuilder:
             "teaches": teaches,
             "units": units,
             "effects": [],
+            "answers": [],
             "frame": frame,
             "trace": [],
         }
@@ -250,6 +251,11 @@ class SceneBuilder:
     def effect(self, *names: str) -> SceneBuilder:
         """Effects to compute: "inertia", "gravity"."""
         self._data["effects"].extend(names)
+        return self
+
+    def answer(self, *names: str) -> SceneBuilder:
+        """Answers to record: "transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"."""
+        self._data["answers"].extend(names)
         return self
 
     def gravity(self, x: Value, y: Value) -> SceneBuilder:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from mechcore.spec import EFFECTS
+from mechcore.spec import ANSWERS, EFFECTS
 
 from .fields import (
     Angle,
@@ -33,6 +33,9 @@ from .tables import Table, one_of, refuse
 __all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
 
 EffectName = Literal["inertia", "gravity"]
+AnswerName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
+if set(get_args(AnswerName)) != set(ANSWERS):
+    raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.ANSWERS name different answers")
 if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; this keeps it equal to the core's list
     raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.EFFECTS name different effects")
 
@@ -182,6 +185,8 @@ class SceneDocument(Table):
     """Acceleration of gravity [m/s^2], used only where effects names gravity."""
     trace: list[Text] = Field(default=[])
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
+    answers: list[AnswerName] = Field(default=[])
+    """Answers about the geometry of the motion, recorded with events where they become extreme."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     links: dict[Name, LinkDocument] = Field(default={})

@@ -50,9 +50,10 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     yield from _trace(reading)
     yield from _loads(reading)
     yield from _sketch(reading)
-    for k, effect in enumerate(document.effects):
-        if effect in document.effects[:k]:
-            yield Fault(f"effects[{k}]", f"'{effect}' is listed twice.", "Leave it out once.")
+    for key, names in (("effects", document.effects), ("answers", document.answers)):
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     if document.effects and not reading.broken["links"] and all(link.mass is None for link in document.links.values()):
         remedy = "Give the moving links a mass, or leave out the effects."
         yield Fault("effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy)
