@@ -138,3 +138,22 @@ def test_reversing_drive_comes_back_the_same_way():
     motion = solve_motion(compile_mechanism(there), np.linspace(0.0, 1.0, 721))
     np.testing.assert_allclose(motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], atol=1e-12)
     assert isinstance(m.drives[0].law, ConstantSpeed)
+
+
+def test_double_rocker_goes_through_its_limits():
+    """Driven exactly to the limit angle of the reference: dead points, the motion goes on to the other side and comes back."""
+    limit = next(c for c in case("linkages", "fourbar-limits")["expected"] if c["AB"] == 0.22)["crank_angle_limit_stretched"]
+    m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
+    driven = replace(m, drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    motion = solve_motion(compile_mechanism(driven), np.linspace(0.0, 8.0, 1601))
+    assert motion.closure.max() < 1e-12
+    assert [c.dead for c in motion.changes] == [True] * 4
+    np.testing.assert_allclose([c.time for c in motion.changes], [1.0, 3.0, 5.0, 7.0], atol=1e-6)
+    speed = motion.velocity("rocker")[:, 2]
+    assert np.abs(speed[180:220]).min() > 0.5, "the driven rocker swings on while the drive turns back"
+    acceleration = motion.acceleration("rocker")[:, 2]
+    by_difference = (speed[2:] - speed[:-2]) / (motion.time[2:] - motion.time[:-2])
+    assert np.abs(by_difference - acceleration[1:-1])[150:250].max() < 1e-3, "without a kink"
+    beyond = replace(m, drives=(Drive(pair="A", law=Oscillation(0.0, limit + 1e-3, 0.25)),))
+    with pytest.raises(Exception, match="keep the drive within"):
+        solve_motion(compile_mechanism(beyond), np.linspace(0.0, 8.0, 1601))

@@ -129,6 +129,16 @@ def test_piston_motion_of_textbooks(name):
     exactly(-s[2], case, "a")
 
 
+@pytest.mark.parametrize("name", of("piston"))
+def test_greatest_piston_speed_of_textbooks(name):
+    """Where the exact speed is greatest the acceleration vanishes; the books give the approximate series."""
+    case = CASES[name]
+    i, exact = case["inputs"], case["exact_here"]
+    s = move(slider_crank(r=i["r"], l=i["l"]), [np.radians(exact["theta_vmax_deg"])], i["omega"]).coordinate("S")[0]
+    assert -s[1] == pytest.approx(exact["vmax"], rel=2e-9)
+    assert abs(s[2]) < 1e-6 * i["r"] * i["omega"] ** 2
+
+
 @pytest.mark.parametrize("name", of("engine"))
 def test_turning_moment_of_engines_in_textbooks(name):
     """The exact value; the books print the series to the second harmonic, which is compared at their tolerance of 0.1 %."""

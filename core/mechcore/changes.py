@@ -30,7 +30,7 @@ WINDOW = 4  # samples on each side from which the instant is located
 NEAR = 4.0  # frames closer than this many samples are interpolated: accelerations lose digits with the third power of closeness
 FAR = 22
 NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR samples
-DEGREE = 9  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
+DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 
