@@ -1,6 +1,6 @@
 """Recording throughput: 10,000 frames of the ten-link gallery scenes, as kinematics and with forces and all.
 
-    python benchmarks/recording.py
+python benchmarks/recording.py
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def throughput(name: str) -> None:
             times.append(time.perf_counter() - start)
         size = path.stat().st_size
     seconds = statistics.median(times)
-    print(f"{name}: {FRAMES} frames, {links} links: {seconds:.2f} s, {FRAMES / seconds:.0f} frames/s, {size / FRAMES:.0f} B a frame")
+    rate, each = FRAMES / seconds, size / FRAMES
+    print(f"{name}: {FRAMES} frames, {links} links: {seconds:.2f} s, {rate:.0f} frames/s, {each:.0f} B a frame")
     for s in run.stages:
         print(f"  {s.name}: {1e3 * s.seconds:.1f} ms")
 

@@ -1,6 +1,6 @@
 """How cost grows: loops (chain of N four-bars), frames, designs side by side.
 
-    python benchmarks/scaling.py [--short]
+python benchmarks/scaling.py [--short]
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def loops(sizes: tuple[int, ...]) -> None:
         memory = tracemalloc.get_traced_memory()[1] / 1e6
         tracemalloc.stop()
         rows.append((n, compile_time, seconds, memory))
-        print(f"| {n} | {1e3 * compile_time:.1f} | {1e3 * seconds:.2f} | {1e6 * seconds / len(t) / n:.3f} | {memory:.1f} | {motion.closure.max():.1e} |")
+        each, closure = 1e6 * seconds / len(t) / n, motion.closure.max()
+        print(f"| {n} | {1e3 * compile_time:.1f} | {1e3 * seconds:.2f} | {each:.3f} | {memory:.1f} | {closure:.1e} |")
     big = [r for r in rows if r[0] >= 100]
     for k, what in ((1, "compile"), (2, "motion"), (3, "memory")):
         slope = np.polyfit(np.log([r[0] for r in big]), np.log([r[k] for r in big]), 1)[0]
@@ -94,7 +95,8 @@ def designs(count: int) -> None:
 
     seconds = interleaved({"run": run}, runs=3, seconds=0.0)["run"]
     share = 100.0 * run().assembled.mean()
-    print(f"{count} designs x {len(t)} frames: {seconds:.2f} s, {1e6 * seconds / count / len(t):.3f} us a position; {share:.1f} % assemble")
+    each = 1e6 * seconds / count / len(t)
+    print(f"{count} designs x {len(t)} frames: {seconds:.2f} s, {each:.3f} us a position; {share:.1f} % assemble")
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Makes the pictures of the README: the viewer in headless Chromium.
 
-    python docs/make_pictures.py [SCENE ...]
+python docs/make_pictures.py [SCENE ...]
 """
 
 from __future__ import annotations
@@ -16,7 +16,13 @@ from mechviz.run import run_scene
 from mechviz.viewer import Viewer
 
 HERE = Path(__file__).parent / "images"
-ARGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+ARGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+]
 
 
 def shoot(scene: str, path: Path, *, part: float = 0.87) -> None:

@@ -124,7 +124,9 @@ def schema() -> None:
 @app.command()
 def check(
     scene: SceneArg,
-    equations: Annotated[bool, typer.Option("--equations", help="also the contour equations, velocities and accelerations")] = False,
+    equations: Annotated[
+        bool, typer.Option("--equations", help="also the contour equations, velocities and accelerations")
+    ] = False,
     modes: Annotated[bool, typer.Option("--modes", help="also all assembly modes of every group at the start")] = False,
 ) -> None:
     """Validate a scene and print its mobility, groups, contours, assembly modes and reachable range."""

@@ -55,7 +55,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += _grashof(compiled)
     if motion.changes:
         count = len(motion.changes)
-        lines.append(f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s")
+        lines.append(
+            f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
+        )
     if modes:
         lines += _all_modes(compiled)
     if equations:
@@ -65,7 +67,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 
 def _grashof(compiled: Compiled) -> list[str]:
     return [
-        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {1e3 * loop.margin:.6g} mm" for loop in grashof(compiled.model)
+        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {1e3 * loop.margin:.6g} mm"
+        for loop in grashof(compiled.model)
     ]
 
 

@@ -155,7 +155,8 @@ def _answers(run: Run) -> Iterator[Table]:
     if "curvature" in asked:
         for link, point in motion.mechanism.traced:
             bend = answers.curvature(motion, link, point)[:, None]
-            yield Table(("data", "answers", "curvature", f"{link}.{point}"), f"curvature {link}.{point}", (("curvature", "1/m"),), bend)
+            name = f"{link}.{point}"
+            yield Table(("data", "answers", "curvature", name), f"curvature {name}", (("curvature", "1/m"),), bend)
 
 
 def _loads(run: Run) -> Iterator[Table]:

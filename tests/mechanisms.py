@@ -61,7 +61,12 @@ def four_bar(
         name="four-bar",
         frame="frame",
         links=tuple(links),
-        pairs=(pin("A", "frame", "crank"), pin("B", "crank", "coupler"), pin("D", "coupler", "rocker"), pin("E", "frame", "rocker")),
+        pairs=(
+            pin("A", "frame", "crank"),
+            pin("B", "crank", "coupler"),
+            pin("D", "coupler", "rocker"),
+            pin("E", "frame", "rocker"),
+        ),
         drives=(Drive(pair="A", law=ConstantSpeed(start, speed)),),
         effects=effects,
         loads=loads,
@@ -198,9 +203,7 @@ def drawn(
         made.append(Link(name=f"slider{p}", points={p: (0.0, 0.0)}))
         sketch[f"slider{p}"] = (points[p][0], points[p][1], 0.0)
         pairs.append(Revolute(name=p, links=(where[p][0], f"slider{p}"), points=(p, p)))
-        pairs.append(
-            Prismatic(name=f"guide{p}", links=("frame", f"slider{p}"), points=(p, p), along=(direction[0], direction[1]))
-        )
+        pairs.append(Prismatic(name=f"guide{p}", links=("frame", f"slider{p}"), points=(p, p), along=(direction[0], direction[1])))
     return Mechanism(
         name="drawn",
         frame="frame",

@@ -54,18 +54,29 @@ def test_instant_centre_of_the_elliptic_trammel_is_the_reference_s():
     trammel()  # the mechanism itself is checked there
     c = case("linkages", "elliptic-trammel")
     i, rows = c["inputs"], c["expected"]
+    from mechanisms import pin
+
     from mechcore.laws import ConstantSpeed
     from mechcore.spec import Drive, Link, Mechanism, Prismatic
-    from mechanisms import pin
 
     bar = Link(name="bar", points={"A": (0.0, 0.0), "B": (i["L"], 0.0)})
     m = Mechanism(
-        name="trammel", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="a", points={"A": (0.0, 0.0)}), Link(name="b", points={"B": (0.0, 0.0)}), bar),
-        pairs=(Prismatic(name="x", links=("frame", "a"), points=("O", "A")), Prismatic(name="y", links=("frame", "b"), points=("O", "B"), along=(0.0, 1.0)),
-               pin("A", "a", "bar"), pin("B", "b", "bar")),
+        name="trammel",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            Link(name="a", points={"A": (0.0, 0.0)}),
+            Link(name="b", points={"B": (0.0, 0.0)}),
+            bar,
+        ),
+        pairs=(
+            Prismatic(name="x", links=("frame", "a"), points=("O", "A")),
+            Prismatic(name="y", links=("frame", "b"), points=("O", "B"), along=(0.0, 1.0)),
+            pin("A", "a", "bar"),
+            pin("B", "b", "bar"),
+        ),
         drives=(Drive(pair="A", law=ConstantSpeed(np.pi, -1.0)),),
-    )  # fmt: skip
+    )
     motion = move(m, np.pi - column(rows, "theta"), -i["theta_dot"])
     close(answers.instant_centres(motion)["frame", "bar"], column(rows, "ic"))
 

@@ -45,8 +45,9 @@ def test_antiparallelogram_against_the_reference():
     close(motion.velocity("rocker")[:, 2], column(rows, "omega_3"))
 
 
-@pytest.mark.parametrize(("mode", "ratio"), [("left", lambda t: np.ones_like(t)),
-                                             ("right", lambda t: (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t)))])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mode", "ratio"), [("left", lambda t: np.ones_like(t)), ("right", lambda t: (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t)))]
+)
 def test_both_branches_for_a_thousand_turns(mode, ratio):
     """Rocker speed by the closed form of the branch, at every frame of 1,000 turns, the flat positions among them."""
     t = np.concatenate([np.arange(0, 2001) * np.pi - 0.5, np.linspace(0.0, 1000 * TURN, 30_001)])
@@ -95,7 +96,7 @@ def test_positions_near_a_flat_position_are_right_to_the_conditioning_limit():
         rocker = 1.5 + margin
         m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=rocker, start=np.pi)
         motion = move(m, [np.pi])
-        b, e, r2, r3 = Decimal(-1), Decimal(3), Decimal(2.5), Decimal(rocker)
+        b, e, r2, r3 = Decimal(-1), Decimal(3), Decimal("2.5"), Decimal(rocker)
         d = e - b
         along = (d * d + r2 * r2 - r3 * r3) / (2 * d)
         across = (r2 * r2 - along * along).sqrt()

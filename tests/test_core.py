@@ -42,7 +42,8 @@ from mechcore.spec import Drive, Link, Mechanism, Revolute
 from mechcore.laws import ConstantSpeed
 links = Link(name="f", points={"A": (0.0, 0.0)}), Link(name="c", points={"A": (0.0, 0.0)})
 m = Mechanism(name="crank", frame="f", links=links,
-              pairs=(Revolute(name="A", links=("f", "c"), points=("A", "A")),), drives=(Drive(pair="A", law=ConstantSpeed(0.0, 2.0)),))
+              pairs=(Revolute(name="A", links=("f", "c"), points=("A", "A")),),
+              drives=(Drive(pair="A", law=ConstantSpeed(0.0, 2.0)),))
 motion = mechcore.solve_motion(mechcore.compile_mechanism(m), [0.0, 0.5])
 print(motion.pose("c")[1, 2])
 loaded = {m.split(".")[0] for m in sys.modules}
@@ -165,8 +166,13 @@ def test_third_parallel_crank_is_redundant_and_moves_exactly():
     assert motion.closure.max() < 1e-12 * motion.model.size
     np.testing.assert_allclose(motion.velocity("bar")[:, 2], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.velocity("c3")[:, 2], 1.0, atol=1e-12)
-    wrong = drawn({**points, "H": (2.1, 0.81)}, {"c1": "AB", "bar": "BDH", "c2": "ED", "c3": "GH"}, "AEG", drive="A",
-                  law=ConstantSpeed(0.0, 1.0))  # fmt: skip
+    wrong = drawn(
+        {**points, "H": (2.1, 0.81)},
+        {"c1": "AB", "bar": "BDH", "c2": "ED", "c3": "GH"},
+        "AEG",
+        drive="A",
+        law=ConstantSpeed(0.0, 1.0),
+    )
     with pytest.raises(MechanismError, match="redundant constraint does not close"):
         move(wrong, np.linspace(-0.5, 1.5, 21))
 
@@ -309,7 +315,9 @@ def test_the_walk_does_not_change_branch_even_with_wild_steps(monkeypatch):
         return [p], [1.0]
 
     row = (0.0, {}, {}, {"P": 0.3})
-    assert continuation._same_branch(row, (0.1, {}, {}, {"P": 0.2})) and not continuation._same_branch(row, (0.1, {}, {}, {"P": -0.2}))
+    assert continuation._same_branch(row, (0.1, {}, {}, {"P": 0.2})) and not continuation._same_branch(
+        row, (0.1, {}, {}, {"P": -0.2})
+    )
     fine = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, 0.05)
     for step in (0.5, 1.0, 2.0, 3.0):
         wild = continuation.follow(compiled.model, compiled.assembly, drives, 0.0, 0.0, 6.0, step)
@@ -332,6 +340,7 @@ def test_triad_closes_at_every_scale_and_place():
     theta = np.linspace(0, 6, 9)
     a = move(base, theta)
     for scale, shift in ((1e-6, 0.0), (1e3, 0.0), (1.0, 1e4)):
+
         def scaled(link, scale=scale, shift=shift):
             off = (shift, -shift) if link.name == "frame" else (0.0, 0.0)
             return replace(link, points={k: (scale * x + off[0], scale * y + off[1]) for k, (x, y) in link.points.items()})
@@ -376,9 +385,12 @@ def test_statics_without_inertia_solve_no_accelerations(monkeypatch):
 
     monkeypatch.setattr(module, "accelerations", refuse)
     m = slider_crank(
-        r=1.0, l=3.0, bodies={"rod": (1.0, (1.0, 0.0), 1.0)}, effects=("gravity",),
+        r=1.0,
+        l=3.0,
+        bodies={"rod": (1.0, (1.0, 0.0), 1.0)},
+        effects=("gravity",),
         loads=(Force(name="F", link="piston", point="C", vector=(1.0, 0.0)),),
-    )  # fmt: skip
+    )
     motion = solve_motion(compile_mechanism(m), np.linspace(0, 6, 50))
     assert np.isfinite(solve_forces(motion).effort("O")).all()
 
@@ -414,7 +426,10 @@ def test_printed_contour_equations_hold_with_the_solved_motion():
     from mechcore.equations import contour_equations, contour_residuals
 
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
-    for mechanism in (lever(geometry, law=ConstantSpeed(0.9, 1.0)), watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0)):
+    for mechanism in (
+        lever(geometry, law=ConstantSpeed(0.9, 1.0)),
+        watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0),
+    ):
         motion = move(mechanism, [mechanism.drives[0].law(0.0)[0]], 3.0, 2.0)
         assert np.abs(contour_residuals(motion)).max() < 1e-12
         spin = [float(np.broadcast_to(motion.speeds.spin[s], 1)[0]) for s in motion.model.angles.spin]

@@ -53,9 +53,13 @@ def test_zones_are_the_article_s():
 
 
 @given(
-    st.floats(-10.0, 10.0), st.floats(0.1, 10.0), st.sampled_from([-1.0, 1.0]),
-    st.floats(0.01, 3), st.floats(0, 3), st.floats(0.01, 3),
-)  # fmt: skip
+    st.floats(-10.0, 10.0),
+    st.floats(0.1, 10.0),
+    st.sampled_from([-1.0, 1.0]),
+    st.floats(0.01, 3),
+    st.floats(0, 3),
+    st.floats(0.01, 3),
+)
 def test_zones_cover_their_ranges_and_rest_at_both_ends(start, speed, sign, run_up, steady, braking):
     law = zones(start=start, speed=sign * speed, run_up=run_up, steady=steady, braking=braking)
     q, v, _ = law(np.array([0.0, law.duration]))

@@ -52,7 +52,13 @@ def planetary() -> Mechanism:
     return Mechanism(
         name="planetary",
         frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0)}), wheel("sun"), arm, wheel("planet", centre=(0.003, -0.002)), wheel("ring")),
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            wheel("sun"),
+            arm,
+            wheel("planet", centre=(0.003, -0.002)),
+            wheel("ring"),
+        ),
         pairs=(
             pin("O", "frame", "arm"),
             _at("P", "arm", "P", "planet"),
@@ -143,13 +149,26 @@ def test_gears_that_cannot_mesh_are_refused():
 def test_gear_with_pins_off_its_axis_needs_its_phase():
     points = {"A": (0.0, 0.0), "B": (0.1, 0.0)}
     m = Mechanism(
-        name="g", frame="f",
-        links=(Link(name="f", points=points), wheel("a"), wheel("b", P=(0.02, 0.0)), Link(name="rod", points={"P": (0.0, 0.0), "S": (0.2, 0.0)}),
-               Link(name="s", points={"S": (0.0, 0.0)})),
-        pairs=(_at("A", "f", "A", "a"), _at("B", "f", "B", "b"), Gear(name="G", links=("a", "b"), carrier="f", sizes=(1, 1)),
-               pin("P", "b", "rod"), pin("S", "rod", "s"), Prismatic(name="T", links=("f", "s"), points=("A", "S"))),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),), modes={"T": "ahead"},
-    )  # fmt: skip
+        name="g",
+        frame="f",
+        links=(
+            Link(name="f", points=points),
+            wheel("a"),
+            wheel("b", P=(0.02, 0.0)),
+            Link(name="rod", points={"P": (0.0, 0.0), "S": (0.2, 0.0)}),
+            Link(name="s", points={"S": (0.0, 0.0)}),
+        ),
+        pairs=(
+            _at("A", "f", "A", "a"),
+            _at("B", "f", "B", "b"),
+            Gear(name="G", links=("a", "b"), carrier="f", sizes=(1, 1)),
+            pin("P", "b", "rod"),
+            pin("S", "rod", "s"),
+            Prismatic(name="T", links=("f", "s"), points=("A", "S")),
+        ),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        modes={"T": "ahead"},
+    )
     with pytest.raises(MechanismError, match="how 'b' stands at the start"):
         compile_mechanism(m)
     motion = solve_motion(compile_mechanism(replace(m, sketch={"b": (0.1, 0.0, 1.0)})), THETA)
@@ -160,13 +179,18 @@ def test_gear_with_pins_off_its_axis_needs_its_phase():
 @pytest.mark.parametrize("moment", [-5.0, 5.0])
 def test_belt_ratio_and_that_it_only_pulls(crossed, moment):
     m = Mechanism(
-        name="belt", frame="frame",
+        name="belt",
+        frame="frame",
         links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.5, 0.2)}), wheel("a"), wheel("b", inertia=0.0, mass=0.0)),
-        pairs=(_at("A", "frame", "A", "a"), _at("B", "frame", "B", "b"),
-               Belt(name="V", links=("a", "b"), carrier="frame", radii=(0.05, 0.15), crossed=crossed)),
+        pairs=(
+            _at("A", "frame", "A", "a"),
+            _at("B", "frame", "B", "b"),
+            Belt(name="V", links=("a", "b"), carrier="frame", radii=(0.05, 0.15), crossed=crossed),
+        ),
         drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
-        loads=(Torque(name="M", link="b", moment=moment),), effects=("gravity",),
-    )  # fmt: skip
+        loads=(Torque(name="M", link="b", moment=moment),),
+        effects=("gravity",),
+    )
     forces = load(m, THETA, 2.0, 1.0)
     np.testing.assert_allclose(forces.motion.velocity("b")[:, 2], 2.0 / 3.0 * (-1 if crossed else 1), rtol=1e-12)
     sound(forces)
@@ -179,15 +203,22 @@ def test_belt_ratio_and_that_it_only_pulls(crossed, moment):
 @pytest.mark.parametrize("guide", [0, 1])
 def test_rack_and_pinion(side, guide):
     m = Mechanism(
-        name="rack", frame="frame",
-        links=(Link(name="frame", points={"A": (0.0, 0.0), "G": (0.0, -0.04)}), wheel("pinion", centre=(0.01, 0.0)),
-               Link(name="rack", points={"R": (0.0, 0.0)}, mass=3.0, centre=(0.1, 0.01))),
-        pairs=(_at("A", "frame", "A", "pinion"),
-               Prismatic(name="S", links=("frame", "rack"), points=("G", "R"), along=(1.0, 0.0), guide=guide),
-               Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04, side=side)),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),), effects=("inertia", "gravity"),
+        name="rack",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0.0, 0.0), "G": (0.0, -0.04)}),
+            wheel("pinion", centre=(0.01, 0.0)),
+            Link(name="rack", points={"R": (0.0, 0.0)}, mass=3.0, centre=(0.1, 0.01)),
+        ),
+        pairs=(
+            _at("A", "frame", "A", "pinion"),
+            Prismatic(name="S", links=("frame", "rack"), points=("G", "R"), along=(1.0, 0.0), guide=guide),
+            Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04, side=side),
+        ),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+        effects=("inertia", "gravity"),
         loads=(Force(name="F", link="rack", point="R", vector=(-20.0, 0.0)),),
-    )  # fmt: skip
+    )
     forces = load(m, THETA, 2.0, 1.0)
     # the rack lies below a pinion that is on the left of the direction +x: counter-clockwise moves it to the right
     np.testing.assert_allclose(forces.motion.velocity("rack")[:, 0], (1 if side == "left" else -1) * 0.04 * 2.0, rtol=1e-12)
@@ -198,13 +229,21 @@ def test_rack_and_pinion(side, guide):
 def test_wheel_rolls_without_slipping(side):
     """A wheel on a plane driven along it by its centre: cycloids, and a contact force that balances everything."""
     m = Mechanism(
-        name="wheel", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.1)}), wheel("wheel", centre=(0.02, 0.01), rim=(0.0, -0.1)),
-               Link(name="cart", points={"c": (0.0, 0.0)}, mass=1.0)),
-        pairs=(Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1, side=side),
-               pin("c", "cart", "wheel"), Prismatic(name="S", links=("frame", "cart"), points=("O", "c"))),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),), effects=("inertia", "gravity"),
-    )  # fmt: skip
+        name="wheel",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.1)}),
+            wheel("wheel", centre=(0.02, 0.01), rim=(0.0, -0.1)),
+            Link(name="cart", points={"c": (0.0, 0.0)}, mass=1.0),
+        ),
+        pairs=(
+            Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1, side=side),
+            pin("c", "cart", "wheel"),
+            Prismatic(name="S", links=("frame", "cart"), points=("O", "c")),
+        ),
+        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+        effects=("inertia", "gravity"),
+    )
     forces = load(m, THETA / 10, 0.5, 0.3)
     turn = -1.0 if side == "left" else 1.0
     np.testing.assert_allclose(forces.motion.velocity("wheel")[:, 2], turn * 0.5 / 0.1, rtol=1e-12)
@@ -227,11 +266,14 @@ def test_crank_and_rod_roll_a_wheel():
     m = replace(
         base,
         links=(*base.links[:3], wheel("wheel", mass=3.0, inertia=0.01, centre=(0.02, 0.01))),
-        pairs=(*base.pairs[:2], _at("C", "rod", "C", "wheel"),
-               Rolling(name="W", links=("frame", "wheel"), points=("G", "c"), radius=0.1)),
+        pairs=(
+            *base.pairs[:2],
+            _at("C", "rod", "C", "wheel"),
+            Rolling(name="W", links=("frame", "wheel"), points=("G", "c"), radius=0.1),
+        ),
         modes={"W": "ahead"},
         effects=("inertia", "gravity"),
-    )  # fmt: skip
+    )
     forces = load(m, THETA, 4.0, 3.0)
     motion = forces.motion
     assert not motion.model.redundant
@@ -245,12 +287,22 @@ def test_crank_and_rod_roll_a_wheel():
 def test_pin_in_slot_is_the_shaper():
     """A pin in a slotted lever moves as the block on the lever does, and presses square to the slot."""
     m = Mechanism(
-        name="slot", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0), "B": (0.0, -0.12)}), Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
-               Link(name="lever", points={"B": (0.0, 0.0)}, mass=2.0, centre=(0.1, 0.0), inertia=0.02)),
-        pairs=(pin("O", "frame", "crank"), pin("B", "frame", "lever"), PinSlot(name="A", links=("lever", "crank"), points=("B", "A"))),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),), effects=("inertia", "gravity"), modes={"A": "ahead"},
-    )  # fmt: skip
+        name="slot",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0), "B": (0.0, -0.12)}),
+            Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
+            Link(name="lever", points={"B": (0.0, 0.0)}, mass=2.0, centre=(0.1, 0.0), inertia=0.02),
+        ),
+        pairs=(
+            pin("O", "frame", "crank"),
+            pin("B", "frame", "lever"),
+            PinSlot(name="A", links=("lever", "crank"), points=("B", "A")),
+        ),
+        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        effects=("inertia", "gravity"),
+        modes={"A": "ahead"},
+    )
     forces = load(m, THETA, 4.0)
     a = 0.05 * np.exp(1j * THETA) + 0.12j
     np.testing.assert_allclose(forces.motion.coordinate("A")[:, 0], np.abs(a), rtol=1e-13)
@@ -263,9 +315,13 @@ def test_pin_in_slot_is_the_shaper():
 
 def test_weld_carries_a_couple_and_moves_as_one():
     base = four_bar(
-        E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, effects=("inertia", "gravity"),
+        E=(0.28, 0.0),
+        AB=0.1,
+        BD=0.3,
+        DE=0.25,
+        effects=("inertia", "gravity"),
         bodies={"coupler": (1.0, (0.1, 0.0), 0.01), "rocker": (1.0, (0.1, 0.0), 0.01)},
-    )  # fmt: skip
+    )
     plate = Link(name="plate", points={"W": (0.0, 0.0)}, mass=0.7, centre=(0.05, 0.02), inertia=0.004)
     coupler = replace(base.links[2], points={**base.links[2].points, "W": (0.12, 0.03)})
     m = replace(
@@ -282,13 +338,17 @@ def test_weld_carries_a_couple_and_moves_as_one():
 def test_cylinder_lifts_a_boom():
     """Length driven; the boom's angle by the cosine rule, the force by virtual work."""
     m = Mechanism(
-        name="boom", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, -0.3)}),
-               Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.9, 0.1)}, mass=40.0, centre=(1.0, 0.0), inertia=9.0)),
+        name="boom",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, -0.3)}),
+            Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.9, 0.1)}, mass=40.0, centre=(1.0, 0.0), inertia=9.0),
+        ),
         pairs=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
-        drives=(Drive(pair="C", law=Oscillation(0.7, 0.2, 0.5)),), effects=("inertia", "gravity"),
+        drives=(Drive(pair="C", law=Oscillation(0.7, 0.2, 0.5)),),
+        effects=("inertia", "gravity"),
         sketch={"boom": (0.0, 0.0, 0.4)},
-    )  # fmt: skip
+    )
     compiled = compile_mechanism(m)
     forces = solve_forces(solve_motion(compiled, np.linspace(0.0, 2.0, 41)))
     length = forces.motion.coordinate("C")
@@ -310,7 +370,11 @@ def test_geared_five_bar_with_a_gear_on_the_coupler():
     direct = replace(
         base,
         links=(*base.links[:2], coupler, base.links[3], tip),
-        pairs=(*base.pairs, _at("i", "coupler", "M", "idler"), Gear(name="G", links=("crank", "idler"), carrier="coupler", sizes=(20, 40))),
+        pairs=(
+            *base.pairs,
+            _at("i", "coupler", "M", "idler"),
+            Gear(name="G", links=("crank", "idler"), carrier="coupler", sizes=(20, 40)),
+        ),
         effects=("inertia", "gravity"),
     )
     compiled = compile_mechanism(direct)
@@ -372,8 +436,10 @@ def test_mobility_counts_gears_as_higher_pairs(mechanism, formula):
     motion = move(mechanism, [0.3])
     n, p5, p4, w = formula
     assert gruebler(motion.model)[:3] == (n, p5, p4)
-    assert gruebler(motion.model)[3] == 3 * n - 2 * p5 - p4 - 3 * sum(isinstance(p, Weld) for p in mechanism.pairs) == (
-        w if w >= 0 else 3 * 4 - 2 * 4 - 2 - 3
+    assert (
+        gruebler(motion.model)[3]
+        == 3 * n - 2 * p5 - p4 - 3 * sum(isinstance(p, Weld) for p in mechanism.pairs)
+        == (w if w >= 0 else 3 * 4 - 2 * 4 - 2 - 3)
     )
     assert rank_mobility(motion) == 1
 
@@ -382,26 +448,47 @@ def test_mobility_of_slots_racks_and_rolling():
     from mechcore.structure import gruebler, rank_mobility
 
     slot = Mechanism(
-        name="slot", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0), "B": (0.0, -0.12)}), Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
-               Link(name="lever", points={"B": (0.0, 0.0)})),
-        pairs=(pin("O", "frame", "crank"), pin("B", "frame", "lever"), PinSlot(name="A", links=("lever", "crank"), points=("B", "A"))),
-        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),), modes={"A": "ahead"},
-    )  # fmt: skip
+        name="slot",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0), "B": (0.0, -0.12)}),
+            Link(name="crank", points={"O": (0.0, 0.0), "A": (0.05, 0.0)}),
+            Link(name="lever", points={"B": (0.0, 0.0)}),
+        ),
+        pairs=(
+            pin("O", "frame", "crank"),
+            pin("B", "frame", "lever"),
+            PinSlot(name="A", links=("lever", "crank"), points=("B", "A")),
+        ),
+        drives=(Drive(pair="O", law=ConstantSpeed(0.0, 1.0)),),
+        modes={"A": "ahead"},
+    )
     rack = Mechanism(
-        name="rack", frame="frame",
-        links=(Link(name="frame", points={"A": (0.0, 0.0), "G": (0.0, -0.04)}), wheel("pinion"), Link(name="rack", points={"R": (0.0, 0.0)})),
-        pairs=(_at("A", "frame", "A", "pinion"), Prismatic(name="S", links=("frame", "rack"), points=("G", "R")),
-               Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04)),
+        name="rack",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0.0, 0.0), "G": (0.0, -0.04)}),
+            wheel("pinion"),
+            Link(name="rack", points={"R": (0.0, 0.0)}),
+        ),
+        pairs=(
+            _at("A", "frame", "A", "pinion"),
+            Prismatic(name="S", links=("frame", "rack"), points=("G", "R")),
+            Rack(name="Z", links=("pinion", "rack"), slider="S", radius=0.04),
+        ),
         drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
-    )  # fmt: skip
+    )
     wheeled = Mechanism(
-        name="wheel", frame="frame",
+        name="wheel",
+        frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.1)}), wheel("wheel"), Link(name="cart", points={"c": (0.0, 0.0)})),
-        pairs=(Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1), pin("c", "cart", "wheel"),
-               Prismatic(name="S", links=("frame", "cart"), points=("O", "c"))),
+        pairs=(
+            Rolling(name="W", links=("frame", "wheel"), points=("O", "c"), radius=0.1),
+            pin("c", "cart", "wheel"),
+            Prismatic(name="S", links=("frame", "cart"), points=("O", "c")),
+        ),
         drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
-    )  # fmt: skip
+    )
     for mechanism, counts in ((slot, (2, 2, 1, 1)), (rack, (2, 2, 1, 1)), (wheeled, (2, 3, 0, 0))):
         motion = move(mechanism, [0.3])
         assert gruebler(motion.model) == counts, mechanism.name
@@ -411,13 +498,17 @@ def test_mobility_of_slots_racks_and_rolling():
 def test_slide_on_a_turning_arm_has_its_coriolis_acceleration():
     """An open chain with two drives: r'' - r w^2 along the arm, r e + 2 r' w across it."""
     m = Mechanism(
-        name="polar", frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="arm", points={"O": (0.0, 0.0)}),
-               Link(name="tool", points={"T": (0.0, 0.0)}, mass=2.0)),
+        name="polar",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            Link(name="arm", points={"O": (0.0, 0.0)}),
+            Link(name="tool", points={"T": (0.0, 0.0)}, mass=2.0),
+        ),
         pairs=(pin("O", "frame", "arm"), Prismatic(name="S", links=("arm", "tool"), points=("O", "T"))),
         drives=(Drive(pair="O", law=Oscillation(0.3, 0.8, 0.4)), Drive(pair="S", law=Oscillation(1.0, 0.5, 0.7, 0.2))),
         effects=("inertia",),
-    )  # fmt: skip
+    )
     forces = solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 31)))
     motion = forces.motion
     q, w, e = motion.coordinate("O").T

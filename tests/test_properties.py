@@ -22,10 +22,7 @@ number = st.floats(-1.0, 1.0)
 
 @st.composite
 def bodies(draw, names):
-    return {
-        n: (draw(st.floats(0.0, 5.0)), (draw(number), draw(number)), draw(st.floats(0.0, 2.0)))
-        for n in names
-    }  # fmt: skip
+    return {n: (draw(st.floats(0.0, 5.0)), (draw(number), draw(number)), draw(st.floats(0.0, 2.0))) for n in names}
 
 
 @st.composite

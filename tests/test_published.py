@@ -48,10 +48,16 @@ def net(case):
         links[dynamics["load"]["link"]].append("load")
         loads = (Force(name="load", link=dynamics["load"]["link"], point="load", vector=tuple(dynamics["load"]["force"])),)
     m = drawn(
-        points, links, [i["crank"][0], *(g for g in ground if g != i["crank"][0])],
-        drive=i["crank"][0], law=ConstantSpeed(0.0, i["speed_rad_s"]),
-        guides=dict(i["guides"]), bodies=bodies, loads=loads, effects=("inertia",) if dynamics else (),
-    )  # fmt: skip
+        points,
+        links,
+        [i["crank"][0], *(g for g in ground if g != i["crank"][0])],
+        drive=i["crank"][0],
+        law=ConstantSpeed(0.0, i["speed_rad_s"]),
+        guides=dict(i["guides"]),
+        bodies=bodies,
+        loads=loads,
+        effects=("inertia",) if dynamics else (),
+    )
     return m, links
 
 
@@ -146,9 +152,12 @@ def test_turning_moment_of_engines_in_textbooks(name):
     i = case["inputs"]
     force = i["F_gas"] + i.get("weight", 0.0)
     m = slider_crank(
-        r=i["r"], l=i["l"], bodies={"piston": (i["m_recip"], (0.0, 0.0), 0.0)}, effects=("inertia",),
+        r=i["r"],
+        l=i["l"],
+        bodies={"piston": (i["m_recip"], (0.0, 0.0), 0.0)},
+        effects=("inertia",),
         loads=(Force(name="gas", link="piston", point="C", vector=(-force, 0.0)),),
-    )  # fmt: skip
+    )
     forces = load(m, [np.radians(i["theta_deg"])], i["omega"])
     exactly(-forces.effort("O")[0], case, "T")
     exactly(abs(forces.reaction("S")[0, 1]), {"id": name, "exact_here": {"FN": abs(case["exact_here"]["FN"])}}, "FN")
@@ -158,9 +167,7 @@ def test_turning_moment_of_engines_in_textbooks(name):
 def test_inertia_force_of_a_connecting_rod():
     case = CASES["khurmi_15_19"]
     i = case["inputs"]
-    m = slider_crank(
-        r=i["r"], l=i["l"], bodies={"rod": (i["m"], (i["l"] - i["PG"], 0.0), 1.0)}, effects=("inertia",)
-    )  # fmt: skip
+    m = slider_crank(r=i["r"], l=i["l"], bodies={"rod": (i["m"], (i["l"] - i["PG"], 0.0), 1.0)}, effects=("inertia",))
     forces = load(m, [np.radians(i["theta_deg"])], i["omega"])
     exactly(-forces.motion.coordinate("S")[0, 2], case, "aP")
     exactly(np.hypot(*forces.inertia("rod")[0, :2]), case, "F_rod")

@@ -17,12 +17,16 @@ def test_four_bar(name):
     i, rows = c["inputs"], c["expected"]
     loaded = {2: "coupler", 3: "rocker"}[i["P_body"]]
     m = four_bar(
-        E=i["E"], AB=i["AB"], BD=i["BD"], DE=i["DE"], start=rows[0]["theta_1"],
+        E=i["E"],
+        AB=i["AB"],
+        BD=i["BD"],
+        DE=i["DE"],
+        start=rows[0]["theta_1"],
         bodies={n: (i[f"m{k}"], i[f"C{k}"], i[f"J{k}"]) for k, n in enumerate(("crank", "coupler", "rocker"), 1)},
         extra={loaded: {"P": tuple(i["P_point"])}},
         loads=(Force(name="P", link=loaded, point="P", vector=tuple(i["P"])),),
         effects=("inertia", "gravity") if "g" in i else ("inertia",),
-    )  # fmt: skip
+    )
     forces = load(m, column(rows, "theta_1"), i["omega_1"], i["eps_1"])
     for pair, key, sign in (("A", "R_A_on_1", 1), ("B", "R_B_on_2", 1), ("D", "R_D_on_3", 1), ("E", "R_E_on_3", 1)):
         close(sign * forces.reaction(pair)[:, :2], column(rows, key))
@@ -42,11 +46,13 @@ def test_slider_crank_and_its_dead_centres(name):
     c = case("kinetostatics", name)
     i, rows = c["inputs"], c["expected"]
     m = slider_crank(
-        r=i["r"], l=i["l"], e=i["e"],
+        r=i["r"],
+        l=i["l"],
+        e=i["e"],
         bodies={"crank": (i["m1"], i["C1"], i["J1"]), "rod": (i["m2"], i["C2"], i["J2"]), "piston": (i["m3"], (0.0, 0.0), 0.0)},
         loads=(Force(name="F", link="piston", point="C", vector=(i["F_piston"], 0.0)),),
         effects=("inertia", "gravity") if "g" in i else ("inertia",),
-    )  # fmt: skip
+    )
     forces = load(m, column(rows, "theta_1"), i["omega_1"], i["eps_1"])
     close(forces.reaction("O")[:, :2], column(rows, "R_O_on_1"))
     close(forces.reaction("B")[:, :2], column(rows, "R_B_on_2"))

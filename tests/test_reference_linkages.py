@@ -31,9 +31,14 @@ def test_four_bar_on_both_branches(name, branch):
     i, rows = c["inputs"], c["expected"][f"branch_{branch}"]
     theta = column(rows, "theta_1")
     m = four_bar(
-        E=i["E"], AB=i["AB"], BD=i["BD"], DE=i["DE"], coupler_point=i["coupler_point"],
-        mode="left" if branch == "+1" else "right", start=theta[0],
-    )  # fmt: skip
+        E=i["E"],
+        AB=i["AB"],
+        BD=i["BD"],
+        DE=i["DE"],
+        coupler_point=i["coupler_point"],
+        mode="left" if branch == "+1" else "right",
+        start=theta[0],
+    )
     motion = move(m, theta, i["omega_1"], i["eps_1"])
     close(motion.point("coupler", "B"), column(rows, "B"))
     close(motion.point("coupler", "D"), column(rows, "D"))

@@ -1,8 +1,8 @@
 """The kinematic and kinetostatic core of mechviz: numpy and scipy only, no I/O, no pictures.
 
-    compiled = compile_mechanism(mechanism)
-    motion = solve_motion(compiled, default_times(mechanism))
-    forces = solve_forces(motion)
+compiled = compile_mechanism(mechanism)
+motion = solve_motion(compiled, default_times(mechanism))
+forces = solve_forces(motion)
 """
 
 from .errors import Fault, MechanismError

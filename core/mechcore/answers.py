@@ -182,5 +182,3 @@ def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> s
     if s == coupler:
         return "double-rocker (Grashof)"
     return "crank-rocker" if s == crank else "rocker-crank"
-
-

@@ -155,9 +155,7 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
     with np.errstate(invalid="ignore", divide="ignore"):
         bl.place(model, block, trial, mode)
     out: dict[tuple[str, int], complex | float] = {
-        ("angle", g): complex(trial.rot[s] / state.delta[s])
-        for g in block.angles
-        for s in [model.angles.spins_of[g][0]]
+        ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.spins_of[g][0]]
     }
     out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
     return out
@@ -402,18 +400,14 @@ def _describe(model: Model, block: Block, x: Array) -> str:
     return ", ".join(words)
 
 
-def group_modes(
-    model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()
-) -> Array:
+def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Array:
     """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts; ``near`` is one more start.
 
     Angles lie within half a turn of zero, or of ``near`` where relations make whole turns matter.
     """
     rng = np.random.default_rng(12345)  # the same answer every time
     n, k = len(block.angles), len(block.slides)
-    x = np.concatenate(
-        [rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1
-    )
+    x = np.concatenate([rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1)
     if near:
         x[0] = [0.0 if v is None else v for v in near]
     trial = state.copy()

@@ -58,9 +58,7 @@ class State:
 
     def copy(self) -> State:
         """A state that can be filled in further without changing this one."""
-        return replace(
-            self, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton), angle=dict(self.angle)
-        )
+        return replace(self, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton), angle=dict(self.angle))
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Vectors:
-    """A contour's vectors in the world, all known: (spin, Z) with the slides' parts included, and (joint, spin, D) of the slides."""
+    """A contour's vectors in the world, all known: (spin, Z), slides included, and (joint, spin, D) of the slides."""
 
     arms: tuple[tuple[int, Array], ...]
     slides: tuple[tuple[int, int, Array], ...]
@@ -203,7 +201,7 @@ def apply(model: Model, block: Block, state: State, patch: Patch) -> None:
 
 
 def flatness(model: Model, block: Block, state: State) -> list[Array]:
-    """How far a group with two modes is from where they meet: smooth functions that touch 0 there (squares of lengths, relative)."""
+    """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
     known, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":
         ra, rb, d2 = abs(arms[block.angles[0]]), abs(arms[block.angles[1]]), known.real**2 + known.imag**2
@@ -236,9 +234,7 @@ def _turn(model: Model, state: State, group: int, e: Array) -> None:
         state.rot[spin] = e if isinstance(delta, complex) and delta == 1 else e * delta
 
 
-def _split(
-    model: Model, block: Block, contour: int, state: State
-) -> tuple[Array, dict[int, Array], list[tuple[int, Array]]]:
+def _split(model: Model, block: Block, contour: int, state: State) -> tuple[Array, dict[int, Array], list[tuple[int, Array]]]:
     """A contour's known sum, its vectors along each unknown group (in the group's axes), and its unknown slides.
 
     The slides' directions are in the group's axes where the group is unknown, else in the world's.

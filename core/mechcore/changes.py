@@ -195,4 +195,3 @@ def _nodes(changes: Changes, c: Change) -> Array:
 def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
     away = time - c.time
     return np.abs(away - changes.period * np.round(away / changes.period)) < NEAR * changes.step
-

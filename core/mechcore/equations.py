@@ -62,9 +62,7 @@ def contour_equations(motion: Motion, frame: int = 0) -> list[str]:
         for (j, _, q), (nxt, _, _) in zip(steps, [*steps[1:], steps[0]], strict=True):
             if q == 0:
                 continue
-            way = complex(
-                np.broadcast_to(motion.joint_point(nxt) - motion.joint_point(j), motion.frames)[frame]
-            )
+            way = complex(np.broadcast_to(motion.joint_point(nxt) - motion.joint_point(j), motion.frames)[frame])
             x2.append(term(-way.real, f"w_{q}^2"))
             y2.append(term(-way.imag, f"w_{q}^2"))
         lines.append("  velocities")

@@ -162,7 +162,8 @@ def _changes(motion: Motion) -> Iterator[Event]:
         if change.dead:
             text = f"dead point of the drive: the group at {change.name} goes through its limit, {_at_drive(motion, change.time)}"
         else:
-            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through, {_at_drive(motion, change.time)}"
+            where = _at_drive(motion, change.time)
+            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through, {where}"
         yield Event(float(change.time), "WARN", change.name, text)
 
 
@@ -175,7 +176,9 @@ def _extremes(motion: Motion) -> Iterator[Event]:
             if np.isfinite(away).any():
                 k = int(np.nanargmax(away))
                 level: Literal["INFO", "WARN"] = "WARN" if away[k] > np.radians(90.0 - POOR) else "INFO"
-                text = f"worst transmission angle of the run, {np.degrees(angle[k]):.4g}°, {_at_drive(motion, float(motion.time[k]))}"
+                text = (
+                    f"worst transmission angle of the run, {np.degrees(angle[k]):.4g}°, {_at_drive(motion, float(motion.time[k]))}"
+                )
                 yield Event(float(motion.time[k]), level, pair, text)
     if "velocity_ratio" in asked:
         for pair, ratio in velocity_ratios(motion).items():

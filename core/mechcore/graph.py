@@ -138,9 +138,7 @@ def structure(
     return block_order(pattern, 3 * (n - 1)), tuple(of_joint)
 
 
-def spanning_tree(
-    n: int, ends: Sequence[tuple[int, int]], order: Order, equations: Sequence[tuple[int, ...]]
-) -> Tree:
+def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equations: Sequence[tuple[int, ...]]) -> Tree:
     """Minimum spanning tree from the frame (Prim); among equals the one with short ways to the frame."""
     rank: dict[int, int] = {e: k for k, (block, _) in enumerate(order.blocks) for e in block}
     last = len(order.blocks)

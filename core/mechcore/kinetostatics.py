@@ -267,9 +267,7 @@ def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tu
     return hanging, unbalanced
 
 
-def _cut_forces(
-    motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]
-) -> tuple[dict[int, Array], dict[int, Array]]:
+def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> tuple[dict[int, Array], dict[int, Array]]:
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
     model = motion.model
     by_group: list[Array] = [0.0] * model.angles.groups

@@ -154,9 +154,7 @@ def zones(*, start: float, speed: float, run_up: float, steady: float, braking: 
     )
 
 
-def polynomial_through(
-    t0: float, start: Sequence[float], t1: float, end: Sequence[float]
-) -> tuple[float, ...]:
+def polynomial_through(t0: float, start: Sequence[float], t1: float, end: Sequence[float]) -> tuple[float, ...]:
     """Coefficients in (t - t0) of the least-degree polynomial with the given value, velocity, acceleration ... at both ends.
 
     ``start`` and ``end`` are (value, velocity, acceleration, ...) as far as they are prescribed; Hermite interpolation.

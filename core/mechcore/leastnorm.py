@@ -64,7 +64,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
 
 
 def _equilibrium(motion: Motion) -> tuple[Array, list[tuple[str, int, Array]]]:
-    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments about their origins over the size, and its unknowns."""
+    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
     model = motion.model
     labels: list[tuple[str, int, Array]] = []
     for j, joint in enumerate(model.joints):

@@ -60,12 +60,8 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
                 stack.append(u)
 
     # equation e depends on the equations that own its other unknowns
-    needs = [
-        [int(owner[u]) for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)
-    ]
-    blocks = tuple(
-        (tuple(sorted(c)), tuple(sorted(int(match[e]) for e in c))) for c in _components(needs) if match[c[0]] >= 0
-    )
+    needs = [[int(owner[u]) for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)]
+    blocks = tuple((tuple(sorted(c)), tuple(sorted(int(match[e]) for e in c))) for c in _components(needs) if match[c[0]] >= 0)
     return Order(blocks=blocks, spare=spare, free=free, loose=frozenset(loose))
 
 

@@ -119,9 +119,7 @@ def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
     outer = [j for j in pairs if j not in inner]
     names = tuple(model.links[k] for k in own)
     pair_names = tuple(model.joints[j].name for j in pairs)
-    general = any(
-        b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks
-    )
+    general = any(b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks)
     driven = any(j in model.driven for j in pairs)
     if driven and len(own) == 1:
         return Group(names, pair_names, "I", "", "drive")

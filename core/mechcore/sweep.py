@@ -46,7 +46,11 @@ def sweep(
     model = compiled.model
     if compiled.assembly.starts or model.relations or (compiled.changes is not None and compiled.changes.found):
         raise MechanismError(
-            Fault("sweep", "this mechanism has groups that must be followed along their course, design by design.", "Loop over designs.")
+            Fault(
+                "sweep",
+                "this mechanism has groups that must be followed along their course, design by design.",
+                "Loop over designs.",
+            )
         )
     time = np.atleast_1d(np.asarray(time, float))
     varied = {key: np.asarray(xy, float) for key, xy in points.items()}

@@ -23,6 +23,4 @@ def wrench(motion: Motion, load: Force) -> Wrench:
     vector = complex(*load.vector) * factor(motion, load)
     if load.axes == "link":
         vector = vector * motion.rotation(k)
-    return Wrench(
-        name=load.name, kind="force", link=k, force=vector, moment=0.0, arm=local * motion.rotation(k), local=local
-    )
+    return Wrench(name=load.name, kind="force", link=k, force=vector, moment=0.0, arm=local * motion.rotation(k), local=local)
