@@ -114,7 +114,7 @@ def four_bar(angle: np.ndarray) -> dict[Any, np.ndarray]:
 
 
 def slider_crank(angle: np.ndarray) -> dict[Any, np.ndarray]:
-    """Forces in O on the crank, in B on the rod, in C on the slider (F, 2), of the guide on the slider along y, torque on the crank."""
+    """Forces in O on the crank, B on the rod, C on the slider (F, 2), of the guide on the slider along y, torque on the crank."""
     p, exact = SLIDER_CRANK, mpmath.mpf
     r, l, e, s1, s2, f, g = (exact(x) for x in (p.r, p.l, p.e, p.s1, p.s2, p.force, GRAVITY))  # noqa: E741
     m1, m2, m3, j2 = *(exact(x) for x in p.m), exact(p.j[1])

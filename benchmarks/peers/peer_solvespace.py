@@ -1,0 +1,46 @@
+"""python-solvespace: a sketch of points and distances, the crank's end moved and the sketch solved again; positions only."""
+
+from __future__ import annotations
+
+import numpy as np
+from problem import FOUR_BAR
+
+PACKAGES = ("python-solvespace==3.0.8",)
+
+
+def four_bar():
+    from python_solvespace import ResultFlag, SolverSystem
+
+    p = FOUR_BAR
+    sketch = SolverSystem()
+    plane = sketch.create_2d_base()
+    d = sketch.add_point_2d(p.ground, 0.0, plane)
+    b = sketch.add_point_2d(p.crank, 0.0, plane)
+    c = sketch.add_point_2d(3.4, 2.9, plane)
+    point = sketch.add_point_2d(1.5, 1.7, plane)
+    sketch.dragged(d, plane)
+    sketch.dragged(b, plane)
+    sketch.distance(b, c, p.coupler, plane)
+    sketch.distance(d, c, p.rocker, plane)
+    sketch.distance(b, point, float(np.hypot(*p.p)), plane)
+    sketch.distance(c, point, float(np.hypot(p.p[0] - p.coupler, p.p[1])), plane)
+    watched = (b.params, c.params, point.params)
+    start = [sketch.params(w) for w in watched]
+
+    def solve(angles):
+        found = np.empty((3, len(angles), 2))
+        for w, values in zip(watched, start, strict=True):
+            sketch.set_params(w, values)
+        bx, by = (p.crank * np.cos(angles)).tolist(), (p.crank * np.sin(angles)).tolist()
+        for k in range(len(angles)):
+            sketch.set_params(b.params, (bx[k], by[k]))
+            if sketch.solve() != ResultFlag.OKAY:
+                raise RuntimeError(f"no solution at crank angle {angles[k]}")
+            for i, w in enumerate(watched):
+                found[i, k] = sketch.params(w)
+        return {(n, 0): found[i] for i, n in enumerate("BCP")}
+
+    return solve
+
+
+ROWS = {"four-bar": {"python-solvespace": four_bar}}
