@@ -75,10 +75,16 @@ def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array
     d = np.sqrt(d2)
     difference = (ra - rb) * (ra + rb)
     half = 0.5 / d2
-    across = mode * half * four_areas(ra, rb, d)
-    along_a = (d2 + difference) * half
-    along_b = (d2 - difference) * half
-    return (c / a) * (along_a + 1j * across), (c / b) * (along_b - 1j * across)
+    across = half * four_areas(ra, rb, d)
+    if not (isinstance(mode, float) and mode == 1.0):
+        across = mode * across
+    shift = difference * half
+    e1, e2 = np.empty(np.shape(across), complex), np.empty(np.shape(across), complex)
+    e1.real, e1.imag = 0.5 + shift, across
+    e2.real, e2.imag = 0.5 - shift, -across
+    e1 *= c
+    e2 *= c
+    return e1 * (1.0 / a), e2 * (1.0 / b)
 
 
 def gap_theta_theta(a: Array, b: Array, c: Array) -> Array:

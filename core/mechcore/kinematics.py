@@ -13,6 +13,7 @@ import numpy as np
 
 from . import blocks as bl
 from .blocks import Columns, Patch, Vectors
+from .frames import added, nothing
 from .model import Model
 from .positions import drive_rates
 
@@ -37,7 +38,7 @@ class Rates:
             self.group[group] = rate
             for spin in model.angles.spins_of[group]:
                 extra = self.spin[spin]
-                self.spin[spin] = rate if isinstance(extra, float) and extra == 0.0 else rate + extra
+                self.spin[spin] = rate if nothing(extra) else rate + extra
         for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
             self.slide[j] = rate
 
@@ -77,9 +78,9 @@ def velocities(
             total: Array = 0j
             for spin, z in v.arms:
                 w = found.spin[spin]
-                if not (isinstance(w, float) and w == 0.0):
-                    total = total - w * z
-            total = 1j * total
+                if not nothing(w):
+                    total = added(total, w * z)
+            total = -1j * total
             for j, _, d in v.slides:
                 if j not in block.slides:
                     total = total - found.slide[j] * d
@@ -108,17 +109,17 @@ def accelerations(
             tangential: Array = 0j
             for spin, z in v.arms:
                 w, a = speeds.spin[spin], found.spin[spin]
-                if not (isinstance(w, float) and w == 0.0):
-                    total = total + (w * w) * z  # centripetal
-                if not (isinstance(a, float) and a == 0.0):
-                    tangential = tangential + a * z
+                if not nothing(w):
+                    total = added(total, (w * w) * z)  # centripetal
+                if not nothing(a):
+                    tangential = added(tangential, a * z)
             for j, spin, d in v.slides:
                 w = speeds.spin[spin]
-                if not (isinstance(w, float) and w == 0.0):
-                    tangential = tangential + (2.0 * w * speeds.slide[j]) * d  # Coriolis
+                if not nothing(w):
+                    tangential = added(tangential, (2.0 * w * speeds.slide[j]) * d)  # Coriolis
                 if j not in block.slides:
                     total = total - found.slide[j] * d
-            rhs.append(total - 1j * tangential)
+            rhs.append(added(total, 1j * tangential, -1))
         found.settle(model, block, _patched(bl.rates(block, c, rhs, found.tied(model, block)), patches, k, 2))
     return found
 

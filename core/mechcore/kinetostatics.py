@@ -200,7 +200,9 @@ class Forces:
         return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
 
     def _rows(self, force: Array, moment: Array) -> Real:
-        return np.stack([self._over_frames(np.real(force)), self._over_frames(np.imag(force)), self._over_frames(moment)], -1)
+        out = np.empty((self.motion.frames, 3))
+        out[:, 0], out[:, 1], out[:, 2] = force.real, force.imag, moment
+        return out
 
 
 def solve_forces(motion: Motion) -> Forces:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import blocks as bl
 from .blocks import Columns, Patch, State, Vectors
 from .changes import Change
+from .frames import added
 from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
@@ -212,14 +213,15 @@ class Motion:
 
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
-        joint = self.model.joints[j]
-        local = joint.b if side else joint.a
-        nothing = isinstance(local, complex) and local == 0
-        vector = 0j if nothing else local * self.rotation(k)
-        d = self._slide_direction(k, j, side)
-        if d is not None:
-            vector = vector + self.state.slide[j] * d
-        if derivative == 0 or (nothing and d is None):
+        key = j, side
+        if key not in self._arms:
+            joint = self.model.joints[j]
+            local = joint.b if side else joint.a
+            vector = 0j if isinstance(local, complex) and local == 0 else local * self.rotation(k)
+            d = self._slide_direction(k, j, side)
+            self._arms[key] = (vector if d is None else vector + self.state.slide[j] * d), d
+        vector, d = self._arms[key]
+        if derivative == 0 or (d is None and isinstance(vector, complex) and vector == 0):
             return vector
         out = self.turning(k, derivative) * vector
         if d is None:
@@ -229,17 +231,17 @@ class Motion:
         w = self.speeds.spin[self.model.angles.spin[k]]
         return out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
 
+    @cached_property
+    def _arms(self) -> dict[tuple[int, int], tuple[Array, Array]]:
+        return {}
+
     def _along_tree(self, derivative: int) -> list[Array]:
         tree, ends = self.model.tree, self.model.ends
         found: list[Array] = [0j] * len(self.model.links)
         for k in tree.order:
             p, j = tree.parent[k], tree.joint[k]
             side = 1 if ends[j][1] == k else 0
-            total = found[p]
-            for sign, arm in ((1, self.arm(p, j, 1 - side, derivative)), (-1, self.arm(k, j, side, derivative))):
-                if not (isinstance(arm, complex) and arm == 0):
-                    total = total + arm if sign == 1 else total - arm
-            found[k] = total
+            found[k] = added(added(found[p], self.arm(p, j, 1 - side, derivative)), self.arm(k, j, side, derivative), -1)
         return found
 
     @cached_property
@@ -273,8 +275,14 @@ class Motion:
         return self.of_point(ends[side], joint.b if side else joint.a, derivative)
 
     def _rows(self, z: Array, angle: Array | None = None) -> Real:
-        parts = [np.real(z), np.imag(z)] + ([] if angle is None else [angle])
-        return np.stack([np.broadcast_to(np.asarray(p, float), self.shape) for p in parts], axis=-1)
+        """Plane vectors, and an angle where given, as rows of numbers of their own."""
+        if angle is None:
+            if np.shape(z) != self.shape or z.dtype != complex:
+                z = np.broadcast_to(np.asarray(z, complex), self.shape)
+            return np.array(z, order="C").view(float).reshape(*self.shape, 2)
+        out = np.empty((*self.shape, 3))
+        out[..., 0], out[..., 1], out[..., 2] = z.real, z.imag, angle
+        return out
 
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .blocks import Patch, State, apply, place
+from .frames import rotation_of
 from .model import Model
 
 __all__ = ["drive_rates", "initial_state", "place_all"]
@@ -27,7 +28,7 @@ def initial_state(
     def rotation(d: int, sign: int) -> Array:
         if (d, sign) not in factor:
             q = drives[d] if sign == 1 else sign * drives[d]
-            factor[d, sign] = np.cos(q) + 1j * np.sin(q)
+            factor[d, sign] = rotation_of(q)
         return factor[d, sign]
 
     delta: list[Array] = []

@@ -84,7 +84,9 @@ def solve_motion(
     values = []
     for d in model.mechanism.drives:
         given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
-        q, v, a = (np.broadcast_to(np.asarray(x, float), time.shape) for x in given)
+        q, v, a = (np.asarray(x, float) for x in given)
+        if not q.shape == v.shape == a.shape == time.shape:
+            q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
         values.append((q, v, a))
     positions = [v[0] for v in values]
     starts = None
@@ -102,7 +104,7 @@ def solve_motion(
             passed = compiled.changes.within(float(np.min(law_time)), float(np.max(law_time))) if drives is None else []
     state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
     motion = Motion(model, time, values, state, patches, passed)
-    if strict:
+    if strict and not _all_placed(model, motion):
         faults = _faults(compiled, motion, track, parameter)
         if faults:
             raise MechanismError(faults)
@@ -186,6 +188,17 @@ def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: 
             faults.append(_out_of_reach(compiled, block, motion, bad, np.broadcast_to(miss, motion.frames)))
             failed |= bad
     return faults
+
+
+def _all_placed(model: Model, motion: Motion) -> bool:
+    """Whether every group is assembled in every frame; a quick look (sums are NaN if any frame is), `_faults` says where not."""
+    for block in model.blocks:
+        if block.redundant or block.kind == "general":
+            return False  # these have more to check than that they are there
+        x = motion.state.rot[model.angles.spins_of[block.angles[0]][0]] if block.angles else motion.state.slide[block.slides[0]]
+        if not np.isfinite(np.sum(x)):
+            return False
+    return True
 
 
 def _placed(model: Model, block: Block, motion: Motion) -> Array:
