@@ -20,6 +20,8 @@ def collect(motion):
         "acceleration": motion.point("coupler", "P", 2),
         "pose": motion.pose("rocker"),
         "closure": motion.closure,
+        "pin": motion.point("coupler", "D", 2),
+        "pair": motion.pair_position("D"),
     }
 
 

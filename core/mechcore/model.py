@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from .errors import Fault, MechanismError
 from .graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
@@ -92,6 +93,7 @@ class Model:
     index: Mapping[str, int] = field(default_factory=dict)  # of links
     joint_index: Mapping[str, int] = field(default_factory=dict)
 
+    varied: Mapping[tuple[str, str], Any] = field(default_factory=dict)  # (link, point) -> places in a sweep (designs, 1)
     bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that pairs bring along included
 
     @property
@@ -107,7 +109,11 @@ class Model:
 
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:
-        return tuple({p: complex(*xy) for p, xy in self.bodies[k].points.items()} for k in self.links)
+        """Named points of every link in its own axes [m]; in a sweep those that vary are arrays (designs, 1)."""
+        own = [{p: complex(*xy) for p, xy in self.bodies[k].points.items()} for k in self.links]
+        for (link, point), values in self.varied.items():
+            own[self.index[link]][point] = values
+        return tuple(own)
 
     @cached_property
     def masses(self) -> tuple[tuple[float, complex, float], ...]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import blocks as bl
 from .blocks import Columns, Patch, State, Vectors
 from .changes import Change
-from .frames import added
+from .frames import added, nothing
 from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
@@ -45,6 +45,11 @@ class Motion:
         self.state = state
         self.patches = patches
         self.changes = tuple(changes)  # change points and dead points that the run passes
+        # worked out once when first needed
+        self._arms: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._turning: dict[tuple[int, int], Array] = {}
+        self._offsets: dict[tuple[int, Any], Array] = {}
+        self._group_angles: dict[int, Array] = {}
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -82,7 +87,8 @@ class Motion:
     def point(self, link: str, point: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
         k = self.model.index[link]
-        return self._rows(self.of_point(k, self.model.points[k][point], derivative))
+        local = self.model.points[k][point]
+        return self._rows(self.of_point(k, local, derivative), fresh=not nothing(local))
 
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a link's centre of mass, or its first or second derivative."""
@@ -163,10 +169,6 @@ class Motion:
             self._turning[key] = 1j * w if derivative == 1 else 1j * self.accelerations.spin[key[0]] - w * w
         return self._turning[key]
 
-    @cached_property
-    def _turning(self) -> dict[tuple[int, int], Array]:
-        return {}
-
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous over the frames."""
         turning = self.model.angles
@@ -198,10 +200,6 @@ class Motion:
             self._group_angles[group] = raw
         return self._group_angles[group]
 
-    @cached_property
-    def _group_angles(self) -> dict[int, Array]:
-        return {}
-
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""
         joint = self.model.joints[j]
@@ -231,10 +229,6 @@ class Motion:
         w = self.speeds.spin[self.model.angles.spin[k]]
         return out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
 
-    @cached_property
-    def _arms(self) -> dict[tuple[int, int], tuple[Array, Array]]:
-        return {}
-
     def _along_tree(self, derivative: int) -> list[Array]:
         tree, ends = self.model.tree, self.model.ends
         found: list[Array] = [0j] * len(self.model.links)
@@ -263,9 +257,12 @@ class Motion:
             origin = self.origins[k]
         else:
             origin = self.origin_velocities[k] if derivative == 1 else self.origin_accelerations[k]
-        if local == 0:
+        if nothing(local):
             return origin
-        r = local * self.rotation(k)
+        key = k, id(local) if isinstance(local, np.ndarray) else local  # an array: one value per design of a sweep
+        r = self._offsets.get(key)
+        if r is None:
+            r = self._offsets[key] = local * self.rotation(k)
         return origin + (r if derivative == 0 else self.turning(k, derivative) * r)
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:
@@ -274,12 +271,12 @@ class Motion:
         side = 1 if joint.slide is not None and joint.guide == 0 else 0
         return self.of_point(ends[side], joint.b if side else joint.a, derivative)
 
-    def _rows(self, z: Array, angle: Array | None = None) -> Real:
-        """Plane vectors, and an angle where given, as rows of numbers of their own."""
+    def _rows(self, z: Array, angle: Array | None = None, *, fresh: bool = False) -> Real:
+        """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
         if angle is None:
             if np.shape(z) != self.shape or z.dtype != complex:
-                z = np.broadcast_to(np.asarray(z, complex), self.shape)
-            return np.array(z, order="C").view(float).reshape(*self.shape, 2)
+                z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
+            return (z if fresh else np.array(z, order="C")).view(float).reshape(*self.shape, 2)
         out = np.empty((*self.shape, 3))
         out[..., 0], out[..., 1], out[..., 2] = z.real, z.imag, angle
         return out

@@ -100,6 +100,6 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
         slides = tuple((j, model.angles.spin[k], d * model.turn[k]) for j, k, d in c.slides)
         kept = tuple((s, a) for s, a in arms.items() if np.any(a != 0))
         sums.append(SpinContour(closing=c.closing, arms=kept, slides=slides))
-    variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums))
+    variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums), varied=place)
     state = place_all(variant, [v[0] for v in values], compiled.assembly.modes)
     return Motion(variant, time, values, state)
