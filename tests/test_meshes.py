@@ -18,7 +18,8 @@ from shapely.geometry import MultiLineString, Polygon
 
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
-from mechcore.spec import Link, Mechanism, Pair, Prismatic
+from mechcore.pairs import build_pairs
+from mechcore.spec import Link, Mechanism, Pair, Prismatic, Revolute
 from mechviz.meshes import Solids, build_solids, stl_bytes
 from mechviz.meshes.layers import Post, order_layers
 from mechviz.scene import gallery_names
@@ -29,7 +30,7 @@ Poses = dict[str, np.ndarray]
 
 def moved(mechanism: Mechanism) -> tuple[Mechanism, Poses]:
     motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, FRAMES, 1.0))
-    return mechanism, {link.name: np.asarray(motion.pose(link.name)) for link in mechanism.links}
+    return mechanism, {link: np.asarray(motion.pose(link)) for link in motion.model.links}
 
 
 def mechanism(points: Mapping[str, Mapping[str, tuple[float, float]]], *pairs: Pair) -> Mechanism:
@@ -147,7 +148,7 @@ def built():
 
 def check_shapes(solids: Solids, spec: Mechanism) -> None:
     """Every link has closed parts, and display arrays that fit them."""
-    assert list(solids.links) == [link.name for link in spec.links]
+    assert list(solids.links) == list(build_pairs(spec).links), "every link, those of cylinders included"
     for name, solid in solids.links.items():
         assert solid.parts, name
         assert len(solid.kinds) == len(solid.parts)
@@ -236,7 +237,7 @@ def in_world(xy: tuple[float, float] | np.ndarray, pose: np.ndarray) -> np.ndarr
 def test_joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(built, name):
     spec, poses, solids = built(name)
     points = {link.name: link.points for link in spec.links}
-    start = {name: poses[name][0] if name != spec.frame else np.zeros(3) for name in points}
+    start = {name: poses[name][0] if name != spec.frame else np.zeros(3) for name in solids.links}
     pins = [
         (in_world(part.bounds.mean(axis=0)[:2], start[solid.name]), part.bounds[:, 2])
         for solid in solids.links.values()
@@ -244,14 +245,15 @@ def test_joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(b
         if kind == "pin"
     ]
     for pair in spec.pairs:
-        if isinstance(pair, Prismatic):
+        if not isinstance(pair, Revolute):
             continue
         spans = []
         for link, point in zip(pair.links, pair.points, strict=True):
             if link == spec.frame:
                 continue
             solid, at = solids.links[link], points[link][point]
-            flat = [p for k, p in zip(solid.kinds, solid.parts, strict=True) if k in ("plate", "block")]
+            kinds = ("plate", "block", "wheel")  # the plate first: a block of the same link may lie behind it
+            flat = [p for kind in kinds for k, p in zip(solid.kinds, solid.parts, strict=True) if k == kind]
             spans.append(next(p.bounds[:, 2] for p in flat if (p.bounds[0, :2] < at).all() and (at < p.bounds[1, :2]).all()))
         centre = in_world(points[pair.links[0]][pair.points[0]], start[pair.links[0]])
         here = [height for xy, height in pins if np.hypot(*(xy - centre)) < 1e-6 * solids.size]

@@ -7,6 +7,7 @@ import pytest
 
 import mechviz
 from mechcore import Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.structure import gruebler, rank_mobility, redundant_pairs
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 
@@ -31,7 +32,9 @@ def test_the_gallery_has_what_it_promises():
     promised = {
         "crank-rocker", "slider-crank-compressor", "slider-crank-engine", "contour-lever", "kinetostatic-four-bar",
         "watt-six-bar", "jansen-leg", "triad", "shaper-quick-return", "peaucellier", "elliptic-trammel", "scotch-yoke",
-        "ten-link", "five-bar",
+        "ten-link", "five-bar", "planetary-gear", "gear-train", "geared-slider-cranks", "rack-and-pinion", "belt-drive",
+        "rolling-wheel", "slotted-lever", "excavator-arm", "parallelogram", "antiparallelogram", "kite", "piston-driven-crank",
+        "double-parallelogram", "two-guides", "near-flat-four-bar", "eight-bar", "stephenson-six-bar", "micro-gripper",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES
@@ -152,3 +155,152 @@ def test_compressor_is_driven_and_engine_drives():
 
 def test_ten_links():
     assert len(mechviz.load("ten-link").mechanism.links) == 10
+
+
+# --- gears, belts, rolling ------------------------------------------------------------------------------------------------
+
+
+def spin(motion: Motion, link: str) -> np.ndarray:
+    return motion.velocity(link)[:, 2]
+
+
+def test_planetary_gear_turns_its_sun_as_willis_says():
+    motion = motion_of("planetary-gear")
+    np.testing.assert_allclose(spin(motion, "sun"), 3.5 * spin(motion, "arm"), rtol=1e-12)
+    for planet in ("planet", "planet2", "planet3"):
+        np.testing.assert_allclose(spin(motion, planet), (1 - 60 / 18) * spin(motion, "arm"), rtol=1e-12)
+
+
+def test_a_point_on_the_pitch_circle_of_a_planet_rests_where_it_touches_the_ring():
+    motion = motion_of("planetary-gear", at=0.0)
+    assert np.hypot(*motion.point("planet", "T")[0]) == pytest.approx(0.060, rel=1e-12)
+    assert np.hypot(*motion.point("planet", "T", 1)[0]) < 1e-14
+
+
+def test_gear_train_divides_the_torque_by_nine():
+    forces = forces_of("gear-train")
+    np.testing.assert_allclose(spin(forces.motion, "output"), spin(forces.motion, "motor") / 9.0, rtol=1e-12)
+    np.testing.assert_allclose(forces.effort("A"), 1.0, rtol=1e-9)  # N m, against the winch's 9
+    f = forces.reaction("G2")[:, :2]
+    outward = np.array([42.0, 42.42640687119285]) / np.hypot(42.0, 42.42640687119285)
+    np.testing.assert_allclose(f @ outward, np.hypot(*f.T) * np.sin(np.radians(20.0)), rtol=1e-9)
+
+
+def test_geared_slider_cranks_keep_their_phase():
+    motion = motion_of("geared-slider-cranks")
+    crank, crank2 = (motion.pose(link)[:, 2] for link in ("crank", "crank2"))
+    np.testing.assert_allclose(crank2, np.pi / 2 - crank / 2, atol=1e-12)
+    x, y = 0.05 * np.cos(crank2), 0.05 * np.sin(crank2)
+    np.testing.assert_allclose(motion.point("piston2", "F")[:, 0], x + np.sqrt(0.18**2 - y**2), rtol=1e-12)
+
+
+def test_rack_goes_by_radius_times_angle_and_the_teeth_press_the_pinion_away():
+    forces = forces_of("rack-and-pinion")
+    motion = forces.motion
+    np.testing.assert_allclose(motion.point("rack", "R")[:, 0], 0.040 * motion.pose("pinion")[:, 2], atol=1e-15)
+    assert (forces.reaction("Z")[:, 1] < 0.0).all(), "the pinion presses the rack down"
+
+
+def test_belts_keep_or_reverse_the_sense_of_rotation():
+    forces = forces_of("belt-drive")
+    motion = forces.motion
+    np.testing.assert_allclose(spin(motion, "drum"), spin(motion, "motor") / 3.0, rtol=1e-12)
+    np.testing.assert_allclose(spin(motion, "fan"), -spin(motion, "motor") / 1.5, rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(*forces.reaction("V")[:, :2].T), 30.0 / 0.150, rtol=1e-9)
+    np.testing.assert_allclose(np.hypot(*forces.reaction("X")[:, :2].T), 6.0 / 0.090, rtol=1e-9)
+
+
+def test_wheel_rolls_by_its_radius():
+    motion = motion_of("rolling-wheel")
+    x, turn = motion.point("wheel", "C")[:, 0], motion.pose("wheel")[:, 2]
+    np.testing.assert_allclose(np.diff(turn), -np.diff(x) / 0.060, atol=1e-13)
+    height = motion.point("wheel", "K")[:, 1]
+    assert height.min() > -0.080 - 1e-12, "the rail is at -80 mm"
+    assert height.max() > -0.020
+
+
+def test_pin_presses_square_to_its_slot():
+    forces = forces_of("slotted-lever")
+    angle = forces.motion.pose("lever")[:, 2]
+    force = forces.reaction("A")
+    along = force[:, 0] * np.cos(angle) + force[:, 1] * np.sin(angle)
+    assert np.abs(along).max() < 1e-12 * np.hypot(*force[:, :2].T).max()
+    assert np.hypot(*force[:, :2].T).min() > 1.0
+
+
+def test_excavator_cylinders_carry_what_hangs_on_them():
+    """Both cylinders give exactly the power that the arm takes; the boom's is pressed together all the time."""
+    forces = forces_of("excavator-arm")
+    motion = forces.motion
+    for pair, first, p, second, q in (("C1", "frame", "P", "boom", "Q"), ("C2", "boom", "U", "stick", "V")):
+        away = motion.point(second, q) - motion.point(first, p)
+        np.testing.assert_allclose(np.hypot(*away.T), motion.coordinate(pair)[:, 0], rtol=1e-12)
+        assert 10e3 < np.abs(forces.effort(pair)).max() < 1e6  # N
+    assert forces.effort("C1").min() > 50e3
+    tip = motion.point("bucket", "T")
+    assert np.ptp(tip[:, 0]) > 1.0 and np.ptp(tip[:, 1]) > 1.0
+
+
+# --- hard cases -----------------------------------------------------------------------------------------------------------
+
+
+def test_parallelogram_and_antiparallelogram_keep_their_branch_through_four_change_points():
+    motion = motion_of("parallelogram")
+    np.testing.assert_allclose(spin(motion, "rocker"), spin(motion, "crank"), rtol=1e-9)
+    assert len(motion.changes) == 4 and not any(change.dead for change in motion.changes)
+    motion = motion_of("antiparallelogram")
+    crank = motion.pose("crank")[:, 2]
+    ratio = (0.06**2 - 0.3**2) / (0.06**2 + 0.3**2 - 2 * 0.06 * 0.3 * np.cos(crank))
+    np.testing.assert_allclose(spin(motion, "rocker") / spin(motion, "crank"), ratio, rtol=1e-8)
+    assert ratio.min() == pytest.approx(-1.5, rel=1e-3), "half as fast again at times"
+    assert len(motion.changes) == 4
+
+
+def test_kite_needs_two_turns_of_the_crank_for_one_cycle():
+    motion = motion_of("kite")
+    rocker = motion.pose("rocker")[:, 2]
+    assert abs(rocker[360] - rocker[0]) > 1.0
+    assert np.abs(np.exp(1j * rocker[-1]) - np.exp(1j * rocker[0])) < 1e-9
+    assert len(motion.changes) == 2
+
+
+def test_piston_turns_the_crank_through_both_dead_points():
+    motion = motion_of("piston-driven-crank")
+    crank = motion.pose("crank")[:, 2]
+    assert abs(crank[-1] - crank[0]) == pytest.approx(4.0 * np.pi, abs=1e-9)
+    assert (np.diff(crank) * np.sign(crank[-1] - crank[0]) > 0.0).all()
+    assert [change.dead for change in motion.changes] == [True] * 4
+
+
+@pytest.mark.parametrize(("name", "pair", "mobility"), [("double-parallelogram", "F", 0), ("two-guides", "T", -1)])
+def test_redundant_constraints_are_named_and_the_motion_is_exact(name, pair, mobility):
+    forces = forces_of(name)
+    model = forces.motion.model
+    assert (gruebler(model)[-1], rank_mobility(forces.motion)) == (mobility, 1)
+    assert pair in redundant_pairs(model)
+    assert np.isfinite(forces.reaction(pair)).all()
+
+
+def test_near_flat_four_bar_keeps_its_mode_and_says_how_near_it_comes():
+    motion = motion_of("near-flat-four-bar")
+    b_to_d = motion.point("frame", "D") - motion.point("coupler", "B")
+    b_to_c = motion.point("coupler", "C") - motion.point("coupler", "B")
+    assert (b_to_d[:, 0] * b_to_c[:, 1] - b_to_d[:, 1] * b_to_c[:, 0]).min() > 0.0, "C stays left of B -> D"
+    assert motion.changes == ()
+    assert 500.0 < motion.condition.max() < 2000.0, "about one over the root of the margin"
+
+
+@pytest.mark.parametrize(("name", "contours", "links"), [("eight-bar", 3, 6), ("stephenson-six-bar", 2, 4)])
+def test_large_groups_are_one_simultaneous_block(name, contours, links):
+    (block,) = motion_of(name).model.blocks
+    assert (block.kind, len(block.contours), len(block.angles)) == ("general", contours, links)
+
+
+def test_micro_gripper_is_symmetric_and_the_same_in_millimetres():
+    motion = motion_of("micro-gripper")
+    upper, lower = motion.point("jaw", "T"), motion.point("jaw2", "V")
+    np.testing.assert_allclose(upper, lower * (1.0, -1.0), rtol=1e-12)
+    scene = mechviz.load("micro-gripper")
+    large = mechviz.loads(scene.text.replace('"um"', '"mm"')).mechanism
+    big = solve_motion(compile_mechanism(large), default_times(large, scene.frames, scene.cycles))
+    np.testing.assert_allclose(1e3 * upper, big.point("jaw", "T"), rtol=1e-13)

@@ -1,4 +1,4 @@
-"""Solid meshes of mechanisms: links, blocks and guides, pins and ground, in layers that do not collide.
+"""Solid meshes of mechanisms: links, guides, wheels, belts, cylinders, pins and ground, in layers that do not collide.
 
 ```python
 solids = build_solids(mechanism, poses)

@@ -16,7 +16,7 @@ from shapely.geometry import Point, Polygon
 
 from .outline import clean
 
-__all__ = ["Profile", "Shell", "Turned", "plate", "revolve"]
+__all__ = ["Groove", "Profile", "Shell", "Turned", "plate", "revolve"]
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -45,6 +45,15 @@ class Turned:
     def rim(self) -> float:
         """The largest radius where the feature leaves a face of the plate."""
         return max([profile[0][0] for profile in (self.top, self.bottom) if profile], default=0.0)
+
+
+@dataclass(frozen=True)
+class Groove:
+    """A groove around the edge of a plate, between two heights within its straight wall."""
+
+    depth: float
+    low: float
+    high: float
 
 
 class _Builder:
@@ -89,9 +98,17 @@ class _Builder:
 
 
 def plate(
-    outline: Polygon, z: tuple[float, float], bevel: float, turned: Sequence[Turned] = (), segments: int = 40
+    outline: Polygon,
+    z: tuple[float, float],
+    bevel: float,
+    turned: Sequence[Turned] = (),
+    segments: int = 40,
+    groove: Groove | None = None,
 ) -> Shell:
-    """A plate between the heights z, its edges bevelled at 45 degrees, with turned features on its faces."""
+    """A plate between the heights z, its edges bevelled at 45 degrees, with turned features on its faces.
+
+    A groove runs around its outer edge.
+    """
     outline = clean(outline)
     rings = [_coords(ring) for ring in (outline.exterior, *outline.interiors)]
     insets = _insets(rings, bevel, turned)
@@ -100,11 +117,15 @@ def plate(
     low, high = z
     build = _Builder()
     top, bottom = [], []
-    for ring, inset in zip(rings, insets, strict=True):
+    for k, (ring, inset) in enumerate(zip(rings, insets, strict=True)):
+        edge = []
+        if groove is not None and k == 0:
+            floor = _inset(ring, groove.depth)
+            edge = [(ring, groove.low), (floor, groove.low), (floor, groove.high), (ring, groove.high)]
         if bevel > 0.0:
-            levels = [(inset, low), (ring, low + bevel), (ring, high - bevel), (inset, high)]
+            levels = [(inset, low), (ring, low + bevel), *edge, (ring, high - bevel), (inset, high)]
         else:
-            levels = [(ring, low), (ring, high)]
+            levels = [(ring, low), *edge, (ring, high)]
         index = [build.ring(xy, height) for xy, height in levels]
         build.strips(index)
         bottom.append((inset, index[0]))

@@ -8,8 +8,9 @@ improved by local moves.
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 __all__ = ["Order", "Post", "order_layers"]
 
@@ -17,7 +18,6 @@ _CLASH = 1000.0
 _FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
 _HEIGHT = 8.0
 _SPAN = 3.0  # a pin that is one layer longer than it needs to be
-_RAIL = 1.0  # rails one layer further from the back, where they hide less
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Order:
     clashes: int
 
 
-def order_layers(conflicts: Sequence[int], posts: Sequence[Post], rails: Sequence[int] = ()) -> Order:
+def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mapping[int, float] = MappingProxyType({})) -> Order:
     """The best order found: fewest clashes first, then few pedestals in front, few layers and short pins.
 
-    `conflicts[i]` is the bit mask of the groups that must not share a layer with group i; groups in `rails` would
-    rather lie at the back.
+    `conflicts[i]` is the bit mask of the groups that must not share a layer with group i; `behind` names groups that would
+    rather lie at the back, where they hide less, and what each layer further to the front costs.
     """
     n = len(conflicts)
     if n == 0:
         return Order((), tuple(False for _ in posts), 0)
-    search = _Search(conflicts, posts, rails)
+    search = _Search(conflicts, posts, behind)
     rng = random.Random(0)
     best: list[int] | None = None
     best_cost = float("inf")
@@ -67,11 +67,11 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], rails: Sequenc
 
 
 class _Search:
-    def __init__(self, conflicts: Sequence[int], posts: Sequence[Post], rails: Sequence[int]) -> None:
+    def __init__(self, conflicts: Sequence[int], posts: Sequence[Post], behind: Mapping[int, float]) -> None:
         self.n = len(conflicts)
         self.conflicts = conflicts
         self.posts = posts
-        self.rails = rails
+        self.behind = behind
         self.near = [(i, j) for i, post in enumerate(posts) for j in post.near if j < i]
 
     def natural_ranks(self) -> list[int]:
@@ -137,7 +137,7 @@ class _Search:
         top = max(layers)
         masks = self._masks(layers, top)
         clashes = self._same_layer(layers, masks)
-        extra = _HEIGHT * top + _RAIL * sum(max(layers[g], 0) for g in self.rails)
+        extra = _HEIGHT * top + sum(cost * max(layers[g], 0) for g, cost in self.behind.items())
         spans = []
         for post in self.posts:
             if _CLASH * clashes + extra > limit:

@@ -1,15 +1,18 @@
-"""The mechanism as the part builder sees it: in units of its own size, with axles, guides and proportions of parts."""
+"""The mechanism as the part builder sees it: in units of its own size, with axles, guides, wheels and proportions of parts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechcore.spec import Force, Mechanism, Prismatic, Revolute, Vec2
+from mechcore.pairs import Builder, Joint, build_pairs
+from mechcore.spec import Cylinder, Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 
-__all__ = ["Axle", "Guide", "Model", "Proportions", "build_model"]
+from .wheels import Wheels, find_wheels
+
+__all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Telescope", "Weldment", "build_model"]
 
 _SAME = 1e-6  # points closer than this share one axle
 _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
@@ -48,7 +51,10 @@ class Proportions:
 
 @dataclass(frozen=True)
 class Axle:
-    """Revolute pairs that share one axis: a pin through all their links. Radii are in units of the size."""
+    """Revolute pairs that share one axis: a pin through all their links. Radii are in units of the size.
+
+    The pin of a slotted link is one too; then ``centres`` does not name the link with the slot.
+    """
 
     centres: Mapping[str, Vec2]  # link -> the axis in the link's frame
     owner: str  # the link that the pin belongs to
@@ -80,16 +86,52 @@ class Guide:
 
 
 @dataclass(frozen=True)
+class Slot:
+    """A pin in a slot."""
+
+    pair: str
+    link: str  # with the slot
+    pin: str  # the link with the pin
+    origin: Vec2  # a point of the slot's middle line, in its link's frame
+    along: Vec2  # unit direction, in that frame
+    point: Vec2  # the pin, in the pin's frame
+    travel: tuple[float, float]  # of the pin along the slot, from `origin`
+
+
+@dataclass(frozen=True)
+class Weldment:
+    """Two links joined rigidly."""
+
+    links: tuple[str, str]
+    points: tuple[Vec2, Vec2]
+    angle: float  # of the second link's frame against the first's [rad]
+
+
+@dataclass(frozen=True)
+class Telescope:
+    """Barrel and rod of a cylinder: frames at their pins, x along the cylinder."""
+
+    pair: str
+    barrel: str
+    rod: str
+    travel: tuple[float, float]  # distance of the pins over the run
+
+
+@dataclass(frozen=True)
 class Model:
     """A mechanism in units of its size."""
 
     frame: str
-    links: tuple[str, ...]  # all, in the order of the scene
+    links: tuple[str, ...]  # all, in the order of the scene; parts of cylinders last
     size: float  # [m]
     poses: Mapping[str, np.ndarray]  # link -> (F, 3) x, y, angle; empty if not known
     frames: int
     axles: tuple[Axle, ...]
     guides: tuple[Guide, ...]
+    slots: tuple[Slot, ...]
+    welds: tuple[Weldment, ...]
+    telescopes: tuple[Telescope, ...]
+    wheels: Wheels
     marks: Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that carry no pin
     proportions: Proportions
     segments: int  # sides of a full circle
@@ -100,28 +142,53 @@ class Model:
 
 
 def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, segments: int) -> Model:
-    """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles and guides."""
-    moving = _usable_poses(mechanism, poses)
-    size = _size(mechanism, moving)
+    """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels."""
+    parts = build_pairs(mechanism)
+    links = tuple(parts.links.values())
+    moving = _usable_poses(mechanism.frame, links, poses)
+    size = _size(mechanism, parts, moving)
     scaled = {name: pose / (size, size, 1.0) for name, pose in moving.items()}
     frames = len(next(iter(scaled.values()))) if scaled else 0
-    points = {link.name: {p: (x / size, y / size) for p, (x, y) in link.points.items()} for link in mechanism.links}
-    clusters = _clusters(mechanism, points)
+    points = {link.name: {p: (x / size, y / size) for p, (x, y) in link.points.items()} for link in links}
+    joints = [_scaled(joint, size) for joint in parts.joints]
+    wheels = find_wheels(mechanism, parts, size, scaled)
+    racks = {bar.slider for bar in wheels.racks}
+    cylinders = {pair.name for pair in mechanism.pairs if isinstance(pair, Cylinder)}
+    clusters = _clusters(mechanism, joints)
     marks = _marks(mechanism, points, clusters)
-    proportions = _proportions(mechanism, clusters)
-    axles = tuple(_axle(mechanism, c, clusters, marks, proportions) for c in clusters)
-    guides = tuple(
-        _guide(mechanism, pair, points, scaled, clusters, marks, proportions)
-        for pair in mechanism.pairs
-        if isinstance(pair, Prismatic)
+    proportions = _proportions(mechanism, links, clusters, wheels)
+    axles = tuple(_axle(c, clusters, marks, proportions) for c in clusters)
+    guides = [j for j in joints if j.kind == "prismatic" and j.name not in cylinders | racks]
+    return Model(
+        frame=mechanism.frame,
+        links=tuple(link.name for link in links),
+        size=size,
+        poses=scaled,
+        frames=frames,
+        axles=axles,
+        guides=tuple(_guide(mechanism, joint, scaled, clusters, marks, proportions) for joint in guides),
+        slots=tuple(_slot(joint, scaled) for joint in joints if joint.kind == "pin_slot"),
+        welds=tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld"),
+        telescopes=tuple(_telescope(joint, scaled) for joint in joints if joint.name in cylinders),
+        wheels=wheels,
+        marks=marks,
+        proportions=proportions,
+        segments=segments,
     )
-    names = tuple(link.name for link in mechanism.links)
-    return Model(mechanism.frame, names, size, scaled, frames, axles, guides, marks, proportions, segments)
 
 
-def _usable_poses(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:
+def _scaled(joint: Joint, size: float) -> Joint:
+    """A joint with its points in units of the size."""
+    return replace(joint, a=joint.a / size, b=joint.b / size)
+
+
+def _xy(z: complex) -> Vec2:
+    return (z.real, z.imag)
+
+
+def _usable_poses(frame: str, links: Sequence[Link], poses: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:
     """Poses (F, 3) of every link at the frames where all links have finite ones; empty if there are none."""
-    names = [link.name for link in mechanism.links if link.name != mechanism.frame]
+    names = [link.name for link in links if link.name != frame]
     if poses is None or any(name not in poses for name in names):
         return {}
     arrays = {name: np.asarray(poses[name], float).reshape(-1, 3) for name in names}
@@ -131,15 +198,22 @@ def _usable_poses(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None) 
         good &= np.isfinite(a[:frames]).all(axis=1)
     if not good.any():
         return {}
-    return {mechanism.frame: np.zeros((int(good.sum()), 3))} | {name: a[:frames][good] for name, a in arrays.items()}
+    return {frame: np.zeros((int(good.sum()), 3))} | {name: a[:frames][good] for name, a in arrays.items()}
 
 
-def _size(mechanism: Mechanism, poses: Mapping[str, np.ndarray]) -> float:
-    """The larger side of the box around the mechanism's points over the run [m]; 10 mm if it has no extent."""
+def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, np.ndarray]) -> float:
+    """The larger side of the box around the mechanism's points and wheels over the run [m]; 10 mm if it has no extent."""
     clouds, extents = [], [0.0]
-    used = {(link, p) for pair in mechanism.pairs for link, p in zip(pair.links, pair.points, strict=True)}
-    for link in mechanism.links:
+    used = {
+        (link, p) for pair in mechanism.pairs if hasattr(pair, "points") for link, p in zip(pair.links, pair.points, strict=True)
+    }
+    rims: dict[str, list[Vec2]] = {}
+    for wheel in find_wheels(mechanism, parts, 1.0, {}).wheels:
+        x, y, r = *wheel.centre, wheel.radius
+        rims.setdefault(wheel.link, []).extend([(x - r, y), (x + r, y), (x, y - r), (x, y + r)])
+    for link in parts.links.values():
         kept = [xy for p, xy in link.points.items() if link.name != mechanism.frame or (link.name, p) in used]
+        kept += rims.get(link.name, [])
         if not kept:
             continue
         xy = np.array(kept, float)
@@ -163,15 +237,19 @@ Marks = Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that car
 Cluster = tuple[dict[str, Vec2], str]  # link -> centre, and the owner of the pin
 
 
-def _clusters(mechanism: Mechanism, points: Points) -> list[Cluster]:
+def _clusters(mechanism: Mechanism, joints: Sequence[Joint]) -> list[Cluster]:
     """Revolute pairs gathered by their axis: pairs at the same place of a common link share one pin."""
-    groups: list[tuple[dict[str, Vec2], str]] = []
-    for pair in mechanism.pairs:
-        if not isinstance(pair, Revolute):
+    groups: list[Cluster] = []
+    for joint in joints:
+        if joint.kind == "revolute":
+            new = {link: _xy(at) for link, at in zip(joint.links, (joint.a, joint.b), strict=True)}
+            owner = mechanism.frame if mechanism.frame in new else joint.links[1]
+        elif joint.kind == "pin_slot":
+            owner = joint.links[1 - joint.guide]
+            new = {owner: _xy(joint.a if joint.guide else joint.b)}
+        else:
             continue
-        new = {link: points[link][p] for link, p in zip(pair.links, pair.points, strict=True)}
-        owner = mechanism.frame if mechanism.frame in new else pair.links[1]
-        rest = []
+        rest: list[Cluster] = []
         for centres, old_owner in groups:
             if any(link in centres and _distance(centres[link], xy) < _SAME for link, xy in new.items()):
                 new = {**centres, **new}
@@ -184,8 +262,8 @@ def _clusters(mechanism: Mechanism, points: Points) -> list[Cluster]:
 
 def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Marks:
     """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
-    prismatic = [pair for pair in mechanism.pairs if isinstance(pair, Prismatic)]
-    guides = {(link, p) for pair in prismatic for link, p in zip(pair.links, pair.points, strict=True)}
+    lines = [pair for pair in mechanism.pairs if isinstance(pair, Prismatic | PinSlot | Rolling)]
+    guides = {(link, p) for pair in lines for link, p in zip(pair.links, pair.points, strict=True)}
     wanted = set(mechanism.traced) | {(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)}
     marks = {}
     for link, named in points.items():
@@ -200,10 +278,10 @@ def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Mar
     return marks
 
 
-def _proportions(mechanism: Mechanism, clusters: list[Cluster]) -> Proportions:
+def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Cluster], wheels: Wheels) -> Proportions:
     """Plate sizes from the mechanism's size (1), narrower where short links need it, but never as thin as wire."""
-    shortest = 1.0
-    for link in mechanism.links:
+    shortest = min([1.0, *(1.3 * wheel.radius for wheel in wheels.wheels)])
+    for link in links:
         if link.name == mechanism.frame:
             continue
         pins = [centres[link.name] for centres, _ in clusters if link.name in centres]
@@ -213,7 +291,7 @@ def _proportions(mechanism: Mechanism, clusters: list[Cluster]) -> Proportions:
     return Proportions(r=r, t=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
 
 
-def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proportions) -> Axle:
+def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proportions) -> Axle:
     """An axle whose pin and bosses leave room for the other pins of its links."""
     centres, owner = cluster
     room = 10.0
@@ -225,10 +303,40 @@ def _axle(mechanism: Mechanism, cluster: Cluster, clusters: list[Cluster], marks
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 
 
+def _travel(joint: Joint, poses: Mapping[str, np.ndarray]) -> tuple[float, float]:
+    """Where the other link's point goes along the guide of a joint over the run, from the guide's point."""
+    if not poses:
+        return (-_DEFAULT_TRAVEL, _DEFAULT_TRAVEL)
+    carrier, other = joint.links[joint.guide], joint.links[1 - joint.guide]
+    origin, slider = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
+    base, pose = poses[carrier], poses[other]
+    turn = np.exp(1j * base[:, 2])
+    away = pose[:, 0] + 1j * pose[:, 1] + slider * np.exp(1j * pose[:, 2]) - base[:, 0] - 1j * base[:, 1] - origin * turn
+    moved = np.real(away * np.conj((joint.slide or 1.0) * turn))
+    return (float(moved.min()), float(moved.max()))
+
+
+def _slot(joint: Joint, poses: Mapping[str, np.ndarray]) -> Slot:
+    origin, point = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
+    return Slot(
+        pair=joint.name,
+        link=joint.links[joint.guide],
+        pin=joint.links[1 - joint.guide],
+        origin=_xy(origin),
+        along=_xy(joint.slide or 1.0 + 0j),
+        point=_xy(point),
+        travel=_travel(joint, poses),
+    )
+
+
+def _telescope(joint: Joint, poses: Mapping[str, np.ndarray]) -> Telescope:
+    travel = _travel(joint, poses) if poses else (2.0 * _DEFAULT_TRAVEL, 3.0 * _DEFAULT_TRAVEL)
+    return Telescope(joint.name, joint.links[0], joint.links[1], travel)
+
+
 def _guide(
     mechanism: Mechanism,
-    pair: Prismatic,
-    points: Points,
+    joint: Joint,
     poses: Mapping[str, np.ndarray],
     clusters: list[Cluster],
     marks: Marks,
@@ -239,33 +347,23 @@ def _guide(
     The link that carries the guide line is the rail, unless it is only a block at a pin while the other one is long
     (an oscillating cylinder: the guide turns about a fixed pin and a rod slides through it).
     """
-    carrier, other = pair.links[pair.guide], pair.links[1 - pair.guide]
-    origin = points[carrier][pair.points[pair.guide]]
-    slider = points[other][pair.points[1 - pair.guide]]
-    norm = float(np.hypot(*pair.along)) or 1.0
-    along = (pair.along[0] / norm, pair.along[1] / norm)
+    carrier, other = joint.links[joint.guide], joint.links[1 - joint.guide]
+    origin, slider = (_xy(joint.b), _xy(joint.a)) if joint.guide else (_xy(joint.a), _xy(joint.b))
+    along = _xy(joint.slide or 1.0 + 0j)
     # The second link's frame is turned by `angle` against the first's.
-    slider_along = _turn(along, -pair.angle if pair.guide == 0 else pair.angle)
-    travel = (-_DEFAULT_TRAVEL, _DEFAULT_TRAVEL)
-    if poses:
-        at_origin = place(np.array([origin]), poses[carrier])[:, 0]
-        at_slider = place(np.array([slider]), poses[other])[:, 0]
-        angle = poses[carrier][:, 2]
-        c, s = np.cos(angle), np.sin(angle)
-        u = np.stack([c * along[0] - s * along[1], s * along[0] + c * along[1]], axis=-1)
-        moved = ((at_slider - at_origin) * u).sum(axis=1)
-        travel = (float(moved.min()), float(moved.max()))
+    slider_along = _turn(along, -joint.angle if joint.guide == 0 else joint.angle)
+    travel = _travel(joint, poses)
 
     def compact(link: str, at: Vec2) -> bool:
-        if any(isinstance(p, Prismatic) and p.name != pair.name and p.links[p.guide] == link for p in mechanism.pairs):
+        if any(isinstance(p, Prismatic) and p.name != joint.name and p.links[p.guide] == link for p in mechanism.pairs):
             return False
         pins = [centres[link] for centres, _ in clusters if link in centres]
         return all(_distance(xy, at) < 2.0 * size.r for xy in [*pins, *marks[link]])
 
     other_is_long = other == mechanism.frame or not compact(other, slider)
     if carrier != mechanism.frame and compact(carrier, origin) and other_is_long:
-        return Guide(pair.name, other, carrier, slider, slider_along, origin, along, (-travel[1], -travel[0]))
-    return Guide(pair.name, carrier, other, origin, along, slider, slider_along, travel)
+        return Guide(joint.name, other, carrier, slider, slider_along, origin, along, (-travel[1], -travel[0]))
+    return Guide(joint.name, carrier, other, origin, along, slider, slider_along, travel)
 
 
 def _distance(a: Vec2, b: Vec2) -> float:

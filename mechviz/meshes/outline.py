@@ -12,7 +12,7 @@ from shapely.ops import unary_union
 
 from mechcore.spec import Vec2
 
-__all__ = ["Disc", "clean", "cutouts", "disc", "hatched_bar", "hull", "pedestal", "polygons", "rectangle", "rounded"]
+__all__ = ["Disc", "clean", "cutouts", "disc", "guide_rails", "hatched_bar", "hull", "pedestal", "polygons", "rectangle", "rounded"]
 
 Disc = tuple[Vec2, float]  # centre and radius
 
@@ -77,6 +77,22 @@ def hatched_bar(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygo
         point = foot + (0.5 * thickness + height) * n - height * u
         parts.append(Polygon([foot, foot + rib * u, point + rib * u, point]))
     return unary_union(parts)
+
+
+def guide_rails(origin: Vec2, along: Vec2, low: float, high: float, half_width: float, r: float) -> list[Polygon]:
+    """Two guide rails with ground hatching on their outer sides."""
+    rails = []
+    for side in (1.0, -1.0):
+        # The material lies to the right of the walking direction, which has to be the outer side.
+        ends = (high, low) if side > 0.0 else (low, high)
+        a, b = (_beside(origin, along, s, side * (half_width + 0.02 * r)) for s in ends)
+        rails.append(hatched_bar(a, b, r, thickness=0.42 * r))
+    return rails
+
+
+def _beside(origin: Vec2, along: Vec2, s: float, lateral: float) -> Vec2:
+    """The point at distance s along a line and to the left of it."""
+    return (origin[0] + s * along[0] - lateral * along[1], origin[1] + s * along[1] + lateral * along[0])
 
 
 def polygons(shape) -> list[Polygon]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-__all__ = ["FRAME", "PIN", "Color", "link_colors"]
+__all__ = ["BELT", "FRAME", "PIN", "Color", "link_colors"]
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
 FRAME: Color = (112, 119, 128, 255)
 PIN: Color = (196, 200, 206, 255)
+BELT: Color = (62, 64, 69, 255)
 
 # Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that they stay apart for colour-blind
 # viewers and in print; none is a saturated red or green, which force arrows use.

@@ -14,16 +14,17 @@ from shapely.ops import unary_union
 
 from mechcore.spec import Vec2
 
-from .extrude import Profile, Shell, Turned, plate, revolve
+from .draft import Draft, Piece
+from .extrude import Groove, Profile, Shell, Turned, plate, revolve
 from .model import Axle, Model
 from .outline import clean, disc, pedestal, polygons
-from .palette import PIN, Color
-from .shapes import Draft, Piece
+from .palette import BELT, PIN, Color
 from .stack import Levels
 
 __all__ = ["Part", "Prism", "make_parts"]
 
 _HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
+_GROOVE = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
 _OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
 
 
@@ -41,15 +42,18 @@ class Part:
     """One watertight part of a link."""
 
     link: str
-    kind: str  # "plate", "block", "rail", "neck", "pin" or "pedestal"
+    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin" or "pedestal"
     shell: Shell
     color: Color | None  # None: the colour of the link
     space: tuple[Prism, ...]
+    mates: frozenset[str] = frozenset()  # pairs in which it meshes: it does not clash with what is in the same pair
 
 
 def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     """All parts of a mechanism."""
-    parts = [_flat_part(model, levels, piece) for piece in draft.pieces]
+    parts = [
+        _round_part(levels, piece, model) if piece.profile else _flat_part(model, draft, levels, piece) for piece in draft.pieces
+    ]
     parts += _necks(model, draft, levels)
     parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
     parts += _pedestals(model, draft, levels)
@@ -61,13 +65,14 @@ def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     return parts
 
 
-def _flat_part(model: Model, levels: Levels, piece: Piece) -> Part:
+def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part:
     """A plate, block or rail with its holes and bosses."""
     size = model.proportions
     layer = levels.layer[piece.group]
     low, high = levels.plate(layer)
-    if piece.kind != "plate":  # blocks and rails stand a little above the plate that they guide
+    if piece.kind in ("block", "rail"):  # they stand a little above the plate that they guide
         low, high = low - 0.3 * size.boss, high + 0.3 * size.boss
+    low, high = (low + part * (high - low) for part in piece.height)
     turned: list[Turned] = []
     holes: list[Polygon] = []
     bosses: list[Prism] = []
@@ -84,23 +89,55 @@ def _flat_part(model: Model, levels: Levels, piece: Piece) -> Part:
         hole = disc(centre, axle.hole, model.segments)
         holes.append(hole)
         boss = min(axle.boss, room)
-        if piece.kind != "plate" or boss < 1.1 * axle.hole:
+        if piece.kind not in ("plate", "wheel") or boss < 1.1 * axle.hole:
             turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),)))
             continue
         above, below = _boss_heights(model, levels, k, layer)
+        hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
+        above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
         upper = _boss(boss, axle.hole, high, above, size.bevel)
         lower = _boss(boss, axle.hole, low, -below, size.bevel)
         turned.append(Turned(centre, upper, lower))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
     turned += _drilled_marks(model, piece, shape, turned, low, high)
-    shell = plate(shape, (low, high), size.bevel, turned, model.segments)
-    return Part(piece.link, piece.kind, shell, None, (Prism(shape.difference(unary_union(holes)), low, high), *bosses))
+    flat = shape.difference(unary_union(holes))
+    space = (Prism(flat, low, high), *bosses)
+    groove = None
+    if piece.groove:
+        bottom, top = (low + part * (high - low) for part in _GROOVE)
+        groove = Groove(piece.groove, bottom, top)
+        core = flat.intersection(shape.buffer(-piece.groove))
+        space = (Prism(flat, low, bottom), Prism(polygons(core)[0], bottom, top), Prism(flat, top, high), *bosses)
+    bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
+    shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
+    color = BELT if piece.kind == "belt" else None
+    return Part(piece.link, piece.kind, shell, color, space, piece.mates)
+
+
+def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
+    """A barrel or rod along the x axis of its link, in the middle of its layer."""
+    low, high = levels.plate(levels.layer[piece.group])
+    middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
+    upright = revolve(piece.profile, segments=model.segments)
+    vertices = upright.vertices[:, [2, 0, 1]] + (0.0, 0.0, middle)  # z becomes x: a rotation, so that faces stay outside
+    space = (Prism(piece.outline, middle - radius, middle + radius),)
+    return Part(piece.link, piece.kind, Shell(vertices, upright.faces), PIN if piece.kind == "rod" else None, space, piece.mates)
+
+
+def _hubs(draft: Draft, levels: Levels, piece: Piece, centre: Point) -> set[int]:
+    """On which sides, 1 above and -1 below, a hub about an axis joins a piece to another one of its link."""
+    sides = set()
+    for neck in draft.necks:
+        if neck.link == piece.link and piece.group in neck.groups and neck.outline.contains(centre):
+            other = neck.groups[0] if neck.groups[1] == piece.group else neck.groups[1]
+            sides.add(1 if levels.layer[other] > levels.layer[piece.group] else -1)
+    return sides
 
 
 def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
     """Heights of the bosses above and below a plate: full towards another link of the axle, low under a pin head."""
     axle, boss = model.axles[axle_number], model.proportions.boss
-    reached = [levels.of(link) for link in axle.centres if link != model.frame]
+    reached = levels.axle_layers[axle_number]
     ground = model.frame in axle.centres
     front = levels.axle_front[axle_number]
     on_above = max(reached) > layer or (ground and front)
@@ -110,6 +147,8 @@ def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) ->
 
 def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> Profile:
     """Profile of a boss from the face of a plate to the edge of its hole; height < 0 on the underside."""
+    if height == 0.0:
+        return ((hole, face),)
     chamfer = min(bevel, 0.4 * (radius - hole), 0.5 * abs(height))
     sign = 1.0 if height > 0.0 else -1.0
     end = face + height
@@ -143,8 +182,8 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
         plate_is_lower = levels.layer[neck.groups[0]] == lower
         low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
         high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
-        holes = [
-            disc(axle.centres[neck.link], axle.hole, model.segments)
+        holes = [  # a little wider than those of the plates: no two parts share a corner
+            disc(axle.centres[neck.link], 1.03 * axle.hole, model.segments)
             for axle in model.axles
             if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole
         ]
@@ -156,7 +195,7 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
 def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends."""
     axle, size = model.axles[axle_number], model.proportions
-    reached = sorted({levels.of(link) for link in axle.centres if link != model.frame}) or [0]
+    reached = levels.axle_layers[axle_number] or (0,)
     ground, front = model.frame in axle.centres, levels.axle_front[axle_number]
     steps: list[tuple[float, float, float]] = []  # radius, from, to
     bottom, top = levels.slab(reached[0])[0], levels.slab(reached[-1])[1]
@@ -218,9 +257,9 @@ class _Stand:
 
 def _stands(model: Model, draft: Draft, levels: Levels) -> list[_Stand]:
     stands = []
-    for axle, front in zip(model.axles, levels.axle_front, strict=True):
+    for axle, layers, front in zip(model.axles, levels.axle_layers, levels.axle_front, strict=True):
         if model.frame in axle.centres:
-            layers = tuple(levels.of(link) for link in axle.centres if link != model.frame) or (0,)
+            layers = layers or (0,)
             stands.append(_Stand(axle.centres[model.frame], axle.sleeve, layers, front))
     for (centre, group), front in zip(draft.fixed_blocks, levels.block_front, strict=True):
         stands.append(_Stand(centre, 0.6 * model.proportions.r, (levels.layer[group],), front))

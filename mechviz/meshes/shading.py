@@ -15,11 +15,10 @@ def crisp(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Split a closed mesh along its creases.
 
     vertices (V, 3) and faces (N, 3) -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of the split mesh. Faces
-    that are connected over smooth edges form one surface; a vertex is repeated for every surface that it lies on.
+    around a vertex that are connected over smooth edges form a fan; a vertex is repeated for every fan around it.
     """
     normal, area = face_normals(vertices, faces)
-    surface = _surfaces(faces, normal)
-    key = np.stack([faces.ravel(), np.repeat(surface, 3)], axis=1)
+    key = np.stack([faces.ravel(), _fans(faces, normal)], axis=1)
     pairs, corner = np.unique(key, axis=0, return_inverse=True)
     corner = corner.reshape(-1)
     total = np.zeros((len(pairs), 3))
@@ -43,14 +42,19 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
     return normal, length
 
 
-def _surfaces(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The number of the smooth surface that each face belongs to (N,)."""
+def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The number of the smooth fan that each corner of each face belongs to (3 N,), corners in the order of the faces."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(faces)), 3)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], owner[order]
     same = (edges[1:] == edges[:-1]).all(axis=1)
-    a, b = owner[:-1][same], owner[1:][same]
+    shared, a, b = edges[:-1][same], owner[:-1][same], owner[1:][same]
     smooth = (normal[a] * normal[b]).sum(axis=1) > _CREASE
-    graph = coo_matrix((np.ones(int(smooth.sum())), (a[smooth], b[smooth])), shape=(len(faces), len(faces)))
+    shared, a, b = shared[smooth], a[smooth], b[smooth]
+    links = [
+        [3 * face + (faces[face] == shared[:, [end]]).argmax(axis=1) for face in (a, b)] for end in (0, 1)
+    ]  # both ends of an edge join a corner of one face to a corner of the other
+    first, second = (np.concatenate([links[0][k], links[1][k]]) for k in (0, 1))
+    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(faces.size, faces.size))
     return connected_components(graph, directed=False)[1]

@@ -8,7 +8,7 @@ frame of their link, in units of the mechanism's size.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from shapely.geometry import Point, Polygon
@@ -17,55 +17,34 @@ from shapely.ops import unary_union
 from mechcore.spec import Vec2
 
 from . import outline
+from .draft import Draft, Neck, Piece, joined
+from .fittings import draw_slots, draw_telescopes, group_slots, group_telescopes, join_welds, lug, slot_of
 from .model import Guide, Model
+from .rounds import draw_wheels, group_wheels, rail_ends
 
-__all__ = ["Draft", "Neck", "Piece", "draft_pieces"]
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A flat part of one link on the layer of its group."""
-
-    link: str
-    outline: Polygon
-    group: str
-    kind: str  # "plate", "block" or "rail"
-
-
-@dataclass(frozen=True, eq=False)
-class Neck:
-    """What joins a plate to its block (or jaw) on the layer of a rail."""
-
-    link: str
-    outline: Polygon
-    groups: tuple[str, str]  # of the plate and of the block
-
-
-@dataclass
-class Draft:
-    """All pieces of a mechanism and the names of their groups."""
-
-    pieces: list[Piece] = field(default_factory=list)
-    necks: list[Neck] = field(default_factory=list)
-    fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
-    groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
-
-    @property
-    def group_names(self) -> list[str]:
-        return sorted({piece.group for piece in self.pieces})
+__all__ = ["draft_pieces"]
 
 
 def draft_pieces(model: Model) -> Draft:
     """Choose the form of every guide and draw all pieces."""
     model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
     draft = Draft(groups={name: name for name in model.links if name != model.frame})
+    plain = group_wheels(model, draft)
+    group_telescopes(model, draft)
+    group_slots(model, draft)
     forms = {guide.pair: _form(model, guide) for guide in model.guides}
     homes = _homes(model, draft, forms)
+    plates = {
+        name: _plate(model, name, forms) for name in model.links if name != model.frame and name not in homes and name not in plain
+    }
+    join_welds(model, draft, plates)
     for guide in model.guides:
         _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
-    for name in model.links:
-        if name != model.frame and name not in homes:
-            draft.pieces.append(Piece(name, _plate(model, name, forms), draft.groups[name], "plate"))
+    draw_wheels(model, draft)
+    draw_telescopes(model, draft)
+    draw_slots(model, draft)
+    for name, shape in plates.items():
+        draft.pieces.append(Piece(name, shape, draft.groups[name], "plate"))
     return draft
 
 
@@ -121,12 +100,9 @@ def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, st
             homes[block] = guide.pair
             continue
         old, new = draft.groups[block], draft.groups[rail]
-        ours = {name for name, group in draft.groups.items() if group == old}
-        theirs = {name for name, group in draft.groups.items() if group == new}
-        joined = any(ours & set(axle.centres) and theirs & set(axle.centres) for axle in model.axles)
-        if old != new and not joined:
+        if old != new and not joined(model, draft, old, new):
             homes[block] = guide.pair
-            draft.groups.update(dict.fromkeys(ours, new))
+            draft.merge(old, new)
     return homes
 
 
@@ -138,12 +114,12 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         draft.pieces.append(Piece(guide.block, block, group, "block"))
         low, high = _span(model, guide, whole=at_home)
-        strips = _rails(guide.origin, guide.along, low, high, 1.25 * r, r)
+        strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
         draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
     elif guide.block == model.frame:
         group = draft.groups[guide.rail]
         if form == "saddle":
-            strips = _rails(guide.block_point, guide.block_along, -1.6 * r, 1.6 * r, r, r)
+            strips = outline.guide_rails(guide.block_point, guide.block_along, -1.6 * r, 1.6 * r, r, r)
             draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
         else:
             draft.pieces.append(Piece(model.frame, _block(model, guide, _die(model), whole=False), group, "block"))
@@ -186,6 +162,13 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
             if form == "saddle":
                 length, width = 2.0 * size.block, 3.2 * size.r
                 extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.r))
+    for slot in model.slots:
+        if slot.link == link:
+            low, high = slot.travel
+            discs += [(_along(slot.origin, slot.along, s), size.r) for s in (low, high)]
+            slots.append(slot_of(model, slot))
+    discs += [(weld.points[weld.links.index(link)], size.r) for weld in model.welds if link in weld.links]
+    discs += rail_ends(model, link) + lug(model, link)
     if not discs:
         discs = [((0.0, 0.0), size.r)]
     whole = unary_union([outline.hull(discs, model.segments), *extra])
@@ -202,9 +185,9 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
 def _compact(model: Model, guide: Guide) -> bool:
     """Whether a block needs no plate.
 
-    It carries no other guide, and its pins and marks lie close together on its middle line.
+    It belongs to no other guide, and its pins and marks lie close together on its middle line.
     """
-    if any(guide.block == other.rail for other in model.guides):
+    if any(guide.block in (other.rail, other.block) and other.pair != guide.pair for other in model.guides):
         return False
     r = model.proportions.r
     points = [*model.pins(guide.block), *model.marks[guide.block]]
@@ -260,17 +243,6 @@ def _block(model: Model, guide: Guide, half_width: float, *, whole: bool) -> Pol
     middle = _along(guide.block_point, guide.block_along, 0.5 * (low + high))
     width = 2.0 * half_width - 0.1 * model.proportions.r if guide.rail == model.frame else 2.0 * half_width
     return outline.rectangle(middle, guide.block_along, high - low, width, 0.2 * model.proportions.r)
-
-
-def _rails(origin: Vec2, along: Vec2, low: float, high: float, half_width: float, r: float) -> list[Polygon]:
-    """Two guide rails with ground hatching on their outer sides."""
-    rails = []
-    for side in (1.0, -1.0):
-        # The material lies to the right of the walking direction, which has to be the outer side.
-        ends = (high, low) if side > 0.0 else (low, high)
-        a, b = (_offset(_along(origin, along, s), along, side * (half_width + 0.02 * r)) for s in ends)
-        rails.append(outline.hatched_bar(a, b, r, thickness=0.42 * r))
-    return rails
 
 
 def _beside(point: Vec2, along: Vec2, lateral: float, length: float, width: float) -> Polygon:

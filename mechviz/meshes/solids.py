@@ -29,7 +29,7 @@ class Solid:
     name: str
     mesh: trimesh.Trimesh  # all parts together, watertight, vertices shared
     parts: tuple[trimesh.Trimesh, ...]  # the watertight parts that `mesh` consists of
-    kinds: tuple[str, ...]  # of the parts: "plate", "block", "rail", "neck", "pin" or "pedestal"
+    kinds: tuple[str, ...]  # of the parts, see `parts.Part`
     vertices: np.ndarray  # (V, 3) float32 [m], repeated along sharp edges
     faces: np.ndarray  # (N, 3) uint32
     normals: np.ndarray  # (V, 3) float32, unit, outward
@@ -92,10 +92,12 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
     """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
     if not model.frames:
         return ()
-    spaces = [(p.link, prism, Swept(prism.outline, model.poses[p.link])) for p in parts for prism in p.space]
+    spaces = [(p, p.link, prism, Swept(prism.outline, model.poses[p.link])) for p in parts for prism in p.space]
     found: set[tuple[str, str]] = set()
-    for i, (link_a, a, swept_a) in enumerate(spaces):
-        for link_b, b, swept_b in spaces[:i]:
+    for i, (part_a, link_a, a, swept_a) in enumerate(spaces):
+        for part_b, link_b, b, swept_b in spaces[:i]:
+            if part_a.mates & part_b.mates:
+                continue
             pair = (link_b, link_a) if model.links.index(link_b) < model.links.index(link_a) else (link_a, link_b)
             if link_a == link_b or pair in found or min(a.high, b.high) <= max(a.low, b.low):
                 continue

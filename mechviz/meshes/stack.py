@@ -8,13 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from shapely.geometry import Polygon
 
+from .draft import Draft, Neck, Piece
 from .layers import Post, order_layers
-from .model import Axle, Model, Proportions
+from .model import Model, Proportions
 from .outline import disc
-from .shapes import Draft, Neck, Piece
+from .rounds import webs
 from .sweep import Swept, meet
 
 __all__ = ["Levels", "stack_pieces"]
+
+_RAIL = 1.0  # what it costs to have rails one layer further from the back
+_CARRIER = 9.0  # and the arm of a planetary gear or the web of a ring, which would hide the wheels
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,7 @@ class Levels:
     size: Proportions
     layer: Mapping[str, int]  # group -> layer
     group: Mapping[str, str]  # moving link -> group of its plate
+    axle_layers: tuple[tuple[int, ...], ...]  # for every axle the layers that its pin passes
     axle_front: tuple[bool, ...]  # for every axle: whether its pedestal stands in front
     block_front: tuple[bool, ...]  # for every block that is fixed to the ground
     top: int  # the layer nearest to the viewer
@@ -58,7 +63,7 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     names = draft.group_names
     number = {name: k for k, name in enumerate(names)}
     conflicts = _conflicts(model, draft, number)
-    reaches = [_axle_reach(model, draft, axle) for axle in model.axles]
+    reaches = [_axle_reach(model, draft, k) for k in range(len(model.axles))]
     reaches += [_neck_reach(neck) for neck in draft.necks]
     reaches += [
         _Reach(disc(centre, 0.6 * model.proportions.r, 16), model.frame, (group,), frozenset({model.frame}), True)
@@ -70,20 +75,23 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
         Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k])
         for k, reach in enumerate(reaches)
     ]
-    rails = sorted({number[piece.group] for piece in draft.pieces if piece.kind == "rail"})
-    order = order_layers(conflicts, posts, rails)
+    behind = {number[piece.group]: _RAIL for piece in draft.pieces if piece.kind == "rail"}
+    behind |= {number[draft.groups[name]]: _CARRIER for name in model.wheels.carriers - {model.frame}}
+    behind |= {number[group]: _CARRIER for group in webs(model, draft)}
+    order = order_layers(conflicts, posts, behind)
     layer = {name: order.layers[number[name]] for name in names}
     axles, necks = len(model.axles), len(draft.necks)
     top = max(order.layers, default=0)
-    return Levels(model.proportions, layer, draft.groups, order.front[:axles], order.front[axles + necks :], top)
+    passed = tuple(tuple(sorted({layer[g] for g in draft.reached(model, k)})) for k in range(axles))
+    return Levels(model.proportions, layer, draft.groups, passed, order.front[:axles], order.front[axles + necks :], top)
 
 
-def _axle_reach(model: Model, draft: Draft, axle: Axle) -> _Reach:
-    links = [name for name in axle.centres if name != model.frame]
+def _axle_reach(model: Model, draft: Draft, number: int) -> _Reach:
+    axle = model.axles[number]
     ground = model.frame in axle.centres
     link = model.frame if ground else axle.owner
     outline = disc(axle.centres[link], axle.sleeve, 16)
-    return _Reach(outline, link, tuple(draft.groups[name] for name in links), frozenset(axle.centres), ground)
+    return _Reach(outline, link, draft.reached(model, number), frozenset(axle.centres), ground)
 
 
 def _neck_reach(neck: Neck) -> _Reach:
@@ -99,8 +107,8 @@ def _conflicts(model: Model, draft: Draft, number: Mapping[str, int]) -> list[in
             masks[a] |= 1 << b
             masks[b] |= 1 << a
 
-    for axle in model.axles:
-        groups = [number[draft.groups[name]] for name in axle.centres if name != model.frame]
+    for k in range(len(model.axles)):
+        groups = [number[group] for group in draft.reached(model, k)]
         for a in groups:
             for b in groups:
                 forbid(a, b)

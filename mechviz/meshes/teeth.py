@@ -14,7 +14,7 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
-from .outline import polygons
+from .outline import polygons, rounded
 
 __all__ = ["ADDENDUM", "BACKLASH", "DEDENDUM", "external_wheel", "rack_teeth", "ring_teeth"]
 
@@ -22,17 +22,16 @@ ADDENDUM = 1.0
 DEDENDUM = 1.25
 BACKLASH = 0.05  # by which each tooth is thinner than half the pitch, in modules: half of what a mesh has altogether
 
-_STEPS = 49  # positions of the cutter
+_STEPS = 61  # positions of the cutter
 _ROLL = 5.0  # how far it rolls to either side of the tooth, along the pitch line, in modules
-_FINE = 0.004  # the outline may miss the generated one by this much: a tenth of the backlash
+_FINE = 0.006  # the outline may miss the generated one by this much: an eighth of the backlash
 
 
 def _cutter(angle: float, tip: float) -> Polygon:
     """A tooth of the cutting rack, pointing to -x from the pitch line x = 0; wider than half the pitch by the backlash."""
-    half, slope, back = 0.25 * np.pi + 0.5 * BACKLASH, np.tan(angle), 1.4 * ADDENDUM
-    return Polygon(
-        [(-tip, half - tip * slope), (-tip, tip * slope - half), (back, -half - back * slope), (back, half + back * slope)]
-    )
+    half, slope, back = 0.25 * np.pi + 0.5 * BACKLASH, np.tan(angle), 2.0 * ADDENDUM
+    corners = [(-tip, half - tip * slope), (-tip, tip * slope - half), (back, -half - back * slope), (back, half + back * slope)]
+    return rounded(Polygon(corners), 0.2)
 
 
 @cache
@@ -63,12 +62,13 @@ def external_wheel(teeth: int, angle: float, addendum: float = ADDENDUM) -> Poly
 def ring_teeth(teeth: int, pinion: int, angle: float, rim: float) -> Polygon:
     """A ring with teeth inside, one of them about the +x axis, that fits a pinion; ``rim`` is its outer radius."""
     radius, small = 0.5 * teeth, 0.5 * pinion
-    wedge = Polygon([(0.0, 0.0), *(2.0 * (small + 3.0) * np.array([np.cos(a), np.sin(a)]) for a in (-np.pi / pinion, np.pi / pinion))])
+    half = np.pi / pinion
+    wedge = Polygon([(0.0, 0.0), *(2.0 * (small + 3.0) * np.array([np.cos(a), np.sin(a)]) for a in (-half, half))])
     tool = polygons(external_wheel(pinion, angle, DEDENDUM).intersection(wedge).buffer(BACKLASH, join_style="mitre"))[0]
     reach = min(2.0 * _ROLL, 0.9 * radius)
     cuts = []
     for turn in np.linspace(-reach, reach, 2 * _STEPS - 1) / radius:
-        placed = affinity.rotate(tool, -turn * (teeth - pinion) / pinion, origin=(0.0, 0.0), use_radians=True)
+        placed = affinity.rotate(tool, -turn * teeth / pinion, origin=(0.0, 0.0), use_radians=True)
         cuts.append(affinity.rotate(affinity.translate(placed, radius - small, 0.0), turn, origin=(0.0, 0.0), use_radians=True))
     outside = Point(0.0, 0.0).buffer(radius - ADDENDUM, quad_segs=max(16, teeth))
     space = polygons(unary_union(cuts).simplify(_FINE).difference(outside.buffer(-0.5)))[0]
