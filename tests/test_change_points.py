@@ -158,3 +158,33 @@ def test_double_rocker_goes_through_its_limits():
     beyond = replace(m, drives=(Drive(pair="A", law=Oscillation(0.0, limit + 1e-3, 0.25)),))
     with pytest.raises(Exception, match="keep the drive within"):
         solve_motion(compile_mechanism(beyond), np.linspace(0.0, 8.0, 1601))
+
+
+def chain(n: int):
+    """The linkage of the IFToMM benchmark: n unit parallelograms in a row, all flat at the same instant."""
+    from mechcore.spec import Link, Mechanism, Revolute
+
+    links = [Link(name="frame", points={f"A{i}": (float(i), 0.0) for i in range(n + 1)})]
+    pairs = []
+    for i in range(n + 1):
+        links.append(Link(name=f"v{i}", points={"A": (0.0, 0.0), "B": (0.0, 1.0)}))
+        pairs.append(Revolute(name=f"A{i}", links=("frame", f"v{i}"), points=(f"A{i}", "A")))
+    for i in range(n):
+        links.append(Link(name=f"h{i}", points={"L": (0.0, 0.0), "R": (1.0, 0.0)}))
+        pairs.append(Revolute(name=f"L{i}", links=(f"v{i}", f"h{i}"), points=("B", "L")))
+        pairs.append(Revolute(name=f"R{i}", links=(f"h{i}", f"v{i + 1}"), points=("R", "B")))
+    sketch = {f"v{i}": (float(i), 0.0, 0.0) for i in range(n + 1)} | {f"h{i}": (float(i), 1.0, 0.0) for i in range(n)}
+    drive = Drive(pair="A0", law=ConstantSpeed(0.0, 1.0))
+    return Mechanism(name="chain", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), sketch=sketch)
+
+
+@pytest.mark.parametrize(("n", "frames"), [(1, 721), (8, 721), (40, 145), (2000, 9)])
+def test_chain_of_parallelograms_through_its_singular_position(n, frames):
+    """Every upright turns with the first, every coupler stays level, also at the frames where all of them lie flat."""
+    motion = solve_motion(compile_mechanism(chain(n)), np.linspace(0.0, TURN, frames))
+    assert {b.kind for b in motion.model.blocks} == {"theta_theta"} and len(motion.model.blocks) == n
+    assert motion.closure.max() < 1e-12
+    assert len(motion.changes) == 2 * n
+    np.testing.assert_allclose(motion.velocity(f"v{n}")[:, 2], 1.0, atol=1e-10)
+    np.testing.assert_allclose(motion.velocity(f"h{n - 1}")[:, 2], 0.0, atol=1e-10)
+    np.testing.assert_allclose(motion.acceleration(f"v{n}")[:, 2], 0.0, atol=1e-8)

@@ -98,7 +98,7 @@ def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Arra
 def _scan(model: Model, modes: Sequence[float], cycle: float, cycles: int) -> Changes:
     period = cycles * cycle
     step = cycle / SAMPLES
-    time = step * np.arange(-WINDOW, cycles * SAMPLES + WINDOW + 1)
+    time = step * np.arange(-FAR - WINDOW, cycles * SAMPLES + FAR + WINDOW + 1)
     laws = [d.law for d in model.mechanism.drives]
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
@@ -118,7 +118,28 @@ def _scan(model: Model, modes: Sequence[float], cycle: float, cycles: int) -> Ch
                     found += own
                     sign = Changes(period, step, tuple(own)).signs(i, time)
             bl.place(model, block, state, mode * sign)
+            for c in found:
+                if c.block == i:  # what hangs on this block must not see its ill-conditioned positions
+                    for cycle_start in (-period, 0.0, period):
+                        _smooth(model, block, state, time, c.time + cycle_start, step)
     return Changes(period=period, step=step, found=tuple(found))
+
+
+def _smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> None:
+    """Replace a block's sampled positions next to an instant by the curve through the samples on both sides of it."""
+    away = (time - instant) / (step * FAR)
+    near = np.flatnonzero(np.abs(away) < NEAR / FAR)
+    fit = np.flatnonzero((np.abs(away) <= 1.0) & (np.abs(away) >= 8.0 / FAR))
+    if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:  # at the ends of the samples there is nothing on one side
+        return
+    rows = []
+    for g in block.angles:
+        spin = model.angles.spins_of[g][0]
+        rows.append(np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[fit])))
+    rows += [state.slide[j][fit] for j in block.slides]
+    basis = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE))
+    values = chebyshev.chebvander(away[near], DEGREE) @ (basis @ np.array(rows).T)
+    bl.apply(model, block, state, Patch(near, values, values, values))
 
 
 def _flat_instants(model: Model, block: Block, state: State, time: Array) -> list[float]:
