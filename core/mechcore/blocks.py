@@ -375,6 +375,7 @@ def rates(block: Block, cols: Columns, rhs: list[Array], tie_rhs: Sequence[Array
         (c,) = first
         return [(c.real * rhs[0].real + c.imag * rhs[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
+    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*rhs, *tie_rhs)))  # guides on the frame: constant columns
     flat = np.empty((*shape, matrix.shape[-2]))
     for i, r in enumerate(rhs):
         flat[..., 2 * i], flat[..., 2 * i + 1] = np.real(r), np.imag(r)
@@ -395,6 +396,7 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
         (c,) = first
         return [c * (q[0] / (c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
+    shape = np.broadcast_shapes(shape, *(np.shape(value) for value in q))
     flat = np.empty((*shape, len(q)))
     for i, value in enumerate(q):
         flat[..., i] = value

@@ -60,7 +60,7 @@ class Forces:
         if pair in self._contacts:
             force: Array = self._contacts[pair][1]
             if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
-                force = force + self._transmitted[self._joint(pair)][0]
+                force = force + self._transmitted[self._joint(pair)][0] - self._drive(self._joint(pair))[0]
             return self._rows(force, 0.0)
         j = self._joint(pair)
         force, couple = self._transmitted[j]
@@ -218,7 +218,7 @@ def solve_forces(motion: Motion) -> Forces:
         if not (isinstance(w.arm, complex) and w.arm == 0):
             moment[w.link] = moment[w.link] + cross(w.arm, w.force)
 
-    if model.redundant:
+    if model.redundant or any(b.relations and b.kind == "general" for b in model.blocks):
         return Forces(motion, applied, *least_norm(motion, force, moment))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cuts, ties = _cut_forces(motion, *_hang(motion, force, moment))
@@ -232,6 +232,8 @@ def solve_forces(motion: Motion) -> Forces:
                 f = sign * contacts[relation.name][1]
                 force[k] = force[k] + f
                 moment[k] = moment[k] + cross(place - motion.origins[k], f)
+        if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
+            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment))
         for c, cut in cuts.items():
             j = model.contours[c].closing
             p, q = model.ends[j]

@@ -33,11 +33,10 @@ def initial_state(
 
     delta: list[Array] = []
     for terms in model.angles.spin_drives:
-        total: Array = 1 + 0j
+        total: Array = None
         for d, sign in terms:
-            r = rotation(d, sign)
-            total = r if isinstance(total, complex) else total * r
-        delta.append(total)
+            total = rotation(d, sign) if total is None else total * rotation(d, sign)
+        delta.append(1 + 0j if total is None else total)
     rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
     slide = {j: drives[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {})

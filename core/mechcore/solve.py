@@ -94,6 +94,8 @@ def solve_motion(
     if compiled.assembly.starts:
         track, parameter = _track(compiled, time, positions)
         starts = track.starts(parameter)
+        if parameter is not positions[0] and len(positions) == 1:
+            _add_turns(model, track, starts, positions[0], compiled.start[0])
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     if compiled.changes is not None and compiled.changes.found:
@@ -151,6 +153,19 @@ def _track(compiled: Compiled, time: Array, positions: Sequence[Array]) -> tuple
 
     step = min((law.duration for law in laws), default=1.0) / 60.0
     return follow(model, compiled.assembly, at, 0.0, min(0.0, float(np.min(time))), max(span, 1e-9), step), time
+
+
+def _add_turns(model: Model, track: Track, starts: dict[str, Array], q: Array, q0: float) -> None:
+    """A track of one turn of the drive stands for all: add the whole turns that angles gain with every turn of the drive."""
+    turns = np.floor((q - q0) / TURN)
+    angles = {block.name: len(block.angles) for block in model.blocks if block.kind == "general"}
+    for name, spline in track.splines.items():
+        gain = np.round((spline(q0 + TURN) - spline(q0)) / TURN) * TURN
+        if name in angles:
+            gain[angles[name] :] = 0.0
+            starts[name] = starts[name] + turns[:, None] * gain
+        else:
+            starts[name] = starts[name] + turns * gain
 
 
 def _closes(compiled: Compiled, turn: Track, q0: float) -> bool:
