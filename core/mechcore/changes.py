@@ -9,7 +9,7 @@ both sides by interpolation of high order.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,11 @@ from numpy.polynomial import chebyshev
 from . import blocks as bl
 from .blocks import Patch, State
 from .kinematics import accelerations, velocities
+from .laws import ConstantSpeed, Law
 from .model import Block, Model
 from .positions import initial_state, place_all
 
-__all__ = ["Change", "Changes", "find_changes", "make_patches"]
+__all__ = ["Change", "Changes", "find_changes", "make_patches", "needs_span", "passages"]
 
 Array = Any
 SAMPLES = 720  # of a cycle
@@ -37,21 +38,28 @@ TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 
 @dataclass(frozen=True)
 class Change:
-    """At ``time`` [s] the modes of block number ``block`` meet. ``dead``: the drive stands still there, at its limit."""
+    """At ``time`` the modes of block number ``block`` meet. ``dead``: the drive stands still there, at its limit. ``flips``: the
+    motion goes through; else it only touches the flat position and turns back."""
 
     time: float
     block: int
     name: str
     dead: bool
+    flips: bool = True
 
 
 @dataclass(frozen=True)
 class Changes:
-    """All changes within ``[0, period)``; beyond, they repeat. ``step``: half width of the stretch that is interpolated."""
+    """All changes within ``[0, period)``; beyond, they repeat. ``step``: distance of the samples.
+
+    ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
+    """
 
     period: float
     step: float
     found: tuple[Change, ...]
+    laws: tuple[Law, ...]
+    by_drive: bool = False
 
     def within(self, start: float, end: float) -> list[Change]:
         """All changes of a run from ``start`` to ``end`` [s], in order of time."""
@@ -60,12 +68,12 @@ class Changes:
             for c in self.found:
                 t = c.time + k * self.period
                 if start <= t <= end:
-                    out.append(Change(t, c.block, c.name, c.dead))
+                    out.append(replace(c, time=t))
         return sorted(out, key=lambda c: c.time)
 
     def signs(self, block: int, time: Array) -> Array:
         """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
-        times = np.sort([c.time for c in self.found if c.block == block])
+        times = np.sort([c.time for c in self.found if c.block == block and c.flips])
         if not len(times):
             return 1.0
         tiny = 1e-9 * self.period
@@ -78,28 +86,67 @@ class Changes:
         return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
 
 
-def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Array]) -> Changes | None:
-    """Changes over one cycle of the drives, or over as many as the mechanism needs to come back to its start; None if there are
-    no drives, or groups without a closed form (those are followed by continuation)."""
-    laws = [d.law for d in model.mechanism.drives]
-    if not laws or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
+def find_changes(
+    model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None
+) -> Changes | None:
+    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by continuation.
+
+    With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
+    mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to
+    look, and without it the answer is None although there may be changes: see `needs_span`.
+    """
+    drives = model.mechanism.drives
+    if not drives or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
         return None
+    first = model.joints[model.joint_index[drives[0].pair]]
+    if len(drives) == 1 and first.coordinate == "angle":
+        turn = (ConstantSpeed(float(drives[0].law(0.0)[0]), 1.0),)
+        found = _until_closed(model, modes, 2.0 * np.pi, turn, by_drive=True)
+        if found is not None:
+            return found
+    laws = tuple(d.law for d in drives)
     cycle = laws[0].duration
     if not np.isfinite(cycle) or cycle <= 0:
         return None
+    if not needs_span(model):
+        return _until_closed(model, modes, cycle, laws, by_drive=False)
+    if span is None:
+        return None
+    return _scan(model, modes, cycle, max(1, int(np.ceil(span / cycle - 1e-9))), laws, by_drive=False)
+
+
+def needs_span(model: Model) -> bool:
+    """Whether a cycle of the laws does not bring the drives back to where they were (a sliding drive that goes on, say)."""
+    drives = model.mechanism.drives
+    for d in drives:
+        way = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
+        if model.joints[model.joint_index[d.pair]].coordinate == "angle":
+            way -= 2.0 * np.pi * round(way / (2.0 * np.pi))
+        if abs(way) > 1e-9 or abs(d.law.duration - drives[0].law.duration) > 1e-12 * d.law.duration:
+            return True
+    return False
+
+
+def _until_closed(model: Model, modes: Sequence[float], cycle: float, laws: tuple[Law, ...], *, by_drive: bool) -> Changes | None:
+    """Look at one, two or four cycles, until every group has changed its mode an even number of times."""
+    changes = None
     for cycles in (1, 2, 4):
-        changes = _scan(model, modes, cycle, cycles)
-        counts = np.bincount([c.block for c in changes.found], minlength=len(model.blocks))
+        changes = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
+        if changes is None:
+            return None
+        counts = np.bincount([c.block for c in changes.found if c.flips], minlength=len(model.blocks))
         if not (counts % 2).any():
             break
     return changes
 
 
-def _scan(model: Model, modes: Sequence[float], cycle: float, cycles: int) -> Changes:
+def _scan(
+    model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
+) -> Changes | None:
+    """Sample cycles of the laws block by block; None where the drive alone decides but cannot turn fully."""
     period = cycles * cycle
     step = cycle / SAMPLES
     time = step * np.arange(-FAR - WINDOW, cycles * SAMPLES + FAR + WINDOW + 1)
-    laws = [d.law for d in model.mechanism.drives]
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
@@ -110,19 +157,21 @@ def _scan(model: Model, modes: Sequence[float], cycle: float, cycles: int) -> Ch
             sign: Array = 1.0
             if block.kind in TWO_MODES:
                 own = [
-                    Change(t, i, block.name, bool(np.interp(t, time, still) < 1e-6 * speed))
-                    for t in _flat_instants(model, block, state, time)
+                    Change(t, i, block.name, bool(np.interp(t, time, still) < 1e-6 * speed), flips)
+                    for t, flips in _flat_instants(model, block, state, time)
                     if -1e-9 * period <= t < period * (1.0 - 1e-9)
                 ]
                 if own:
                     found += own
-                    sign = Changes(period, step, tuple(own)).signs(i, time)
+                    sign = Changes(period, step, tuple(own), laws).signs(i, time)
             bl.place(model, block, state, mode * sign)
+            if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.spins_of[block.angles[0]][0]])):
+                return None
             for c in found:
                 if c.block == i:  # what hangs on this block must not see its ill-conditioned positions
                     for cycle_start in (-period, 0.0, period):
                         _smooth(model, block, state, time, c.time + cycle_start, step)
-    return Changes(period=period, step=step, found=tuple(found))
+    return Changes(period=period, step=step, found=tuple(found), laws=laws, by_drive=by_drive)
 
 
 def _smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> None:
@@ -142,8 +191,12 @@ def _smooth(model: Model, block: Block, state: State, time: Array, instant: floa
     bl.apply(model, block, state, Patch(near, values, values, values))
 
 
-def _flat_instants(model: Model, block: Block, state: State, time: Array) -> list[float]:
-    """Times at which a group's triangle touches its flat position without leaving its reach."""
+def _flat_instants(model: Model, block: Block, state: State, time: Array) -> list[tuple[float, bool]]:
+    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through.
+
+    The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
+    back just there.
+    """
     out = []
     for height in bl.flatness(model, block, state):
         h = np.broadcast_to(height, time.shape)
@@ -164,7 +217,8 @@ def _flat_instants(model: Model, block: Block, state: State, time: Array) -> lis
                     break
                 at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
             if abs(float(fit(at))) <= FLAT:
-                out.append(float(time[k] + at * (time[1] - time[0])))
+                near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
+                out.append((float(time[k] + at * (time[1] - time[0])), far < 8.0 * near))
     return out
 
 
@@ -177,7 +231,7 @@ def make_patches(
     if not near:
         return {}
     nodes = np.unique(np.concatenate([_nodes(changes, c) for c in near]))
-    values = [d.law(nodes) for d in model.mechanism.drives]
+    values = [law(nodes) for law in changes.laws]
     signs = [m * changes.signs(i, nodes) for i, m in enumerate(modes)]
     state = place_all(model, [v[0] for v in values], signs)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -216,3 +270,20 @@ def _nodes(changes: Changes, c: Change) -> Array:
 def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
     away = time - c.time
     return np.abs(away - changes.period * np.round(away / changes.period)) < NEAR * changes.step
+
+
+def passages(changes: Changes, drive: Law, time: Array, q: Array) -> list[Change]:
+    """When a run passes the changes that lie along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
+    out = []
+    way = q - changes.laws[0](0.0)[0]
+    for c in changes.within(float(np.min(way)), float(np.max(way))):
+        place = c.time + float(changes.laws[0](0.0)[0])
+        beyond = q > place
+        k = np.flatnonzero(beyond[1:] != beyond[:-1])
+        low, high = time[k], time[k + 1]
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            same = (drive(middle)[0] > place) == beyond[k]
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        out += [replace(c, time=float(t)) for t in 0.5 * (low + high)]
+    return sorted(out, key=lambda c: c.time)

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 
 from . import blocks as bl
 from .assembly import Assembly, assemble
-from .changes import Changes, find_changes, make_patches
+from .changes import Changes, find_changes, make_patches, needs_span, passages
 from .continuation import Track, follow
 from .errors import Fault, MechanismError
-from .laws import ConstantSpeed
 from .model import Block, Model, build_model
 from .motion import Motion
 from .positions import initial_state, place_all
@@ -98,12 +97,18 @@ def solve_motion(
             _add_turns(model, track, starts, positions[0], compiled.start[0])
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
-    if compiled.changes is not None and compiled.changes.found:
-        law_time, scale = _law_time(compiled, time, values, given=drives is not None)
+    changes = compiled.changes
+    if changes is None and drives is None and len(time) and model.mechanism.drives and needs_span(model):
+        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))  # type: ignore[arg-type]
+    if changes is not None and changes.found:
+        law_time, scale = _law_time(compiled, changes, time, values, given=drives is not None)
         if law_time is not None:
-            modes = [m * compiled.changes.signs(i, law_time) for i, m in enumerate(modes)]
-            patches = make_patches(model, compiled.changes, compiled.assembly.modes, law_time, scale)
-            passed = compiled.changes.within(float(np.min(law_time)), float(np.max(law_time))) if drives is None else []
+            modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
+            patches = make_patches(model, changes, compiled.assembly.modes, law_time, scale)
+            if drives is None and changes.by_drive:
+                passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
+            elif drives is None:
+                passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
     state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
     motion = Motion(model, time, values, state, patches, passed)
     if strict and not _all_placed(model, motion):
@@ -114,19 +119,16 @@ def solve_motion(
 
 
 def _law_time(
-    compiled: Compiled, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
+    compiled: Compiled, changes: Changes, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
 ) -> tuple[Array | None, tuple[Array, Array]]:
-    """Time at which the drives' laws are where the frames are, and its first two derivatives by the frames' own time.
+    """Where the frames are on the way along which changes are known, and its first two derivatives by time.
 
-    None where the frames' drive positions are given and no law leads through them.
+    None where the frames' drive positions are given and that way is the laws' time.
     """
-    if not given:
-        return time, (1.0, 0.0)
-    law = compiled.mechanism.drives[0].law
-    if len(compiled.mechanism.drives) == 1 and isinstance(law, ConstantSpeed):
+    if changes.by_drive:
         q, v, a = values[0]
-        return (q - law.start) / law.speed, (v / law.speed, a / law.speed)
-    return None, (1.0, 0.0)
+        return q - compiled.start[0], (v, a)
+    return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))
 
 
 def _track(compiled: Compiled, time: Array, positions: Sequence[Array]) -> tuple[Track, Array]:
