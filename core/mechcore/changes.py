@@ -89,7 +89,7 @@ class Changes:
 def find_changes(
     model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None
 ) -> Changes | None:
-    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by continuation.
+    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by a walk.
 
     With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
     mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to

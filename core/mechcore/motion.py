@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ __all__ = ["Motion"]
 
 Array = Any
 Real = NDArray[np.float64]
+FINE = 200_000  # positions computed at once between frames that are far apart
 
 
 class Motion:
@@ -38,12 +39,14 @@ class Motion:
         state: State,
         patches: Mapping[int, Sequence[Patch]] | None = None,
         changes: Sequence[Change] = (),
+        again: Callable[[Real], Motion] | None = None,
     ):
         self.model = model
         self.time = time
         self.drives = drives
         self.state = state
         self.patches = patches
+        self.again = again  # the same motion at other times, where laws lead it
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int], tuple[Array, Array]] = {}
@@ -181,24 +184,54 @@ class Motion:
 
     def _group_angle(self, group: int) -> Array:
         if group not in self._group_angles:
-            turning = self.model.angles
-            spin = turning.spins_of[group][0]
             if group in self.state.angle:  # relations and general blocks know the whole angle
                 self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.shape)
                 return self._group_angles[group]
-            e = self.state.rot[spin] * np.conj(self.state.delta[spin])
-            raw = np.array(np.broadcast_to(np.arctan2(np.imag(e), np.real(e)), self.shape))
-            step = np.diff(raw)
-            jump = np.round(step / (2.0 * np.pi))
-            if np.abs(step - 2.0 * np.pi * jump).max(initial=0.0) > 0.5 * np.pi:
-                # too few frames to follow the angle by itself: its speed says how far it went in between
-                extra = sum((s * self.drives[d][1] for d, s in turning.spin_drives[spin]), 0.0)
-                w = np.broadcast_to(self.speeds.spin[spin] - extra, self.shape)
-                went = 0.5 * (w[..., 1:] + w[..., :-1]) * np.diff(self.time)
-                jump = np.round((step - went) / (2.0 * np.pi))
-            raw[..., 1:] -= 2.0 * np.pi * np.cumsum(jump, axis=-1)
-            self._group_angles[group] = raw
+            raw = np.array(np.broadcast_to(self._wrapped(group), self.shape))
+            self._group_angles[group] = self._unwrapped(group, raw)
         return self._group_angles[group]
+
+    def _wrapped(self, group: int) -> Array:
+        """A group's angle within one turn."""
+        spin = self.model.angles.spins_of[group][0]
+        e = self.state.rot[spin] * np.conj(self.state.delta[spin])
+        return np.arctan2(np.imag(e), np.real(e))
+
+    def _unwrapped(self, group: int, raw: Array) -> Array:
+        """The angle made continuous. Where the drives go far between two frames the way between them is computed too."""
+        far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in self._drive_steps()), default=0.0)
+        if far <= 1.0 or self.again is None:
+            if far <= 1.0:
+                return np.unwrap(raw)
+            # given drive positions: the speeds at both ends say how far it went in between
+            turning = self.model.angles
+            spin = turning.spins_of[group][0]
+            extra = sum((s * self.drives[d][1] for d, s in turning.spin_drives[spin]), 0.0)
+            w = np.broadcast_to(self.speeds.spin[spin] - extra, self.shape)
+            went = 0.5 * (w[..., 1:] + w[..., :-1]) * np.diff(self.time)
+            jump = np.round((np.diff(raw) - went) / (2.0 * np.pi))
+            raw[..., 1:] -= 2.0 * np.pi * np.cumsum(jump, axis=-1)
+            return raw
+        parts = min(int(np.ceil(far)), 1000)
+        out = np.empty_like(raw)
+        chunk = max(2, FINE // parts)
+        out[0] = raw[0]
+        for start in range(0, len(raw) - 1, chunk):
+            frames = self.time[start : start + chunk + 1]
+            fine = np.interp(np.arange((len(frames) - 1) * parts + 1) / parts, np.arange(len(frames)), frames)
+            way = np.unwrap(np.broadcast_to(self.again(fine)._wrapped(group), fine.shape))
+            turns = way[::parts] - way[0]  # the frames' own values are kept, only whole turns are taken from here
+            own = raw[start : start + len(frames)]
+            out[start : start + len(frames)] = own + 2.0 * np.pi * np.round((out[start] + turns - own) / (2.0 * np.pi))
+        return out
+
+    def _drive_steps(self) -> list[tuple[tuple[Real, Real, Real], float]]:
+        """The drives, each with a step that is small enough to follow angles by themselves [rad or m]."""
+        return [
+            (d, 0.2 if self.model.joints[j].coordinate == "angle" else 0.1 * self.model.size)
+            for j, i in self.model.driven.items()
+            for d in [self.drives[i]]
+        ]
 
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""

@@ -99,7 +99,7 @@ def solve_motion(
     patches, passed = None, []
     changes = compiled.changes
     if changes is None and drives is None and len(time) and model.mechanism.drives and needs_span(model):
-        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))  # type: ignore[arg-type]
+        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
     if changes is not None and changes.found:
         law_time, scale = _law_time(compiled, changes, time, values, given=drives is not None)
         if law_time is not None:
@@ -110,7 +110,8 @@ def solve_motion(
             elif drives is None:
                 passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
     state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
-    motion = Motion(model, time, values, state, patches, passed)
+    again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
+    motion = Motion(model, time, values, state, patches, passed, again)
     if strict and not _all_placed(model, motion):
         faults = _faults(compiled, motion, track, parameter)
         if faults:

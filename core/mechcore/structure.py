@@ -93,7 +93,10 @@ def _tie_row(model: Model, motion: Motion, tie: Sum, frame: int) -> np.ndarray:
 
 
 def groups(model: Model) -> tuple[Group, ...]:
-    """Structural groups in the order in which they are solved: driven links first, then Assur groups."""
+    """Structural groups in an order in which they can be solved: driven links first, then Assur groups.
+
+    A group is a smallest set of links that its pairs, among themselves and to what is solved already, determine: 3n constraints.
+    """
     last = len(model.order.blocks)
     rank = [0] * len(model.links)
     for k, (_, unknowns) in enumerate(model.order.blocks):
@@ -101,15 +104,40 @@ def groups(model: Model) -> tuple[Group, ...]:
             rank[u // 3 + 1] = max(rank[u // 3 + 1], k)
     for u in model.order.free:
         rank[u // 3 + 1] = last
-    members: dict[int, list[int]] = {}
-    for k in range(1, len(model.links)):
-        members.setdefault(rank[k], []).append(k)
-    found, solved = [], {0}
-    for _, own in sorted(members.items()):
-        inside = set(own)
-        pairs = [j for j, e in enumerate(model.ends) if set(e) & inside and set(e) <= solved | inside]
-        solved |= inside
-        found.append(_group(model, own, pairs))
+    ties: list[tuple[tuple[int, ...], int]] = [
+        (e, 3 - joint.freedoms + (j in model.driven)) for j, (joint, e) in enumerate(zip(model.joints, model.ends, strict=True))
+    ]
+    ties += [(tuple(model.index[k] for k, _ in r.angles) + tuple(x for j, _ in t.slides for x in model.ends[j]), 1)
+             for r, t in zip(model.relations, model.sums, strict=True)]  # fmt: skip
+    at: dict[int, list[int]] = {}
+    for i, (e, _) in enumerate(ties):
+        for k in set(e):
+            at.setdefault(k, []).append(i)
+    left = sorted(range(1, len(model.links)), key=lambda k: rank[k])
+    solved, found = {0}, []
+    fresh = list(left)  # links whose neighbourhood has changed since they were last looked at
+
+    def count(own: set[int]) -> int:
+        inside = solved | own
+        return sum(ties[i][1] for i in {i for k in own for i in at.get(k, ())} if set(ties[i][0]) <= inside)
+
+    while left:
+        own = next(({k} for k in fresh if k not in solved and count({k}) >= 3), None)
+        if own is None:
+            fresh = []
+            pairs = (set(e) for e, _ in ties if len(set(e)) == 2 and not set(e) & solved)
+            own = next((p for p in pairs if count(p) >= 6), None)
+        if own is None:
+            own = set()
+            for k in left:
+                own.add(k)
+                if count(own) >= 3 * len(own):
+                    break
+        members = sorted(own)
+        found.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
+        solved |= own
+        left = [k for k in left if k not in own]
+        fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in ties[i][0] if n not in solved)]
     return tuple(found)
 
 
@@ -123,6 +151,10 @@ def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
     driven = any(j in model.driven for j in pairs)
     if driven and len(own) == 1:
         return Group(names, pair_names, "I", "", "drive")
+    if len(own) == 1:
+        meshing = {r.name for r in model.relations if names[0] in r.links}
+        how = "geared" if meshing else "redundant" if len(pairs) > 1 else "fixed"
+        return Group(names, pair_names, "I", how, "closed form")
     kind = ""
     if len(own) == 2 and len(inner) == 1 and len(outer) == 2:
         first = next(j for j in outer if own[0] in model.ends[j])
