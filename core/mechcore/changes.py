@@ -25,7 +25,8 @@ from .positions import initial_state, place_all
 __all__ = ["Change", "Changes", "find_changes", "make_patches", "needs_span", "passages"]
 
 Array = Any
-SAMPLES = 720  # of a cycle
+SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
+MOST = 400_000  # samples of a whole run
 FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
 WINDOW = 4  # samples on each side from which the instant is located
 NEAR = 4.0  # frames closer than this many samples are interpolated: accelerations lose digits with the third power of closeness
@@ -86,9 +87,7 @@ class Changes:
         return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
 
 
-def find_changes(
-    model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None
-) -> Changes | None:
+def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None) -> Changes | None:
     """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by a walk.
 
     With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
@@ -145,8 +144,12 @@ def _scan(
 ) -> Changes | None:
     """Sample cycles of the laws block by block; None where the drive alone decides but cannot turn fully."""
     period = cycles * cycle
-    step = cycle / SAMPLES
-    time = step * np.arange(-FAR - WINDOW, cycles * SAMPLES + FAR + WINDOW + 1)
+    probe = np.linspace(0.0, period, 2001)
+    rotary = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in model.mechanism.drives]
+    fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
+    samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
+    step = cycle / samples
+    time = step * np.arange(-FAR - WINDOW, cycles * samples + FAR + WINDOW + 1)
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
@@ -157,7 +160,7 @@ def _scan(
             sign: Array = 1.0
             if block.kind in TWO_MODES:
                 own = [
-                    Change(t, i, block.name, bool(np.interp(t, time, still) < 1e-6 * speed), flips)
+                    Change(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * step / cycle * speed), flips)
                     for t, flips in _flat_instants(model, block, state, time)
                     if -1e-9 * period <= t < period * (1.0 - 1e-9)
                 ]

@@ -75,7 +75,11 @@ class Forces:
 
     def wrench(self, pair: str) -> Real:
         """What a drive exerts on the pair's second link: Fx, Fy [N], moment [N m] at the pair's position (F, 3)."""
-        return self._rows(*self._drive(self._joint(pair)))
+        j = self._joint(pair)
+        force, moment = self._drive(j)
+        if pair in self._contacts:  # a driven wheel: the force acts at its centre, the pair is where it touches
+            moment = moment + cross(self.motion.joint_point(j) - self._contacts[pair][0], force)
+        return self._rows(force, moment)
 
     def effort(self, pair: str) -> Real:
         """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""

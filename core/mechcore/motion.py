@@ -199,7 +199,7 @@ class Motion:
 
     def _unwrapped(self, group: int, raw: Array) -> Array:
         """The angle made continuous. Where the drives go far between two frames the way between them is computed too."""
-        far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in self._drive_steps()), default=0.0)
+        far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in self.drive_steps()), default=0.0)
         if far <= 1.0 or self.again is None:
             if far <= 1.0:
                 return np.unwrap(raw)
@@ -225,7 +225,7 @@ class Motion:
             out[start : start + len(frames)] = own + 2.0 * np.pi * np.round((out[start] + turns - own) / (2.0 * np.pi))
         return out
 
-    def _drive_steps(self) -> list[tuple[tuple[Real, Real, Real], float]]:
+    def drive_steps(self) -> list[tuple[tuple[Real, Real, Real], float]]:
         """The drives, each with a step that is small enough to follow angles by themselves [rad or m]."""
         return [
             (d, 0.2 if self.model.joints[j].coordinate == "angle" else 0.1 * self.model.size)

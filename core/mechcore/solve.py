@@ -24,6 +24,7 @@ __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
 Array = Any
 TURN = 2.0 * np.pi
+MOST_BETWEEN = 20_000  # positions that are looked at between frames that are far apart
 STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a walk: angle, or part of the mechanism's size
 
 
@@ -112,11 +113,24 @@ def solve_motion(
     state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
     again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
     motion = Motion(model, time, values, state, patches, passed, again)
-    if strict and not _all_placed(model, motion):
+    if strict and drives is None:
+        _check_between(compiled, motion)
+    if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, track, parameter)
         if faults:
             raise MechanismError(faults)
     return motion
+
+
+def _check_between(compiled: Compiled, motion: Motion) -> None:
+    """Frames that are far apart must not hide a stretch between them that cannot be assembled."""
+    far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in motion.drive_steps()), default=0.0)
+    if far <= 1.0 or len(motion.time) < 2:
+        return
+    parts = int(np.ceil(min(far, MOST_BETWEEN / len(motion.time))))
+    fine = np.interp(np.arange((len(motion.time) - 1) * parts + 1) / parts, np.arange(len(motion.time)), motion.time)
+    if parts > 1:
+        solve_motion(compiled, fine)  # raises where it cannot go on
 
 
 def _law_time(
@@ -189,11 +203,11 @@ def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: 
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
     for block in model.blocks:
-        if block.redundant:
+        if block.redundant or motion.patches:  # where a branch was interpolated, too, the contours have to close
             miss = np.zeros(motion.frames)
             for c in block.contours:
                 miss = np.maximum(miss, np.abs(sum((z for _, z in motion.contours[c].arms), 0j)))
-            bad = (miss > 1e-9 * model.size) & ~failed
+            bad = ~(miss <= 1e-9 * model.size) & ~failed
         else:
             bad = ~_placed(model, block, motion) & ~failed
             if block.kind == "general" and track is not None and parameter is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -54,6 +56,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
     try:
         target = check_target(path)
         temporary = part_path(target)
+        claim = _claim(temporary)
         pump = Pump(temporary)
     except OutputError as error:
         raise RecordingError(error.message, error.remedy) from None
@@ -91,6 +94,18 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
         raise
     finally:
         rr.set_strict_mode(strict)
+        os.close(claim)
+
+
+def _claim(temporary: Path) -> int:
+    """Hold the unfinished file for this process alone (until the returned descriptor is closed)."""
+    claim = os.open(temporary, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(claim)
+        raise RecordingError(f"'{temporary}' is being written by another run.", "Wait for it, or write to another file.") from None
+    return claim
 
 
 def _left_behind(path: Path, temporary: Path, frames: int) -> str:
