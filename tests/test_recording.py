@@ -341,3 +341,16 @@ def test_bytes_per_frame(scene, most):
     the contract asks for some 140 rows a frame, of 20 bytes each before any value is in them."""
     sizes = [made(scene, frames).summary.bytes for frames in (1000, 4000)]
     assert sizes[1] - sizes[0] < most * 3000
+
+
+@pytest.mark.parametrize(("scene", "factor"), [("micro-gripper", 1000.0), ("crank-rocker", None)])
+def test_tiny_mechanisms_are_enlarged_for_the_viewer_only(scene, factor):
+    """The native viewer draws nothing close to its eye; poses and numbers stay in metres."""
+    m = made(scene)
+    if factor is None:
+        assert not any(e in ("/mechanism", "/vectors") and "Transform3D:scale" in names(m, e) for e in m.recording.entities)
+        return
+    for root in ("mechanism", "vectors"):
+        assert np.ravel(m.recording.static(root, component="Transform3D:scale"))[0] == factor
+    size = np.ptp(m.recording.scalars("data", "points", "jaw.T", "position")[1], axis=0).max()
+    assert size < 1e-3

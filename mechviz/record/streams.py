@@ -23,6 +23,7 @@ __all__ = [
     "Stream",
     "Timelines",
     "arrow_streams",
+    "magnification",
     "mechanism_streams",
     "picture_stride",
     "static_shapes",
@@ -31,6 +32,8 @@ __all__ = [
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+SMALLEST_DRAWN = 0.05  # [m]
 
 PICTURES_A_CYCLE = 720
 """Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
@@ -173,12 +176,21 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
         yield Stream(entity(*arc.path), bend, every)
 
 
+def magnification(size: float) -> float:
+    """How much a mechanism of this size [m] is enlarged for the viewer, which draws nothing nearer to its eye than a centimetre."""
+    return 1.0 if size >= SMALLEST_DRAWN else float(10.0 ** np.ceil(np.log10(SMALLEST_DRAWN / size)))
+
+
 def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]) -> Iterator[Static]:
     """View coordinates, meshes, traced paths, and how joints, arrows and arcs look."""
     import rerun as rr
 
     motion, size = run.motion, solids.size
     yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
+    enlarged = magnification(size)
+    if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
+        for root in ("mechanism", "vectors"):
+            yield Static(root, rr.Transform3D(scale=enlarged))
     for name, solid in solids.links.items():
         if not len(solid.faces):
             continue

@@ -23,7 +23,16 @@ from .events import peak_events
 from .paths import entity
 from .plots import plot_streams, plot_styles
 from .stream_file import Part, recording_file
-from .streams import Stream, Timelines, arrow_streams, mechanism_streams, picture_stride, static_shapes, table_streams
+from .streams import (
+    Stream,
+    Timelines,
+    arrow_streams,
+    magnification,
+    mechanism_streams,
+    picture_stride,
+    static_shapes,
+    table_streams,
+)
 
 if TYPE_CHECKING:
     from ..meshes import Solids
@@ -101,7 +110,8 @@ def write_recording(
             "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
             "motion": extent(motion, scales, solids.bounds, solids.size),
         }
-        blueprint = make_blueprint(run, bounds, events)
+        enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
+        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events)
         streams += plot_streams(run, every)
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
