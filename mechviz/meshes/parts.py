@@ -155,9 +155,7 @@ def _boss(radius: float, hole: float, face: float, height: float, bevel: float) 
     return ((radius, face), (radius, end - sign * chamfer), (radius - chamfer, end), (hole, end))
 
 
-def _drilled_marks(
-    model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float
-) -> list[Turned]:
+def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float) -> list[Turned]:
     """Small holes that show named points which carry no pin."""
     if piece.kind != "plate" or piece.link == model.frame:
         return []
@@ -248,9 +246,7 @@ class _Stand:
         chamfer, radius = levels.size.bevel, self.radius
         if self.front:
             end = levels.slab(max(self.layers))[1] + levels.size.clearance
-            return Turned(
-                self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end))
-            )
+            return Turned(self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
         end = levels.slab(min(self.layers))[0] - levels.size.clearance
         return Turned(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
 

@@ -55,9 +55,7 @@ class Solids:
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
 
 
-def build_solids(
-    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = None, *, tolerance: float = 0.005
-) -> Solids:
+def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = None, *, tolerance: float = 0.005) -> Solids:
     """Solid parts for every link of a mechanism.
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at

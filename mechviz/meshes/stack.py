@@ -72,8 +72,7 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     hits = _hits(model, draft, reaches, number)
     near = _near(model, reaches)
     posts = [
-        Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k])
-        for k, reach in enumerate(reaches)
+        Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k]) for k, reach in enumerate(reaches)
     ]
     behind = {number[piece.group]: _RAIL for piece in draft.pieces if piece.kind == "rail"}
     behind |= {number[draft.groups[name]]: _CARRIER for name in model.wheels.carriers - {model.frame}}

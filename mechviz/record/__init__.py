@@ -1,7 +1,7 @@
 """Recordings: write a solved scene as a rerun file, read it back, tell what is in it.
 
-    summary = write_recording(run, "recordings/crank-rocker.rrd")
-    print(format_inspection(inspect("recordings/crank-rocker.rrd")))
+summary = write_recording(run, "recordings/crank-rocker.rrd")
+print(format_inspection(inspect("recordings/crank-rocker.rrd")))
 """
 
 from __future__ import annotations

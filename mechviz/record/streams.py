@@ -203,9 +203,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         )
         yield Static(entity("mechanism", "links", name, "mesh"), mesh)
     for joint, label in _labels(run).items():
-        style = rr.Points3D.from_fields(
-            colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label)
-        )
+        style = rr.Points3D.from_fields(colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label))
         yield Static(entity("mechanism", "joints", joint), style)
     for link, point in motion.mechanism.traced:
         path = _in_space(motion.point(link, point), solids.z_top)
@@ -217,9 +215,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         radius = (0.004 if family in ("velocity", "acceleration") else 0.0055) * size
         yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[family]], radii=[radius]))
     for arc in arcs:
-        yield Static(
-            entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.moment.family]], radii=[0.0055 * size])
-        )
+        yield Static(entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.moment.family]], radii=[0.0055 * size]))
 
 
 def _labels(run: Run) -> dict[str, str]:

@@ -138,9 +138,7 @@ def write_recording(
     )
 
 
-def _describe(
-    stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool
-) -> None:
+def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:
     """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
     import rerun as rr
 
@@ -171,9 +169,7 @@ def _send_events(stream: Any, timelines: Timelines, events: list[Event]) -> None
     stream.send_columns("events", timelines.columns_at(np.array([e.time for e in events])), columns)
 
 
-def _send_streams(
-    part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None
-) -> None:
+def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None) -> None:
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
     for start in range(0, total, BLOCK):

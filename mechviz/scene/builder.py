@@ -191,9 +191,7 @@ class SceneBuilder:
         """A belt over two pulleys."""
         return self._add("pairs", name, {"belt": [first, second], "carrier": carrier, "radii": radii, "crossed": crossed})
 
-    def chain(
-        self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None
-    ) -> SceneBuilder:
+    def chain(self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None) -> SceneBuilder:
         """A chain over two sprockets."""
         return self._add("pairs", name, {"chain": [first, second], "carrier": carrier, "radii": radii})
 

@@ -50,9 +50,7 @@ KINDS: Mapping[str, Kind] = {
     "weld": Kind("a weld", ("at", "angle"), undriven="A weld does not move: leave it out."),
     "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "drive"), driven="length"),
     "rolling": Kind("a rolling pair", ("at", "along", "radius", "side", "branch", "drive"), needs=("radius",), driven="length"),
-    "gear": Kind(
-        "a gear pair", ("carrier", "teeth", "radii", "internal", "pressure_angle"), undriven=_WHEELS, joins=False
-    ),
+    "gear": Kind("a gear pair", ("carrier", "teeth", "radii", "internal", "pressure_angle"), undriven=_WHEELS, joins=False),
     "belt": Kind("a belt", ("carrier", "radii", "crossed"), needs=("radii",), undriven=_WHEELS, joins=False),
     "chain": Kind("a chain", ("carrier", "radii"), needs=("radii",), undriven=_WHEELS, joins=False),
     "rack": Kind(
