@@ -1,0 +1,38 @@
+"""Reduction: of force systems, of inertia forces, of bodies to point masses, of mechanisms to one link, of shaking to the frame."""
+
+from .areas import Area, area_of, circle, plate, stadium
+from .bodies import SOLIDS, Body, combine, solid
+from .inertia import inertia_of_points, inertia_wrench, percussion_centre, single_resultant
+from .reduced import Reduced, reduce_mechanism
+from .shaking import Shaking, shaking
+from .substitute import PointMass, StaticReplacement, Substitution, static_replacement, substitute_masses
+from .systems import Resultant, moment_about, reduce_to, resultant
+
+__all__ = [
+    "SOLIDS",
+    "Area",
+    "Body",
+    "PointMass",
+    "Reduced",
+    "Resultant",
+    "Shaking",
+    "StaticReplacement",
+    "Substitution",
+    "area_of",
+    "circle",
+    "combine",
+    "inertia_of_points",
+    "inertia_wrench",
+    "moment_about",
+    "percussion_centre",
+    "plate",
+    "reduce_mechanism",
+    "reduce_to",
+    "resultant",
+    "shaking",
+    "single_resultant",
+    "solid",
+    "stadium",
+    "static_replacement",
+    "substitute_masses",
+]

@@ -1,0 +1,142 @@
+"""Mass, centre of mass and central moment of inertia: put together from parts, and of the standard solids by formula."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from ..errors import Fault, MechanismError
+
+__all__ = ["SOLIDS", "Body", "Solid", "combine", "solid"]
+
+Vec2 = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Body:
+    """``mass`` [kg], ``centre`` of mass [m], ``inertia`` J_S about it [kg m^2] (axis normal to the plane of motion)."""
+
+    mass: float
+    centre: Vec2 = (0.0, 0.0)
+    inertia: float = 0.0
+
+    def about(self, x: float, y: float) -> float:
+        """Moment of inertia about another parallel axis (Steiner) [kg m^2]."""
+        return self.inertia + self.mass * ((self.centre[0] - x) ** 2 + (self.centre[1] - y) ** 2)
+
+    @property
+    def gyration(self) -> float:
+        """Radius of gyration i_S about the centre of mass [m]."""
+        return math.sqrt(self.inertia / self.mass)
+
+
+def combine(parts: Iterable[Body]) -> Body:
+    """Several bodies as one. Holes are bodies of negative mass and inertia. The total mass must not be zero, unless all are."""
+    parts = [p for p in parts if p.mass or p.inertia]
+    mass = math.fsum(p.mass for p in parts)
+    if not parts:
+        return Body(0.0)
+    if abs(mass) <= 1e-14 * math.fsum(abs(p.mass) for p in parts):
+        raise MechanismError(Fault("mass", "the parts' masses cancel: there is no centre of mass.", "Check the masses."))
+    x = math.fsum(p.mass * p.centre[0] for p in parts) / mass
+    y = math.fsum(p.mass * p.centre[1] for p in parts) / mass
+    return Body(mass, (x, y), math.fsum(p.about(x, y) for p in parts))
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A standard solid: ``sizes`` it needs, its volume [m^3] (None: it has none, only a mass), and i^2 = J / m [m^2]."""
+
+    what: str
+    sizes: tuple[str, ...]
+    volume: Callable[..., float] | None
+    square: Callable[..., float]
+
+
+def _entry(what: str, volume: Callable[..., float] | None, square: Callable[..., float]) -> Solid:
+    sizes = dict.fromkeys([*(inspect.signature(volume).parameters if volume else ()), *inspect.signature(square).parameters])
+    return Solid(what, tuple(sizes), volume, square)
+
+
+_PI = math.pi
+
+SOLIDS: Mapping[str, Solid] = {
+    "point": _entry("point mass at a radius from the axis", None, lambda radius: radius**2),
+    "rod": _entry("thin rod, axis across its centre", None, lambda length: length**2 / 12.0),
+    "rod end": _entry("thin rod, axis across its end", None, lambda length: length**2 / 3.0),
+    "rod inclined": _entry(
+        "thin rod, axis through its end, inclined by an angle to the rod",
+        None,
+        lambda length, angle: (length * math.sin(angle)) ** 2 / 3.0,
+    ),
+    "cylinder": _entry("cylinder, its own axis", lambda radius, length: _PI * radius**2 * length, lambda radius: radius**2 / 2.0),
+    "cylinder across": _entry(
+        "cylinder, axis across its centre",
+        lambda radius, length: _PI * radius**2 * length,
+        lambda radius, length: (length**2 + 3.0 * radius**2) / 12.0,
+    ),
+    "hollow cylinder": _entry(
+        "hollow cylinder, its own axis",
+        lambda radius, bore, length: _PI * (radius**2 - bore**2) * length,
+        lambda radius, bore: (radius**2 + bore**2) / 2.0,
+    ),
+    "ring": _entry("thin ring, its own axis", None, lambda radius: radius**2),
+    "sphere": _entry("sphere, axis through its centre", lambda radius: 4.0 / 3.0 * _PI * radius**3, lambda radius: 0.4 * radius**2),
+    "shell": _entry("thin spherical shell, axis through its centre", None, lambda radius: 2.0 / 3.0 * radius**2),
+    "disc": _entry("disc, its own axis", lambda radius, thickness: _PI * radius**2 * thickness, lambda radius: radius**2 / 2.0),
+    "ellipsoid": _entry(
+        "ellipsoid with semi-axes a, b, c, axis along a",
+        lambda a, b, c: 4.0 / 3.0 * _PI * a * b * c,
+        lambda b, c: (b**2 + c**2) / 5.0,
+    ),
+    "cone": _entry("cone, its own axis", lambda radius, height: _PI * radius**2 * height / 3.0, lambda radius: 0.3 * radius**2),
+    "box": _entry(
+        "box, axis normal to its sides a and b", lambda a, b, thickness: a * b * thickness, lambda a, b: (a**2 + b**2) / 12.0
+    ),
+    "cube": _entry("cube, axis normal to a face", lambda a: a**3, lambda a: a**2 / 6.0),
+    "torus": _entry(
+        "torus, its own axis; radius of the ring, radius of its section",
+        lambda radius, section: 2.0 * _PI**2 * radius * section**2,
+        lambda radius, section: radius**2 + 0.75 * section**2,
+    ),
+}
+"""The lecture's table of moments of inertia; every J = m i^2 about the axis that the entry names."""
+
+NEEDED_FOR_INERTIA = {name: tuple(inspect.signature(s.square).parameters) for name, s in SOLIDS.items()}
+
+
+def solid(kind: str, *, mass: float | None = None, density: float | None = None, centre: Vec2 = (0.0, 0.0), **sizes: float) -> Body:
+    """A standard solid [m, kg or kg/m^3, rad] with its centre at ``centre``: ``solid("rod", mass=2, length=0.4)``.
+
+    Of density or mass one is given. The moment of inertia is about the axis that the table names, which is taken to be normal to
+    the plane at ``centre``; for "rod end" and "rod inclined" that axis is not the centre of mass, and they are refused here:
+    see `SOLIDS`.
+    """
+    if kind not in SOLIDS:
+        raise MechanismError(Fault("solid", f"there is no solid '{kind}'.", f"Known: {', '.join(SOLIDS)}."))
+    if kind in ("rod end", "rod inclined"):
+        why = f"'{kind}' is a moment of inertia about an axis away from the centre of mass."
+        raise MechanismError(Fault("solid", why, 'Use "rod", whose J_S the axis of motion shifts by itself.'))
+    entry = SOLIDS[kind]
+    if (mass is None) == (density is None):
+        raise MechanismError(Fault("solid", f"'{kind}' needs either a mass or a density.", "Give one of them."))
+    needed = NEEDED_FOR_INERTIA[kind] if density is None else entry.sizes
+    if density is not None and entry.volume is None:
+        raise MechanismError(Fault("solid", f"'{kind}' is thin: it has no volume for a density.", "Give its mass."))
+    missing = [s for s in needed if s not in sizes]
+    unknown = [s for s in sizes if s not in entry.sizes]
+    if missing or unknown:
+        what = f"'{kind}' needs {', '.join(missing)}." if missing else f"'{kind}' has no {', '.join(unknown)}."
+        raise MechanismError(Fault("solid", what, f"Its sizes: {', '.join(entry.sizes)}."))
+    wrong = [s for s, v in sizes.items() if not (math.isfinite(v) and v >= 0.0)]
+    if wrong:
+        raise MechanismError(Fault(f"solid.{wrong[0]}", f"{sizes[wrong[0]]} is no size.", "Give a positive length."))
+    if kind == "hollow cylinder" and sizes["bore"] > sizes["radius"]:
+        raise MechanismError(Fault("solid.bore", "is larger than the radius.", "Give the radius of the bore."))
+    if density is not None and entry.volume is not None:
+        mass = density * entry.volume(**{k: sizes[k] for k in inspect.signature(entry.volume).parameters})
+    assert mass is not None
+    square = entry.square(**{k: sizes[k] for k in NEEDED_FOR_INERTIA[kind]})
+    return Body(mass, centre, mass * square)

@@ -1,0 +1,72 @@
+"""Shaking force and shaking moment: what the inertia of all moving links does to the frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..closed_forms import cross
+from ..motion import Motion
+
+__all__ = ["Shaking", "shaking"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shaking:
+    """``force`` (F, 2) [N] and ``moment`` (F,) [N m] about ``about`` [m], on the frame."""
+
+    force: Real
+    moment: Real
+    about: tuple[float, float]
+
+    @property
+    def magnitude(self) -> Real:
+        return np.hypot(self.force[:, 0], self.force[:, 1])
+
+    @property
+    def peak(self) -> float:
+        """Largest shaking force [N]."""
+        return float(np.nanmax(self.magnitude, initial=0.0))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the shaking force over the frames (the last, which closes a cycle, left out) [N]."""
+        return _rms(self.magnitude)
+
+    @property
+    def peak_moment(self) -> float:
+        return float(np.nanmax(np.abs(self.moment), initial=0.0))
+
+    @property
+    def rms_moment(self) -> float:
+        return _rms(self.moment)
+
+
+def _rms(values: Real) -> float:
+    used = values[:-1] if len(values) > 1 else values
+    return float(np.sqrt(np.nanmean(used**2)))
+
+
+def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0)) -> Shaking:
+    """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
+
+    Equal to what all pairs on the frame and the drives together exert on it under inertia alone.
+    """
+    model = motion.model
+    o = complex(*np.asarray(about, float))
+    force: Array = np.zeros(motion.frames, complex)
+    moment: Array = np.zeros(motion.frames)
+    for k, (mass, centre, inertia) in enumerate(model.masses):
+        if k and (mass or inertia):
+            single = -mass * motion.of_point(k, centre, 2)
+            force = force + single
+            moment = moment + cross(motion.of_point(k, centre) - o, single)
+            moment = moment - inertia * motion.accelerations.spin[model.angles.spin[k]]
+    rows = np.column_stack([force.real, force.imag])
+    return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag))
