@@ -188,3 +188,112 @@ def test_chain_of_parallelograms_through_its_singular_position(n, frames):
     np.testing.assert_allclose(motion.velocity(f"v{n}")[:, 2], 1.0, atol=1e-10)
     np.testing.assert_allclose(motion.velocity(f"h{n - 1}")[:, 2], 0.0, atol=1e-10)
     np.testing.assert_allclose(motion.acceleration(f"v{n}")[:, 2], 0.0, atol=1e-8)
+
+
+def coupled(modes: tuple[str, ...], turns: tuple[float, ...], frame: float):
+    """Four-bars with two pairs of equal links in a row; each crank stands ``turns`` ahead of the output before it."""
+    from mechcore.spec import Link, Mechanism, Revolute
+
+    n = len(modes)
+    links = [Link(name="frame", points={f"A{i}": (frame * i, 0.0) for i in range(n + 1)})]
+    pairs = []
+    for i in range(n + 1):
+        ahead = turns[i]
+        links.append(Link(name=f"c{i}", points={"A": (0.0, 0.0), "in": (1.0, 0.0), "out": (np.cos(ahead), np.sin(ahead))}))
+        pairs.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
+    for i in range(n):
+        links.append(Link(name=f"k{i}", points={"L": (0.0, 0.0), "R": (frame, 0.0)}))
+        pairs.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("out", "L")))
+        pairs.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "in")))
+    drive = Drive(pair="A0", law=ConstantSpeed(0.5, 1.0))
+    modes_at = {f"R{i}": m for i, m in enumerate(modes)}
+    return Mechanism(name="coupled", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), modes=modes_at)
+
+
+@pytest.mark.parametrize(
+    ("modes", "turns", "frame"),
+    [
+        (("right", "left"), (0.0, 0.0, 0.0), 2.0),  # both at the same instant, the second up to nine times as fast
+        (("right", "left"), (0.0, 0.7, 0.0), 2.0),
+        (("right", "right"), (0.0, 0.01, 0.0), 2.0),  # almost at the same instant
+        (("right", "left", "right"), (0.0, 0.0, 0.0, 0.0), 2.0),  # 27 times as fast
+        (("right", "right"), (0.7, 0.0, 0.0), 1.3),
+        (("left", "right"), (0.0, np.pi / 2, 0.0), 2.0),
+    ],
+)
+def test_coupled_antiparallelograms(modes, turns, frame):
+    """Speeds and accelerations by the closed form stage after stage, also where a group is singular next to another one."""
+    t = np.unique(
+        np.concatenate([np.linspace(0.0, 2 * TURN, 1441), np.arange(1, 4) * np.pi - 0.5, np.arange(1, 4) * np.pi - 0.501])
+    )
+    motion = solve_motion(compile_mechanism(coupled(modes, turns, frame)), t)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    angle, speed, acceleration = t + 0.5, np.ones_like(t), np.zeros_like(t)
+    for i in range(len(modes)):
+        angle = angle + turns[i]
+        got, w, a = (f(f"c{i + 1}")[:, 2] for f in (motion.pose, motion.velocity, motion.acceleration))
+        on_parallel = np.abs(np.exp(1j * got[0]) - np.exp(1j * angle[0])) < 1e-6
+        if not on_parallel:  # tan(out/2) = -(d + r)/(d - r) tan(in/2)
+            below = frame**2 + 1.0 - 2.0 * frame * np.cos(angle)
+            ratio = (1.0 - frame**2) / below
+            bend = -(1.0 - frame**2) * 2.0 * frame * np.sin(angle) / below**2
+            acceleration = bend * speed**2 + ratio * acceleration
+            speed = ratio * speed
+            whole = TURN * np.round(angle / TURN)
+            angle = -whole - 2.0 * np.arctan((frame + 1.0) / (frame - 1.0) * np.tan(0.5 * (angle - whole)))
+        np.testing.assert_allclose(np.exp(1j * got), np.exp(1j * angle), atol=1e-11)
+        np.testing.assert_allclose(w, speed, atol=1e-9 * np.abs(speed).max())
+        np.testing.assert_allclose(a, acceleration, atol=1e-8 * max(1.0, np.abs(acceleration).max()))
+    assert motion.changes
+
+
+def test_ten_thousand_turns_through_change_points_close_as_the_first():
+    t = np.sort(np.concatenate([np.arange(1, 20_001) * np.pi - 0.5 + x for x in (0.0, 1e-3, 1e-6, 0.2)]))
+    motion = solve_motion(compile_mechanism(coupled(("right",), (0.0, 0.0), 2.0)), t)
+    assert motion.closure.max() < 1e-12
+    np.testing.assert_allclose(motion.velocity("c1")[:, 2], -3.0 / (5.0 - 4.0 * np.cos(t + 0.5)), atol=1e-10)
+
+
+# -- narrow ranges that cannot be assembled --------------------------------------------------------------------------------
+def misses_by(margin: float):
+    """Frame and crank in line are longer than coupler and rocker by ``margin``: only there the links do not reach."""
+    return four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 - margin, start=0.3)
+
+
+@pytest.mark.parametrize("margin", [1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12])
+@pytest.mark.parametrize(
+    "law", [None, ConstantSpeed(0.3, 1.0, travel=7.0), Oscillation(2.5, 1.5, 0.5)], ids=["turns", "goes", "swings"]
+)
+def test_a_sliver_between_frames_is_refused_with_its_range(margin, law):
+    from mechcore import MechanismError, default_times
+
+    m = misses_by(margin)
+    m = m if law is None else replace(m, drives=(replace(m.drives[0], law=law),))
+    with pytest.raises(MechanismError, match="cannot be assembled for positions of drive A") as e:
+        solve_motion(compile_mechanism(m), default_times(m, 90))
+    end = np.degrees(np.arccos((10.0 - (4.0 - margin) ** 2) / 6.0))
+    low, high = (float(x) for x in str(e.value).split("keep the drive within [")[1].split("]")[0].replace("°", "").split(","))
+    start = np.degrees(float(m.drives[0].law(0.0)[0]))  # one turn about it is looked at
+    assert high == pytest.approx(end, abs=6e-5) and low == pytest.approx(max(-end, start - 180.0), abs=6e-5)
+
+
+@pytest.mark.parametrize("margin", [1e-3, 1e-7, 1e-11])
+def test_next_to_a_sliver_all_is_well(margin):
+    from mechcore import default_times
+
+    m = misses_by(-margin)
+    compiled = compile_mechanism(m)
+    assert not compiled.changes.found and not compiled.changes.gaps
+    solve_motion(compiled, default_times(m, 7))
+    short = replace(misses_by(margin), drives=(Drive(pair="A", law=Oscillation(1.5, 1.5, 1.0)),))
+    motion = solve_motion(compile_mechanism(short), np.linspace(0.0, 1.0, 91))
+    assert motion.closure.max() < 1e-12
+
+
+def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monkeypatch):
+    """What compiling has found once costs nothing per run."""
+    from mechcore import blocks
+
+    compiled = compile_mechanism(misses_by(-1e-3))
+    monkeypatch.setattr(blocks, "flatness", None)
+    solve_motion(compiled, np.linspace(0.0, TURN, 8))

@@ -7,7 +7,7 @@ their transpose.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,6 +37,7 @@ __all__ = [
 ]
 
 Array = Any
+DETERMINED = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
 
 
 @dataclass
@@ -82,6 +83,13 @@ class Patch:
     values: Array
     first: Array
     second: Array
+
+    def into(self, rates: list[Array], derivative: int) -> None:
+        """Put the patch's first or second rates in place of a block's solved ones."""
+        given = self.first if derivative == 1 else self.second
+        for u in range(len(rates)):
+            rates[u] = np.array(rates[u])
+            rates[u][self.frames] = given[:, u]
 
 
 @dataclass(frozen=True)
@@ -186,17 +194,26 @@ def real_angle(model: Model, state: State, group: int) -> Array:
     return state.angle[group]
 
 
-def apply(model: Model, block: Block, state: State, patch: Patch) -> None:
-    """Put a patch's positions into ``state``."""
+def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool = False) -> None:
+    """Put a patch's positions into ``state``; ``onto`` the contours, as far as these determine them."""
+    values = patch.values
+    if onto and len(patch.frames):
+        scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])
+        left, jacobian = _equations(model, block, state, patch.frames)(values / scale)
+        correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
+        values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
     for i, g in enumerate(block.angles):
-        e = np.exp(1j * patch.values[:, i])
+        if g in state.angle:
+            state.angle[g] = np.array(state.angle[g])
+            state.angle[g][patch.frames] = values[:, i]
+        e = np.exp(1j * values[:, i])
         for spin in model.angles.spins_of[g]:
             rot, delta = np.array(state.rot[spin]), state.delta[spin]
             rot[patch.frames] = e * (delta[patch.frames] if np.ndim(delta) else delta)
             state.rot[spin] = rot
     for i, j in enumerate(block.slides, len(block.angles)):
         slide = np.array(state.slide[j])
-        slide[patch.frames] = patch.values[:, i]
+        slide[patch.frames] = values[:, i]
         state.slide[j] = slide
 
 
@@ -264,11 +281,19 @@ def _split(model: Model, block: Block, contour: int, state: State) -> tuple[Arra
     return known, arms, slides
 
 
-def _place_general(model: Model, block: Block, state: State, start: Array) -> None:
-    """Newton on all contours of the block; lengths in units of the mechanism's size."""
+def _equations(model: Model, block: Block, state: State, frames: Any = None) -> Callable[[Array], tuple[Array, Array]]:
+    """A block's contours and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
+    (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
     size = model.size
-    parts = [_split(model, block, c, state) for c in block.contours]
-    ties = [relation_sum(model, k, state, block) for k in block.relations]
+
+    def at(value: Array) -> Array:
+        return value if frames is None or not np.ndim(value) else value[frames]
+
+    parts = []
+    for c in block.contours:
+        known, arms, slides = _split(model, block, c, state)
+        parts.append((at(known), {g: at(a) for g, a in arms.items()}, [(j, at(d)) for j, d in slides]))
+    ties = [(at(known), unknown) for known, unknown in (relation_sum(model, k, state, block) for k in block.relations)]
     n_angles = len(block.angles)
     carrier = {j: model.angles.spin_group[g] for c in block.contours for j, g, _ in model.spin_contours[c].slides}
 
@@ -306,6 +331,14 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
             r[..., 2 * i], r[..., 2 * i + 1] = total.real, total.imag
         return r, jac
 
+    return residual
+
+
+def _place_general(model: Model, block: Block, state: State, start: Array) -> None:
+    """Newton on all contours of the block; lengths in units of the mechanism's size."""
+    size = model.size
+    n_angles = len(block.angles)
+    residual = _equations(model, block, state)
     scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
     x, miss, first = newton(residual, start / scale)
     x = np.where((miss < 1e-9)[..., None], x, np.nan)

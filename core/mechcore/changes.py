@@ -2,38 +2,38 @@
 
 There the group's triangle is flat for an instant. A smooth motion goes through: what was on the left comes out on the right. The
 mode therefore changes sign at every such time, or the motion would turn back with a kink onto the other branch. Near the
-instant itself the contour equations are ill conditioned and at it singular; positions and rates there come from the branch on
-both sides by interpolation of high order.
+instant itself the contour equations are ill conditioned and at it singular: see `patching`.
+
+Where the triangle would be more than flat the group cannot be put together: a gap, however narrow, is found on the same way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from . import blocks as bl
-from .blocks import Patch, State
-from .kinematics import accelerations, velocities
+from .blocks import State
 from .laws import ConstantSpeed, Law
 from .model import Block, Model
-from .positions import initial_state, place_all
+from .patching import FAR, smooth
+from .positions import initial_state
 
-__all__ = ["Change", "Changes", "find_changes", "make_patches", "needs_span", "passages"]
+__all__ = ["Change", "Changes", "Gap", "find_changes", "flat_instants", "needs_span", "passages"]
 
 Array = Any
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST = 400_000  # samples of a whole run
 FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
+MISS = 1e-14  # below minus this the closed forms give up: the links miss each other
 WINDOW = 4  # samples on each side from which the instant is located
-NEAR = 4.0  # frames closer than this many samples are interpolated: accelerations lose digits with the third power of closeness
-FAR = 22
-NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR samples
-DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
-FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
+FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
+TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
+BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 
 
@@ -47,20 +47,30 @@ class Change:
     name: str
     dead: bool
     flips: bool = True
+    step: float = 0.0  # in which distances from it are counted where positions are interpolated, see `patching`
+
+
+@dataclass(frozen=True)
+class Gap:
+    """From ``start`` to ``end`` [s] the block cannot be put together."""
+
+    start: float
+    end: float
+    block: int
 
 
 @dataclass(frozen=True)
 class Changes:
-    """All changes within ``[0, period)``; beyond, they repeat. ``step``: distance of the samples.
+    """All changes within ``[0, period)``; beyond, they repeat. ``gaps``: where a group cannot be put together.
 
     ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
     """
 
     period: float
-    step: float
     found: tuple[Change, ...]
     laws: tuple[Law, ...]
     by_drive: bool = False
+    gaps: tuple[Gap, ...] = ()
 
     def within(self, start: float, end: float) -> list[Change]:
         """All changes of a run from ``start`` to ``end`` [s], in order of time."""
@@ -72,10 +82,27 @@ class Changes:
                     out.append(replace(c, time=t))
         return sorted(out, key=lambda c: c.time)
 
+    def gaps_within(self, start: float, end: float) -> list[Gap]:
+        """Gaps that a run from ``start`` to ``end`` [s] meets, those of one period."""
+        turns = np.floor(start / self.period)
+        moved = [
+            replace(g, start=g.start + k * self.period, end=g.end + k * self.period) for g in self.gaps for k in (turns, turns + 1)
+        ]
+        return [g for g in moved if g.end > start and g.start < end]
+
+    @cached_property
+    def _flips(self) -> dict[int, Array]:
+        """When the modes of each block are exchanged."""
+        times: dict[int, list[float]] = {}
+        for c in self.found:
+            if c.flips:
+                times.setdefault(c.block, []).append(c.time)
+        return {block: np.sort(t) for block, t in times.items()}
+
     def signs(self, block: int, time: Array) -> Array:
         """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
-        times = np.sort([c.time for c in self.found if c.block == block and c.flips])
-        if not len(times):
+        times = self._flips.get(block)
+        if times is None:
             return 1.0
         tiny = 1e-9 * self.period
         times = np.where(times > self.period - tiny, times - self.period, times)  # a change at the very end is one at the start
@@ -142,72 +169,100 @@ def _until_closed(model: Model, modes: Sequence[float], cycle: float, laws: tupl
 def _scan(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
 ) -> Changes | None:
-    """Sample cycles of the laws block by block; None where the drive alone decides but cannot turn fully."""
+    """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
+    for finer in FINER:
+        changes, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
+        if changes is None or resolved:
+            break
+    return changes
+
+
+def _sampled(
+    model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
+) -> tuple[Changes | None, bool]:
+    """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change."""
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in model.mechanism.drives]
     fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
     samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
-    step = cycle / samples
-    time = step * np.arange(-FAR - WINDOW, cycles * samples + FAR + WINDOW + 1)
+    coarse, step = cycle / samples, cycle / samples / finer
+    ends = (FAR + WINDOW) * finer
+    time = step * np.arange(-ends, cycles * samples * finer + ends + 1)
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
     speed = float(still.max(initial=0.0))
     found: list[Change] = []
+    gaps: list[Gap] = []
+    resolved = True
+    blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Array = 1.0
+            own: list[Change] = []
             if block.kind in TWO_MODES:
+                instants, missing = flat_instants(model, block, state, time, blurred)
+                if by_drive and missing:
+                    return None, True
+                gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
                 own = [
-                    Change(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * step / cycle * speed), flips)
-                    for t, flips in _flat_instants(model, block, state, time)
+                    Change(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
+                    for t, flips in instants
                     if -1e-9 * period <= t < period * (1.0 - 1e-9)
                 ]
                 if own:
-                    found += own
-                    sign = Changes(period, step, tuple(own), laws).signs(i, time)
+                    sign = Changes(period, tuple(own), laws).signs(i, time)
             bl.place(model, block, state, mode * sign)
+            for c in own:  # what hangs on this block must not see its ill-conditioned positions
+                c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
+                found.append(c)
+                resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.spins_of[block.angles[0]][0]])):
-                return None
-            for c in found:
-                if c.block == i:  # what hangs on this block must not see its ill-conditioned positions
-                    for cycle_start in (-period, 0.0, period):
-                        _smooth(model, block, state, time, c.time + cycle_start, step)
-    return Changes(period=period, step=step, found=tuple(found), laws=laws, by_drive=by_drive)
+                return None, True
+    return Changes(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
 
 
-def _smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> None:
-    """Replace a block's sampled positions next to an instant by the curve through the samples on both sides of it."""
-    away = (time - instant) / (step * FAR)
-    near = np.flatnonzero(np.abs(away) < NEAR / FAR)
-    fit = np.flatnonzero((np.abs(away) <= 1.0) & (np.abs(away) >= 8.0 / FAR))
-    if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:  # at the ends of the samples there is nothing on one side
-        return
-    rows = []
-    for g in block.angles:
-        spin = model.angles.spins_of[g][0]
-        rows.append(np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[fit])))
-    rows += [state.slide[j][fit] for j in block.slides]
-    basis = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE))
-    values = chebyshev.chebvander(away[near], DEGREE) @ (basis @ np.array(rows).T)
-    bl.apply(model, block, state, Patch(near, values, values, values))
+def _smoothed(
+    model: Model, block: Block, state: State, time: Array, c: Change, period: float, step: float, finer: int, blurred: Array
+) -> tuple[Change, bool]:
+    """Replace a block's sampled positions next to a change. The change with its step, the largest that resolves the motion."""
+    best = np.inf
+    width = finer
+    while width >= 1:
+        found = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
+        tail = max(t for t, _ in found)
+        if tail < 0.5 * best:
+            best, patches, c = tail, [p for _, p in found if p is not None], replace(c, step=step * width)
+        if tail < TAIL:
+            break
+        width //= 2
+    for patch in patches:
+        bl.apply(model, block, state, patch)
+        blurred[patch.frames] = True
+    return c, best < TAIL
 
 
-def _flat_instants(model: Model, block: Block, state: State, time: Array) -> list[tuple[float, bool]]:
-    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through.
+def flat_instants(
+    model: Model, block: Block, state: State, time: Array, blurred: Array
+) -> tuple[list[tuple[float, bool]], list[tuple[float, float]]]:
+    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through; and
+    stretches of time in which its links miss each other.
 
     The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
-    back just there.
+    back just there. Between samples it is the polynomial through its neighbours.
     """
-    out = []
+    out: list[tuple[float, bool]] = []
+    gaps: list[tuple[float, float]] = []
+    step = float(time[1] - time[0])
     for height in bl.flatness(model, block, state):
         h = np.broadcast_to(height, time.shape)
+        gaps += _below(time, h)
         inner = h[1:-1]
-        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -1e-6)
+        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -BLUR)
         for k in np.flatnonzero(low) + 1:
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
-            x = (time[a:b] - time[k]) / (time[1] - time[0])
+            x = (time[a:b] - time[k]) / step
             y = h[a:b]
             if not np.isfinite(y).all():
                 continue
@@ -219,74 +274,49 @@ def _flat_instants(model: Model, block: Block, state: State, time: Array) -> lis
                 if bend <= 0:
                     break
                 at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
-            if abs(float(fit(at))) <= FLAT:
+            least, rough = float(fit(at)), bool(blurred[a:b].any())
+            if (-BLUR if rough else -MISS) <= least <= (BLUR if rough else FLAT):
                 near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
-                out.append((float(time[k] + at * (time[1] - time[0])), far < 8.0 * near))
+                out.append((float(time[k] + at * step), far < 8.0 * near))
+            elif least < 0.0 and h[k] > -MISS and float(curve(at)) > 0.0:
+                half = np.sqrt(-2.0 * least / float(curve(at)))
+                gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
+    return out, gaps
+
+
+def _below(time: Array, h: Array) -> list[tuple[float, float]]:
+    """Stretches of samples below zero, their ends between samples by straight lines."""
+    below = h < -BLUR
+    if not below.any():
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
+    out = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        ends = []
+        for inside, beyond in ((a, a - 1), (b - 1, b)):
+            t = float(time[inside])
+            if 0 <= beyond < len(time) and h[beyond] >= 0.0:
+                t += float((time[beyond] - time[inside]) * h[inside] / (h[inside] - h[beyond]))
+            ends.append(t)
+        out.append((ends[0], ends[1]))
     return out
-
-
-def make_patches(
-    model: Model, changes: Changes, modes: Sequence[float], time: Array, scale: Sequence[Array]
-) -> dict[int, list[Patch]]:
-    """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
-    they follow it): first and second derivative of law time by time."""
-    near = [c for c in changes.found if _frames_near(changes, c, time).any()]
-    if not near:
-        return {}
-    nodes = np.unique(np.concatenate([_nodes(changes, c) for c in near]))
-    values = [law(nodes) for law in changes.laws]
-    signs = [m * changes.signs(i, nodes) for i, m in enumerate(modes)]
-    state = place_all(model, [v[0] for v in values], signs)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
-        cols = [bl.columns(model, b, contours) for b in model.blocks]
-        speeds = velocities(model, contours, cols, [v[1] for v in values])
-        seconds = accelerations(model, contours, cols, speeds, [v[2] for v in values])
-    patches: dict[int, list[Patch]] = {}
-    for c in near:
-        block = model.blocks[c.block]
-        x = np.searchsorted(nodes, _nodes(changes, c))
-        rows: list[Array] = []
-        for g in block.angles:
-            spin = model.angles.spins_of[g][0]
-            extra = [sum(s * v[k][x] for (d, s), v in _drives(model, spin, values)) for k in (1, 2)]
-            angle = np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[x]))
-            rows.append([angle, speeds.spin[spin][x] - extra[0], seconds.spin[spin][x] - extra[1]])
-        rows += [[state.slide[j][x], speeds.slide[j][x], seconds.slide[j][x]] for j in block.slides]
-        frames = np.flatnonzero(_frames_near(changes, c, time))
-        away = time[frames] - c.time
-        away = (away - changes.period * np.round(away / changes.period)) / (changes.step * FAR)
-        value, rate, bend = np.moveaxis(np.array(rows) @ FIT.T @ chebyshev.chebvander(away, DEGREE).T, 1, 0).swapaxes(1, 2)
-        s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
-        patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
-    return patches
-
-
-def _drives(model: Model, spin: int, values: Sequence[Any]) -> list[tuple[tuple[int, int], Any]]:
-    return [(term, values[term[0]]) for term in model.angles.spin_drives[spin]]
-
-
-def _nodes(changes: Changes, c: Change) -> Array:
-    return c.time + changes.step * FAR * NODES
-
-
-def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
-    away = time - c.time
-    return np.abs(away - changes.period * np.round(away / changes.period)) < NEAR * changes.step
 
 
 def passages(changes: Changes, drive: Law, time: Array, q: Array) -> list[Change]:
     """When a run passes the changes that lie along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
-    out = []
-    way = q - changes.laws[0](0.0)[0]
-    for c in changes.within(float(np.min(way)), float(np.max(way))):
-        place = c.time + float(changes.laws[0](0.0)[0])
-        beyond = q > place
-        k = np.flatnonzero(beyond[1:] != beyond[:-1])
-        low, high = time[k], time[k + 1]
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            same = (drive(middle)[0] > place) == beyond[k]
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        out += [replace(c, time=float(t)) for t in 0.5 * (low + high)]
+    start = float(changes.laws[0](0.0)[0])
+    way = q - start
+    along = changes.within(float(np.min(way)), float(np.max(way)))
+    place = np.array([c.time + start for c in along])
+    behind: Array = np.searchsorted(place, q)  # how many places each frame is beyond
+    many = np.abs(np.diff(behind))
+    k = np.repeat(np.arange(len(many)), many)
+    order = np.arange(len(k)) - np.repeat(np.cumsum(many) - many, many)
+    which = np.minimum(behind[k], behind[k + 1]) + order
+    low, high, ahead = time[k], time[k + 1], behind[k] > which
+    for _ in range(50 if len(which) else 0):  # bisection of all passages at once
+        middle = 0.5 * (low + high)
+        same = (drive(middle)[0] > place[which]) == ahead
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    out = [replace(along[i], time=float(t)) for i, t in zip(which, 0.5 * (low + high), strict=True)]
     return sorted(out, key=lambda c: c.time)

@@ -7,12 +7,10 @@ velocities of what is known, once more with centripetal, Coriolis and known acce
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from typing import Any, Protocol
 
 from . import blocks as bl
-from .blocks import Columns, Patch, Vectors
+from .blocks import Columns, Vectors
 from .frames import added, nothing
 from .model import Model
 from .positions import drive_rates
@@ -20,7 +18,15 @@ from .positions import drive_rates
 __all__ = ["Rates", "accelerations", "velocities"]
 
 Array = Any
-Patches = Mapping[int, Sequence[Patch]]
+
+
+class Replaces(Protocol):
+    """Something that puts rates of its own in place of a block's, such as a `Patch`."""
+
+    def into(self, rates: list[Array], derivative: int) -> None: ...
+
+
+Patches = Mapping[int, Sequence[Replaces]]
 
 
 class Rates:
@@ -127,8 +133,5 @@ def accelerations(
 def _patched(rates: list[Array], patches: Patches | None, block: int, derivative: int) -> list[Array]:
     """Rates of a block with those frames replaced at which they are given."""
     for patch in patches.get(block, ()) if patches else ():
-        given = patch.first if derivative == 1 else patch.second
-        for u in range(len(rates)):
-            rates[u] = np.array(rates[u])
-            rates[u][patch.frames] = given[:, u]
+        patch.into(rates, derivative)
     return rates

@@ -57,7 +57,7 @@ def place_all(
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))
             for patch in patches.get(i, ()) if patches else ():
-                apply(model, block, state, patch)
+                apply(model, block, state, patch, onto=True)
     return state
 
 

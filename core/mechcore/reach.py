@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from .changes import TWO_MODES, flat_instants
 from .continuation import follow
+from .motion import Motion
 from .solve import STEP, TURN, Compiled, solve_motion
 
 __all__ = ["reachable_ranges"]
@@ -34,16 +36,24 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
         low, high = track.ends
         return [(q0 - half, q0 + half)] if rotary and high - low >= 2.0 * half else [(low, high)]
 
-    def assembled(q: Array) -> Array:
+    def solved(q: Array) -> Motion:
         given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
             model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
         given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
-        motion = solve_motion(compiled, np.zeros(len(q)), drives=given, strict=False)
+        return solve_motion(compiled, np.zeros(len(q)), drives=given, strict=False)
+
+    def assembled(q: Array) -> Array:
+        motion = solved(q)
         return np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
             np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
         )
 
     grid = q0 + np.linspace(-half, half, samples)
+    state = solved(grid).state
+    for block in model.blocks:
+        if block.kind in TWO_MODES:  # gaps that are narrower than the grid
+            for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool))[1]:
+                grid = np.union1d(grid, np.clip([start, 0.5 * (start + end), end], q0 - half, q0 + half))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])
     before, after = grid[edges].copy(), grid[edges + 1].copy()
@@ -55,9 +65,9 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
         before, after = np.where(same, middle, before), np.where(same, after, middle)
     cuts = [grid[0], *np.where(ok[edges], before, after), grid[-1]] if len(edges) else [grid[0], grid[-1]]
     out = []
-    state = bool(ok[0])
+    inside = bool(ok[0])
     for a, b in itertools.pairwise(cuts):
-        if state:
+        if inside:
             out.append((float(a), float(b)))
-        state = not state
+        inside = not inside
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])

@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from . import blocks as bl
 from .assembly import Assembly, assemble
-from .changes import Changes, find_changes, make_patches, needs_span, passages
+from .changes import Changes, find_changes, needs_span, passages
 from .continuation import Track, follow
 from .errors import Fault, MechanismError
 from .model import Block, Model, build_model
 from .motion import Motion
+from .patching import make_patches
 from .positions import initial_state, place_all
 from .spec import Mechanism
 from .structure import gruebler
@@ -113,13 +114,24 @@ def solve_motion(
     state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
     again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
     motion = Motion(model, time, values, state, patches, passed, again)
-    if strict and drives is None:
+    if strict and drives is None and changes is None:
         _check_between(compiled, motion)
     if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, track, parameter)
         if faults:
             raise MechanismError(faults)
+    if strict and drives is None and changes is not None and changes.gaps:
+        _check_gaps(compiled, changes, time)
     return motion
+
+
+def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
+    """No stretch between the frames, however short, may be one that cannot be assembled."""
+    for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
+        motion = solve_motion(compiled, np.linspace(gap.start, gap.end, 101), strict=False)
+        faults = _faults(compiled, motion, None, None)
+        if faults:
+            raise MechanismError(faults)
 
 
 def _check_between(compiled: Compiled, motion: Motion) -> None:
@@ -278,7 +290,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     ranges = []
     for start, end in _runs(bad):
         low, high = sorted((float(q[start]), float(q[end])))
-        ranges.append(f"from {low * factor:.6g}{unit} to {high * factor:.6g}{unit}")
+        digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
+        ranges.append(f"from {low * factor:.{digits}g}{unit} to {high * factor:.{digits}g}{unit}")
     shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
     worst = float(np.nanmax(np.where(bad, miss, 0.0)))
     words = f"cannot be assembled for positions of drive {pair} {shown}"
