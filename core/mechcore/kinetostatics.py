@@ -8,7 +8,7 @@ Where constraints are redundant the shortest of all solutions is taken (`leastno
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from scipy.integrate import cumulative_simpson
 
 from . import blocks as bl
 from .closed_forms import cross
-from .effects import Wrench, wrenches
+from .effects import Wrench, point_of, potential, power_of, sum_up, wrenches
 from .leastnorm import least_norm
 from .motion import Motion
 
@@ -28,15 +28,26 @@ __all__ = ["Forces", "LoadResult", "solve_forces"]
 Array = Any
 Real = NDArray[np.float64]
 
+LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
+
 
 @dataclass(frozen=True, eq=False)
 class LoadResult:
-    """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world)."""
+    """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world).
+
+    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point.
+    """
 
     name: str
     kind: str
-    link: str
+    cause: str
+    links: tuple[str, ...]
     values: Real
+
+    @property
+    def link(self) -> str:
+        """The link that the stated load acts on."""
+        return self.links[0]
 
 
 class Forces:
@@ -105,8 +116,9 @@ class Forces:
             w.name: LoadResult(
                 name=w.name,
                 kind=w.kind,
-                link=m.model.links[w.link],
-                values=np.column_stack([self._rows(w.force, w.moment), m._rows(m.of_point(w.link, w.local))]),
+                cause=w.cause,
+                links=tuple(m.model.links[k] for k in w.links),
+                values=np.column_stack([self._rows(w.force, w.moment), m._rows(point_of(m, w))]),
             )
             for w in self.applied
             if w.kind != "inertia"
@@ -121,22 +133,22 @@ class Forces:
 
     def power_of(self, kinds: Sequence[str]) -> Real:
         """Power of the loads of some kinds (F,) [W]."""
-        m = self.motion
-        total: Array = np.zeros(m.frames)
-        for w in self.applied:
-            if w.kind in kinds:
-                v = m.of_point(w.link, w.local, 1)
-                spin = m.speeds.spin[m.model.angles.spin[w.link]]
-                total = total + np.real(np.conj(w.force) * v) + w.moment * spin
-        return total
+        return self._power(lambda w: w.kind in kinds)
+
+    def power_by_cause(self, causes: Sequence[str]) -> Real:
+        """Power of the loads and effects of some causes (F,) [W]."""
+        return self._power(lambda w: w.cause in causes)
+
+    def _power(self, which: Callable[[Wrench], bool]) -> Real:
+        chosen = [w for w in self.applied if which(w)]
+        return self._over_frames(sum((power_of(self.motion, w) for w in chosen), 0.0)) if chosen else np.zeros(self.motion.frames)
 
     @cached_property
     def power_balance(self) -> Real:
         """Power supplied plus power of all loads and inertia, relative to the largest single power of the run (F,)."""
         m = self.motion
         parts = [self.power(d.pair) for d in m.mechanism.drives]
-        for kind in sorted({w.kind for w in self.applied}):
-            parts.append(self.power_of([kind]))
+        parts += [self._over_frames(power_of(m, w)) for w in self.applied]
         largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
         total = sum(parts, np.zeros(m.frames))
         return total / largest if largest > 0 else total
@@ -156,18 +168,21 @@ class Forces:
 
     @cached_property
     def potential_energy(self) -> Real:
-        """Potential energy of gravity, where it is asked for, zero at the world's origin (F,) [J]."""
-        m = self.motion
-        total: Array = np.zeros(m.frames)
-        for w in self.applied:
-            if w.kind == "gravity":
-                total = total - np.real(np.conj(w.force) * m.of_point(w.link, w.local))
-        return total
+        """Potential energy of gravity (zero at the world's origin), springs and gas springs, where there are any (F,) [J]."""
+        return self._over_frames(potential(self.motion))
 
     @cached_property
     def work(self) -> Real:
-        """Work done on the mechanism so far by drives and applied loads (F,) [J], by Simpson's rule over the frames."""
-        p = self.power_supplied + self.power_of(["force", "torque"])
+        """Work done on the mechanism so far by drives and process loads (F,) [J], by Simpson's rule over the frames."""
+        return self._integral(self.power_supplied + self.power_by_cause(["process"]))
+
+    @cached_property
+    def dissipated(self) -> Real:
+        """Energy dissipated so far by dampers, media and friction (F,) [J], by Simpson's rule over the frames."""
+        causes = [c for c in LOSSES if any(w.cause == c for w in self.applied)]
+        return self._integral(-self.power_by_cause(causes)) if causes else np.zeros(self.motion.frames)
+
+    def _integral(self, p: Real) -> Real:
         if len(p) < 3:
             return np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(self.motion.time))])
         return np.asarray(cumulative_simpson(p, x=self.motion.time, initial=0.0))
@@ -175,8 +190,7 @@ class Forces:
     @cached_property
     def energy(self) -> Real:
         """Kinetic, potential, work done so far, dissipated so far (F, 4) [J]."""
-        zero = np.zeros(self.motion.frames)
-        return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, zero])
+        return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, self.dissipated])
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _joint(self, pair: str) -> int:
@@ -213,15 +227,7 @@ def solve_forces(motion: Motion) -> Forces:
     """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
     model = motion.model
     applied = wrenches(motion)
-    n = len(model.links)
-    force: list[Array] = [0j] * n
-    moment: list[Array] = [0.0] * n  # about each link's origin
-    for w in applied:
-        force[w.link] = force[w.link] + w.force
-        moment[w.link] = moment[w.link] + w.moment
-        if not (isinstance(w.arm, complex) and w.arm == 0):
-            moment[w.link] = moment[w.link] + cross(w.arm, w.force)
-
+    force, moment = sum_up(applied, len(model.links))
     if model.redundant or any(b.relations and b.kind == "general" for b in model.blocks):
         return Forces(motion, applied, *least_norm(motion, force, moment))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

@@ -16,6 +16,7 @@ from typing import Any
 
 from .errors import Fault, MechanismError
 from .graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
+from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
@@ -206,6 +207,8 @@ def _check(m: Mechanism) -> None:
     faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
     if len({d.pair for d in m.drives}) != len(m.drives):
         faults.append(Fault("drives", "a pair has two drives."))
+    if not faults:
+        faults += load_faults(m)
     if faults:
         raise MechanismError(faults)
 

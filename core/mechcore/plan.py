@@ -1,10 +1,14 @@
-"""The analysis plan: which stages a mechanism's effects and loads call for, which are left out, and why."""
+"""The analysis plan: which stages a mechanism's effects and loads call for, which are left out, and why.
+
+It follows from what the effects declare that they need (`mechcore.effects`) and from the outputs that are asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from .effects import effects_of
 from .spec import ANSWERS, EFFECTS, Mechanism
 
 __all__ = ["OUTPUTS", "Plan", "Step", "make_plan"]
@@ -36,39 +40,52 @@ class Plan:
 def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     """What has to be computed for the requested outputs."""
     wanted = set(outputs)
-    asked = tuple(mechanism.effects)
-    loads = tuple(load.name for load in mechanism.loads)
-    forces = bool(asked or loads)
+    effects = effects_of(mechanism)
+    loads = effects[len(mechanism.effects) :]
+    do_forces = bool(effects) and bool(wanted & {"forces", "energy"})
     computed: list[Step] = [Step("positions", "always")]
     skipped: list[Step] = []
 
     def step(name: str, needed: bool, why: str, why_not: str) -> None:
         (computed if needed else skipped).append(Step(name, why if needed else why_not))
 
-    do_forces = forces and bool(wanted & {"forces", "energy"})
-    inertia = do_forces and "inertia" in asked
+    def called_for(quantity: str) -> list[str]:
+        return [e.name for e in effects if quantity in e.needs] if do_forces else []
+
+    by, faster = called_for("velocities"), called_for("accelerations")
+    asked = wanted & {"velocities", "accelerations", "energy", "health"}
     step(
         "velocities",
-        bool(wanted & {"velocities", "accelerations", "health"}) or do_forces,
-        "asked for" if "velocities" in wanted else "accelerations and powers need them",
-        "only positions are asked for",
+        bool(asked or by),
+        "asked for" if "velocities" in asked else _needed(by) if by else "accelerations, powers and health need them",
+        "nothing asks for them: no force depends on a velocity" if do_forces else "only positions are asked for",
     )
     step(
         "accelerations",
-        "accelerations" in wanted or inertia or "health" in wanted,
-        "inertia needs them" if inertia and "accelerations" not in wanted else "asked for",
+        bool(wanted & {"accelerations", "health"} or faster),
+        _needed(faster) if faster and "accelerations" not in wanted else "asked for",
         "nothing asks for them",
     )
+    named = {e.name: e for e in effects[: len(mechanism.effects)]}
     for name, what in EFFECTS.items():
-        step(f"effect {name}", do_forces and name in asked, what, "the scene does not list it in effects")
-    for name in loads:
-        step(f"load {name}", do_forces, "the scene lists it in loads", "forces are not asked for")
-    none = "the scene lists no effects and no loads: pure kinematics"
+        why_not = "forces are not asked for" if name in named else "the scene does not list it in effects"
+        step(f"effect {name}", do_forces and name in named, what, why_not)
+    for load in loads:
+        step(f"load {load.name}", do_forces, f"{load.cause}, from {_listed(sorted(load.needs))}", "forces are not asked for")
+    none = "forces are not asked for" if effects else "the scene lists no effects and no loads: pure kinematics"
     step("reactions and drive efforts", do_forces, "frictionless kinetostatics under the effects and loads above", none)
     step("energy and power balance", do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
     step("friction", False, "", "no friction is named")
     step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
     for name in mechanism.answers:
         step(f"answer {name}", "velocities" in wanted, ANSWERS[name], "velocities are not asked for")
-    effects = (*asked, *(f"load {n}" for n in loads)) if do_forces else ()
-    return Plan(computed=tuple(computed), skipped=tuple(skipped), effects=effects)
+    names = (*mechanism.effects, *(f"load {e.name}" for e in loads)) if do_forces else ()
+    return Plan(computed=tuple(computed), skipped=tuple(skipped), effects=names)
+
+
+def _needed(names: list[str]) -> str:
+    return f"{_listed(names)} need{'s' if len(names) == 1 else ''} them"
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

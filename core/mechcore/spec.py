@@ -10,27 +10,52 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .laws import Law, Table
+from .laws import Law
+from .loads import (
+    Damper,
+    Drag,
+    Factor,
+    Force,
+    GasPressure,
+    GasSpring,
+    Load,
+    Polynomial,
+    Spring,
+    Torque,
+    TorsionDamper,
+    TorsionSpring,
+    Viscous,
+)
 
 __all__ = [
     "ANSWERS",
     "EFFECTS",
     "Belt",
     "Cylinder",
+    "Damper",
+    "Drag",
     "Drive",
+    "Factor",
     "Force",
+    "GasPressure",
+    "GasSpring",
     "Gear",
     "Link",
     "Load",
     "Mechanism",
     "Pair",
     "PinSlot",
+    "Polynomial",
     "Prismatic",
     "Rack",
     "Revolute",
     "Rolling",
+    "Spring",
     "Torque",
+    "TorsionDamper",
+    "TorsionSpring",
     "Vec2",
+    "Viscous",
     "Weld",
 ]
 
@@ -61,6 +86,7 @@ class Link:
     mass: float = 0.0  # [kg]
     centre: Vec2 = (0.0, 0.0)  # centre of mass S [m]
     inertia: float = 0.0  # J_S, about the centre of mass [kg m^2]
+    gravity: Vec2 | None = None  # acceleration of gravity for this link alone [m/s^2]; None: the mechanism's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,36 +225,6 @@ class Drive:
 
     pair: str
     law: Law
-
-
-@dataclass(frozen=True, kw_only=True)
-class Force:
-    """A force at a named point of a link: ``vector`` [N] times ``factor``, which may depend on a drive's position.
-
-    ``axes`` says whether the vector is fixed in the world or turns with the link.
-    """
-
-    name: str
-    link: str
-    point: str
-    vector: Vec2
-    axes: Literal["world", "link"] = "world"
-    factor: Table | None = None  # of the position of `drive`; None: constant 1
-    drive: str | None = None  # the driven pair whose coordinate is the table's argument; None: the first drive
-
-
-@dataclass(frozen=True, kw_only=True)
-class Torque:
-    """A free moment [N m] on a link, counter-clockwise positive, times ``factor`` of a drive's position."""
-
-    name: str
-    link: str
-    moment: float
-    factor: Table | None = None
-    drive: str | None = None
-
-
-Load = Force | Torque
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import math
 
 from mechcore.errors import Fault
 from mechcore.laws import Law, Table
+from mechcore.loads import Factor
 from mechcore.spec import Drive, Force, Link, Load, Mechanism, Torque
 
 from .convert import LARGEST, Converter
@@ -86,18 +87,18 @@ def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -
 
 def _load(name: str, load: LoadDocument, document: SceneDocument, convert: Converter) -> Load:
     path = f"loads.{name}"
-    factor = None if load.table is None else _factor(load.table, document, convert, f"{path}.table")
-    drive = None if load.table is None else load.table.drive
+    table = None if load.table is None else _factor(load.table, document, convert, f"{path}.table")
+    factor = None if load.table is None or table is None else Factor(function=table, pair=load.table.drive)
     if load.torque is not None:
         moment = convert.si(load.torque, "torque", f"{path}.torque")
-        return Torque(name=name, link=load.on, moment=moment, factor=factor, drive=drive)
+        return Torque(name=name, link=load.on, moment=moment, factor=factor)
     assert load.force is not None
     vector = convert.vector(load.force, "force", f"{path}.force")
     point = load.at
     if point is None:
         link = document.links.get(load.on)
         point = next(iter(link.points)) if link is not None else ""
-    return Force(name=name, link=load.on, point=point, vector=vector, axes=load.axes, factor=factor, drive=drive)
+    return Force(name=name, link=load.on, point=point, vector=vector, axes=load.axes, factor=factor)
 
 
 def _factor(table: FactorTable, document: SceneDocument, convert: Converter, path: str) -> Table | None:

@@ -1,6 +1,7 @@
-"""Effects: forces that a scene can ask for. Each says which wrench it puts on which link; what is not named is not computed.
+"""Effects: forces that a scene can ask for. Each says what it needs and which wrenches it adds; what is not named is not computed.
 
-To add an effect: one file here with a function ``wrenches(motion) -> list[Wrench]``, one line in `REGISTRY` or `LOADS`.
+To add an effect: one file here with a subclass of `Effect`, one line in `EFFECTS` (effects that a scene names) or `LOADS` (loads
+that it lists, by their spec in `mechcore.loads`). All but inertia can be evaluated from positions, velocities and time alone.
 """
 
 from __future__ import annotations
@@ -8,26 +9,75 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..motion import Motion
-from ..spec import Force, Torque
-from . import force, gravity, inertia, torque
-from .wrench import Wrench
+from ..loads import (
+    Damper,
+    Drag,
+    Force,
+    GasPressure,
+    GasSpring,
+    Spring,
+    Torque,
+    TorsionDamper,
+    TorsionSpring,
+    Viscous,
+)
+from ..spec import Mechanism
+from .along_line import LineDamper, LineGasSpring, LineSpring
+from .base import CAUSES, NEEDS, Configuration, Effect
+from .drag import MediumDrag
+from .gas import CylinderGas
+from .gravity import Gravity
+from .inertia import Inertia
+from .prescribed import AppliedForce, AppliedTorque
+from .torsion import AngleDamper, AngleSpring
+from .viscous import ViscousFriction
+from .wrench import Wrench, point_of, power_of, sum_up
 
-__all__ = ["LOADS", "REGISTRY", "Wrench", "wrenches"]
+__all__ = [
+    "CAUSES",
+    "EFFECTS",
+    "LOADS",
+    "NEEDS",
+    "Configuration",
+    "Effect",
+    "Wrench",
+    "effects_of",
+    "point_of",
+    "potential",
+    "power_of",
+    "sum_up",
+    "wrenches",
+]
 
-REGISTRY: dict[str, Callable[[Motion], list[Wrench]]] = {
-    "inertia": inertia.wrenches,
-    "gravity": gravity.wrenches,
+EFFECTS: dict[str, Callable[[str], Effect]] = {
+    "inertia": Inertia,
+    "gravity": Gravity,
 }
-LOADS: dict[type, Callable[[Motion, Any], Wrench]] = {
-    Force: force.wrench,
-    Torque: torque.wrench,
+LOADS: dict[type, Callable[[Any], Effect]] = {
+    Force: AppliedForce,
+    Torque: AppliedTorque,
+    Spring: LineSpring,
+    Damper: LineDamper,
+    GasSpring: LineGasSpring,
+    TorsionSpring: AngleSpring,
+    TorsionDamper: AngleDamper,
+    Drag: MediumDrag,
+    Viscous: ViscousFriction,
+    GasPressure: CylinderGas,
 }
 
 
-def wrenches(motion: Motion) -> list[Wrench]:
-    """All wrenches that the mechanism's effects and loads put on its links."""
-    out: list[Wrench] = []
-    for name in motion.mechanism.effects:
-        out += REGISTRY[name](motion)
-    return out + [LOADS[type(load)](motion, load) for load in motion.mechanism.loads]
+def effects_of(mechanism: Mechanism) -> tuple[Effect, ...]:
+    """The effects that a mechanism names and the loads that it lists, as objects; nothing is computed."""
+    named = [EFFECTS[name](name) for name in mechanism.effects if name in EFFECTS]
+    return (*named, *(LOADS[type(load)](load) for load in mechanism.loads))
+
+
+def wrenches(at: Any) -> list[Wrench]:
+    """All wrenches that the mechanism's effects and loads put on its links, apart from those that need reactions."""
+    return [w for effect in effects_of(at.model.mechanism) if "reactions" not in effect.needs for w in effect.wrenches(at)]
+
+
+def potential(at: Configuration) -> Any:
+    """Potential energy of all effects that have one [J]."""
+    return sum((effect.potential(at) for effect in effects_of(at.model.mechanism) if effect.stores), 0.0)

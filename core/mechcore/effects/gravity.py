@@ -2,23 +2,48 @@
 
 from __future__ import annotations
 
-from ..motion import Motion
+from typing import Any
+
+import numpy as np
+
+from ..model import Model
+from .base import Configuration, Effect
 from .wrench import Wrench
 
+__all__ = ["Gravity"]
 
-def wrenches(motion: Motion) -> list[Wrench]:
-    model = motion.model
-    g = complex(*model.mechanism.gravity)
-    return [
-        Wrench(
-            name=f"gravity/{model.links[k]}",
-            kind="gravity",
-            link=k,
-            force=mass * g,
-            moment=0.0,
-            arm=centre * motion.rotation(k),
-            local=centre,
-        )
-        for k, (mass, centre, _) in enumerate(model.masses)
-        if k and mass
-    ]
+Array = Any
+
+
+class Gravity(Effect):
+    """Uniform, in the mechanism's direction, or in a link's own where it states one. Zero potential at the world's origin."""
+
+    cause = "gravity"
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        return [
+            Wrench(
+                name=f"gravity/{at.model.links[k]}",
+                kind="gravity",
+                cause=self.cause,
+                link=k,
+                force=weight,
+                moment=0.0,
+                arm=centre * at.rotation(k),
+            )
+            for k, weight, centre in _weights(at.model)
+        ]
+
+    def potential(self, at: Configuration) -> Array:
+        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in _weights(at.model)), 0.0)
+
+
+def _weights(model: Model) -> list[tuple[int, complex, complex]]:
+    """(link, weight [N], centre of mass in link axes) of every link that has a weight."""
+    found = []
+    for k, (mass, centre, _) in enumerate(model.masses):
+        own = model.bodies[model.links[k]].gravity
+        g = complex(*(model.mechanism.gravity if own is None else own))
+        if k and mass:
+            found.append((k, mass * g, centre))
+    return found

@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 from ..motion import Motion
+from .base import Effect
 from .wrench import Wrench
 
+__all__ = ["Inertia"]
 
-def wrenches(motion: Motion) -> list[Wrench]:
-    model = motion.model
-    out = []
-    for k in range(1, len(model.links)):
-        mass, centre, inertia = model.masses[k]
-        if mass or inertia:
-            alpha = motion.accelerations.spin[model.angles.spin[k]]
-            out.append(
-                Wrench(
-                    name=f"inertia/{model.links[k]}",
-                    kind="inertia",
-                    link=k,
-                    force=-mass * motion.of_point(k, centre, 2),
-                    moment=-inertia * alpha,
-                    arm=centre * motion.rotation(k),
-                    local=centre,
+
+class Inertia(Effect):
+    """The only effect that needs accelerations; forward dynamics has the masses on the left-hand side instead."""
+
+    cause = "inertia"
+    needs = frozenset({"positions", "velocities", "accelerations"})
+
+    def wrenches(self, at: Motion) -> list[Wrench]:
+        model = at.model
+        out = []
+        for k in range(1, len(model.links)):
+            mass, centre, inertia = model.masses[k]
+            if mass or inertia:
+                alpha = at.accelerations.spin[model.angles.spin[k]]
+                out.append(
+                    Wrench(
+                        name=f"inertia/{model.links[k]}",
+                        kind="inertia",
+                        cause=self.cause,
+                        link=k,
+                        force=-mass * at.of_point(k, centre, 2),
+                        moment=-inertia * alpha,
+                        arm=centre * at.rotation(k),
+                    )
                 )
-            )
-    return out
+        return out

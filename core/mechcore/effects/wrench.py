@@ -1,23 +1,79 @@
-"""A force and a moment on a link, over all frames."""
+"""A force and a moment on a link, or between two links, over all frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Wrench"]
+import numpy as np
+
+from ..closed_forms import cross
+from ..frames import nothing
+
+if TYPE_CHECKING:
+    from .base import Configuration
+
+__all__ = ["Wrench", "point_of", "power_of", "sum_up"]
 
 Array = Any
 
 
 @dataclass(frozen=True, eq=False)
 class Wrench:
-    """``force`` (complex, (F,) or one value) [N] acting at ``arm`` from the link's origin (world axes) [m], and a free moment."""
+    """``force`` (complex, (F,) or one value) [N] and a free ``moment`` [N m] on a link.
+
+    The force acts at ``arm`` from the link's origin (world axes) [m]. On the link ``other``, where there is one, the opposite
+    force and moment act at the same point, ``other_arm`` from that link's origin.
+    """
 
     name: str
-    kind: str  # "inertia", "gravity", "force", "torque"
+    kind: str  # "inertia", "gravity", "force", "torque", "spring" ...
     link: int
     force: Array
     moment: Array
     arm: Array
-    local: complex  # the point of action in link axes [m]
+    cause: str = "process"
+    other: int | None = None
+    other_arm: Array = 0j
+
+    @property
+    def links(self) -> tuple[int, ...]:
+        """The link that the wrench acts on, then the one that its opposite acts on."""
+        return (self.link,) if self.other is None else (self.link, self.other)
+
+
+def point_of(at: Configuration, wrench: Wrench) -> Array:
+    """Where a wrench acts in the world."""
+    origin = at.origins[wrench.link]
+    return origin if nothing(wrench.arm) else origin + wrench.arm
+
+
+def power_of(at: Configuration, wrench: Wrench) -> Array:
+    """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times spin."""
+    total: Array = 0.0
+    for k, arm, sign in ((wrench.link, wrench.arm, 1.0), (wrench.other, wrench.other_arm, -1.0)):
+        if not k:  # there is no other link, or it is the frame
+            continue
+        spin = at.speeds.spin[at.model.angles.spin[k]]
+        if not nothing(wrench.force):
+            velocity = at.origin_velocities[k]
+            if not nothing(arm):
+                velocity = velocity + 1j * spin * arm
+            total = total + sign * np.real(np.conj(wrench.force) * velocity)
+        total = total + sign * wrench.moment * spin
+    return total
+
+
+def sum_up(wrenches: list[Wrench], links: int) -> tuple[list[Array], list[Array]]:
+    """Force on every link and moment about every link's origin."""
+    force: list[Array] = [0j] * links
+    moment: list[Array] = [0.0] * links
+    for w in wrenches:
+        for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
+            if k is None:
+                continue
+            force[k] = force[k] + w.force if sign == 1 else force[k] - w.force
+            moment[k] = moment[k] + sign * w.moment
+            if not nothing(arm) and not nothing(w.force):
+                moment[k] = moment[k] + sign * cross(arm, w.force)
+    return force, moment

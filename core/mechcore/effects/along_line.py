@@ -1,0 +1,131 @@
+"""Pulls along the line between two points of two links: springs, dampers, gas springs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import Fault, MechanismError
+from ..loads import Damper, GasSpring, Spring
+from .base import Configuration, Effect
+from .wrench import Wrench
+
+__all__ = ["LineDamper", "LineGasSpring", "LineSpring"]
+
+Array = Any
+
+
+class _Line(Effect):
+    """Between ``load.points`` of ``load.links``; the pull acts on the first link towards the second's point."""
+
+    kind = ""
+
+    def __init__(self, load: Spring | Damper | GasSpring):
+        super().__init__(load.name)
+        self.ends = tuple(zip(load.links, load.points, strict=True))
+
+    def place(self, at: Configuration, end: int, derivative: int = 0) -> Array:
+        """World position of one of the two points, or its velocity."""
+        link, point = self.ends[end]
+        k = at.model.index[link]
+        return at.of_point(k, at.model.points[k][point], derivative)
+
+    def vector(self, at: Configuration) -> Array:
+        """From the first point to the second [m]."""
+        return self.place(at, 1) - self.place(at, 0)
+
+    def direction(self, at: Configuration, vector: Array) -> Array:
+        """Unit vector from the first point to the second; refused where they meet."""
+        length = np.abs(vector)
+        if np.any(length == 0.0):
+            when = float(np.broadcast_to(at.time, np.shape(length))[length == 0.0][0]) if np.ndim(length) else 0.0
+            raise MechanismError(
+                Fault(
+                    f"loads.{self.name}", f"its two points meet at {when:.6g} s: no direction is left.", "Move one of the points."
+                )
+            )
+        return vector / length
+
+    def between(self, at: Configuration, force: Array) -> list[Wrench]:
+        """``force`` on the first link at its point, the opposite on the second link at the same point and line."""
+        first, second = (at.model.index[link] for link, _ in self.ends)
+        arm = at.model.points[first][self.ends[0][1]] * at.rotation(first)
+        other_arm = at.model.points[second][self.ends[1][1]] * at.rotation(second) - self.vector(at)
+        return [Wrench(self.name, self.kind, first, force, 0.0, arm, self.cause, second, other_arm)]
+
+
+class LineSpring(_Line):
+    """Pull ``preload + stiffness (L - free_length)``; its energy is zero at the free length."""
+
+    cause, kind = "elastic", "spring"
+
+    def __init__(self, load: Spring):
+        super().__init__(load)
+        self.load = load
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        load, vector = self.load, self.vector(at)
+        rest = load.preload - load.stiffness * load.free_length
+        force = load.stiffness * vector
+        if rest:  # a spring of no free length needs no direction: it pulls in proportion to its length
+            force = force + rest * self.direction(at, vector)
+        return self.between(at, force)
+
+    def potential(self, at: Configuration) -> Array:
+        load = self.load
+        stretch = np.abs(self.vector(at)) - load.free_length
+        return (0.5 * load.stiffness * stretch + load.preload) * stretch
+
+
+class LineDamper(_Line):
+    """Pull ``linear L' + quadratic L' |L'|``: it always takes energy away."""
+
+    cause, kind = "viscous", "damper"
+    needs = frozenset({"positions", "velocities"})
+
+    def __init__(self, load: Damper):
+        super().__init__(load)
+        self.load = load
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        along = self.direction(at, self.vector(at))
+        speed = np.real(np.conj(along) * (self.place(at, 1, 1) - self.place(at, 0, 1)))
+        return self.between(at, (self.load.linear + self.load.quadratic * np.abs(speed)) * speed * along)
+
+
+class LineGasSpring(_Line):
+    """Thrust ``force (gas_length / (gas_length - x))^exponent``; its energy is zero when extended."""
+
+    cause, kind = "elastic", "gas spring"
+
+    def __init__(self, load: GasSpring):
+        super().__init__(load)
+        self.load = load
+
+    def _left(self, at: Configuration, length: Array) -> Array:
+        """Volume that is left of the gas over its volume when extended."""
+        load = self.load
+        pressed = load.extended - length
+        low, high = np.nanmin(pressed), np.nanmax(pressed)
+        if low < -1e-9 * load.extended:
+            why = f"it is pulled to {load.extended - low:.6g} m, beyond its extended length of {load.extended:.6g} m."
+            raise MechanismError(
+                Fault(f"loads.{self.name}", why, f"Give an extended length of at least {load.extended - low:.6g} m.")
+            )
+        if high >= load.gas_length:
+            why = f"it is pressed in by {high:.6g} m, no less than its gas length of {load.gas_length:.6g} m: no gas is left."
+            raise MechanismError(Fault(f"loads.{self.name}", why, "Give a greater gas length, or place its points further apart."))
+        return 1.0 - pressed / load.gas_length
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        vector = self.vector(at)
+        thrust = self.load.force * self._left(at, np.abs(vector)) ** -self.load.exponent
+        return self.between(at, -thrust * self.direction(at, vector))
+
+    def potential(self, at: Configuration) -> Array:
+        load = self.load
+        left = self._left(at, np.abs(self.vector(at)))
+        if load.exponent == 1.0:
+            return -load.force * load.gas_length * np.log(left)
+        return load.force * load.gas_length / (load.exponent - 1.0) * (left ** (1.0 - load.exponent) - 1.0)

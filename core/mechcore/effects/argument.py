@@ -1,0 +1,89 @@
+"""Factors of loads: what they depend on, taken from a configuration, and the function applied to it with care."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import Fault, MechanismError
+from ..loads import Factor
+from .base import Configuration
+
+__all__ = ["coordinate", "factor_of", "needs_of", "rate"]
+
+Array = Any
+
+
+def needs_of(factor: Factor | None) -> frozenset[str]:
+    """What must be known to evaluate a factor."""
+    if factor is not None and factor.of in ("velocity", "vx", "vy", "speed"):
+        return frozenset({"positions", "velocities"})
+    return frozenset({"positions"})
+
+
+def coordinate(at: Configuration, pair: str) -> Array:
+    """Relative coordinate of a pair [rad or m], driven or not; nothing else is computed."""
+    model = at.model
+    if pair not in model.joint_index:  # gears, belts and racks: angle of the second link minus that of the first
+        first, second = next(r.links for r in model.relations if r.name == pair)
+        return at.angle(model.index[second]) - at.angle(model.index[first])
+    j = model.joint_index[pair]
+    if j in model.driven:
+        return at.drives[model.driven[j]][0]
+    if model.joints[j].coordinate == "slide":
+        return at.state.slide[j]
+    p, q = model.ends[j]
+    return at.angle(q) - at.angle(p)
+
+
+def rate(at: Configuration, pair: str) -> Array:
+    """Rate of a pair's relative coordinate [rad/s or m/s]."""
+    model = at.model
+    if pair in model.joint_index:
+        j = model.joint_index[pair]
+        if j in model.driven:
+            return at.drives[model.driven[j]][1]
+        if model.joints[j].coordinate == "slide":
+            return at.speeds.slide[j]
+        first, second = model.joints[j].links
+    else:
+        first, second = next(r.links for r in model.relations if r.name == pair)
+    spin = model.angles.spin
+    return at.speeds.spin[spin[model.index[second]]] - at.speeds.spin[spin[model.index[first]]]
+
+
+def factor_of(at: Configuration, factor: Factor | None, load: str) -> Array:
+    """The factor of a load over the frames. Raises `MechanismError` where its function gives no finite numbers."""
+    if factor is None:
+        return 1.0
+    argument = np.asarray(_argument(at, factor), float)
+    try:
+        value = np.asarray(factor.function(argument), float)
+        value = np.broadcast_to(value, np.broadcast_shapes(argument.shape, value.shape))
+    except Exception as error:  # a user's function may raise anything
+        why = f"the function of its factor fails: {error}."
+        raise MechanismError(Fault(f"loads.{load}", why, "It has to take an array and return as many numbers.")) from error
+    if value.shape != argument.shape:
+        why = f"the function of its factor gives {value.shape} numbers for {argument.shape} arguments."
+        raise MechanismError(Fault(f"loads.{load}", why, "It has to return one number for each argument."))
+    wrong = np.isfinite(argument) & ~np.isfinite(value)
+    if wrong.any():
+        where = float(argument[wrong].flat[0])
+        raise MechanismError(
+            Fault(f"loads.{load}", f"the function of its factor gives no finite number at {where:g}.", "Give it a value there.")
+        )
+    return value
+
+
+def _argument(at: Configuration, factor: Factor) -> Array:
+    if factor.of == "time":
+        return at.time
+    if factor.of in ("position", "velocity"):
+        pair = factor.pair if factor.pair is not None else at.model.mechanism.drives[0].pair
+        return coordinate(at, pair) if factor.of == "position" else rate(at, pair)
+    assert factor.point is not None
+    k = at.model.index[factor.point[0]]
+    local = at.model.points[k][factor.point[1]]
+    z = at.of_point(k, local, 0 if factor.of in ("x", "y") else 1)
+    return np.abs(z) if factor.of == "speed" else np.real(z) if factor.of in ("x", "vx") else np.imag(z)

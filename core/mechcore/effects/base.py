@@ -1,0 +1,90 @@
+"""What every effect is: it says which quantities it needs and which wrenches it adds."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Protocol
+
+from ..kinematics import Rates
+from ..model import Model
+from .wrench import Wrench
+
+__all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
+
+Array = Any
+
+NEEDS = ("positions", "velocities", "accelerations", "reactions")
+"""Quantities that an effect can need."""
+
+CAUSES = {
+    "gravity": "weight",
+    "elastic": "springs and gas springs: the force depends on the position",
+    "viscous": "dampers and viscous friction: against the velocity",
+    "medium": "resistance of a medium, linear or quadratic in the velocity",
+    "dry friction": "about constant size, against the relative velocity",
+    "inertia": "-m a and -J alpha (d'Alembert)",
+    "process": "what the machine is there for, or what drives it: gas, cutting, lifting, prescribed forces",
+    "drive": "torque or force of a driven pair",
+}
+"""Causes of forces, as the lecture classes them (by origin), each with its meaning."""
+
+
+class Configuration(Protocol):
+    """Where a mechanism is and how fast it moves: all that an effect may look at, unless it needs accelerations or reactions.
+
+    `Motion` is one. Frames are the last axis of all arrays; plane vectors are complex numbers, links and joints are indices.
+    """
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def time(self) -> Any: ...
+    @property
+    def drives(self) -> Any: ...
+    @property
+    def state(self) -> Any: ...
+    @property
+    def speeds(self) -> Rates: ...
+    @property
+    def origins(self) -> list[Array]: ...
+    @property
+    def origin_velocities(self) -> list[Array]: ...
+    def rotation(self, k: int) -> Array: ...
+    def angle(self, k: int) -> Array: ...
+    def of_point(self, k: int, local: complex, derivative: int = 0) -> Array: ...
+    def guide(self, j: int) -> Array: ...
+    def joint_point(self, j: int, derivative: int = 0) -> Array: ...
+
+
+class Effect:
+    """A force that a scene can ask for. Subclasses say what it ``needs`` and the ``wrenches`` that it adds.
+
+    ``needs`` is a promise that tests hold an effect to: one that needs positions alone never makes velocities be solved, and
+    one that does not need accelerations can serve forward dynamics as it is.
+    """
+
+    cause: ClassVar[str] = "process"
+    needs: frozenset[str] = frozenset({"positions"})
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
+    def wrenches(self, at: Any) -> list[Wrench]:
+        """The wrenches on the links at a `Configuration` (a `Motion` where it needs accelerations)."""
+        raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
+
+    def potential(self, at: Configuration) -> Array:
+        """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""
+        return 0.0
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether the effect only ever takes energy away."""
+        return self.cause in ("viscous", "medium", "dry friction")
+
+    @property
+    def stores(self) -> bool:
+        """Whether its work is a change of its potential energy."""
+        return self.cause in ("gravity", "elastic")

@@ -1,0 +1,68 @@
+"""The pressure of a gas on a piston, from an indicator diagram."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import Fault, MechanismError
+from ..loads import GasPressure
+from .argument import coordinate, rate
+from .base import Configuration, Effect
+from .wrench import Wrench
+
+__all__ = ["CylinderGas"]
+
+Array = Any
+OVER = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres
+
+
+class CylinderGas(Effect):
+    """On the piston, and on the cylinder's head the opposite. The branch of the diagram follows from the sense of the motion."""
+
+    needs = frozenset({"positions", "velocities"})
+
+    def __init__(self, load: GasPressure):
+        super().__init__(load.name)
+        self.load = load
+
+    def displacement(self, at: Configuration) -> Array:
+        """Distance of the piston from top dead centre [m], within the stroke. Raises `MechanismError` where it leaves it."""
+        load = self.load
+        x = (load.top - coordinate(at, load.pair)) * (1.0 if load.head == "ahead" else -1.0)
+        low, high = float(np.nanmin(x)), float(np.nanmax(x))
+        stroke = load.cycle.stroke
+        if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
+            sign = -1.0 if load.head == "ahead" else 1.0
+            why = (
+                f"the piston leaves its stroke: it runs from {load.top + sign * low:.6g} m to {load.top + sign * high:.6g} m of the "
+                f"coordinate of {load.pair}; stated are top = {load.top:.6g} m and a stroke of {stroke:.6g} m, head {load.head}."
+            )
+            raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
+        return np.clip(x, 0.0, stroke)
+
+    def pressure(self, at: Configuration) -> Array:
+        """Absolute pressure in the cylinder [Pa]."""
+        load = self.load
+        x = self.displacement(at)
+        speed = rate(at, load.pair)
+        outward = np.asarray(speed <= 0.0 if load.head == "ahead" else speed >= 0.0)
+        firing = np.ones(np.shape(outward), bool)
+        if load.cycle.strokes == 4:
+            # the change of halves is put where it does no harm: at bottom dead centre, a turn away from where the gas fires
+            pair = load.drive if load.drive is not None else at.model.mechanism.drives[0].pair
+            turned = np.mod(coordinate(at, pair) - load.fires + np.pi, 4.0 * np.pi)
+            firing = turned < 2.0 * np.pi
+        return load.cycle.pressure(x, outward, firing)
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        load, model = self.load, at.model
+        j = model.joint_index[load.pair]
+        guide = model.joints[j].guide
+        piston, cylinder = model.ends[j][1 - guide], model.ends[j][guide]
+        push = (self.pressure(at) - load.back) * load.area
+        along = at.guide(j) * (-1.0 if load.head == "ahead" else 1.0)
+        place = at.joint_point(j)
+        arm, other_arm = place - at.origins[piston], place - at.origins[cylinder]
+        return [Wrench(self.name, "gas", piston, push * along, 0.0, arm, self.cause, cylinder, other_arm)]

@@ -1,0 +1,47 @@
+"""Applied forces and torques: constant or by a factor, fixed in the world or turning with the link, on one link or two."""
+
+from __future__ import annotations
+
+from ..loads import Force, Torque
+from .argument import factor_of, needs_of
+from .base import Configuration, Effect
+from .wrench import Wrench
+
+__all__ = ["AppliedForce", "AppliedTorque"]
+
+
+class AppliedForce(Effect):
+    """A force at a named point of a link."""
+
+    def __init__(self, load: Force):
+        super().__init__(load.name)
+        self.load = load
+        self.needs = needs_of(load.factor)
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        load, model = self.load, at.model
+        k = model.index[load.link]
+        local = model.points[k][load.point]
+        vector = complex(*load.vector) * factor_of(at, load.factor, load.name)
+        if load.axes == "link":
+            vector = vector * at.rotation(k)
+        arm = local * at.rotation(k)
+        if load.against is None:
+            return [Wrench(load.name, "force", k, vector, 0.0, arm)]
+        other = model.index[load.against]
+        return [Wrench(load.name, "force", k, vector, 0.0, arm, other=other, other_arm=at.of_point(k, local) - at.origins[other])]
+
+
+class AppliedTorque(Effect):
+    """A free moment on a link."""
+
+    def __init__(self, load: Torque):
+        super().__init__(load.name)
+        self.load = load
+        self.needs = needs_of(load.factor)
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        load = self.load
+        moment = load.moment * factor_of(at, load.factor, load.name)
+        other = None if load.against is None else at.model.index[load.against]
+        return [Wrench(load.name, "torque", at.model.index[load.link], 0j, moment, 0j, other=other)]

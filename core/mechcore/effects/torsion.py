@@ -1,0 +1,52 @@
+"""Moments by the angle between two links: torsion springs and torsion dampers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..loads import TorsionDamper, TorsionSpring
+from .base import Configuration, Effect
+from .wrench import Wrench
+
+__all__ = ["AngleDamper", "AngleSpring"]
+
+Array = Any
+
+
+class AngleSpring(Effect):
+    """Moment ``stiffness (angle - free_angle)`` on the first link; its energy is zero at the free angle."""
+
+    cause = "elastic"
+
+    def __init__(self, load: TorsionSpring):
+        super().__init__(load.name)
+        self.load = load
+
+    def _turned(self, at: Configuration) -> Array:
+        first, second = (at.model.index[k] for k in self.load.links)
+        return at.angle(second) - at.angle(first) - self.load.free_angle
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        first, second = (at.model.index[k] for k in self.load.links)
+        moment = self.load.stiffness * self._turned(at)
+        return [Wrench(self.name, "torsion spring", first, 0j, moment, 0j, self.cause, second)]
+
+    def potential(self, at: Configuration) -> Array:
+        return 0.5 * self.load.stiffness * self._turned(at) ** 2
+
+
+class AngleDamper(Effect):
+    """Moment ``coefficient`` times the relative angular velocity on the first link."""
+
+    cause = "viscous"
+    needs = frozenset({"positions", "velocities"})
+
+    def __init__(self, load: TorsionDamper):
+        super().__init__(load.name)
+        self.load = load
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        first, second = (at.model.index[k] for k in self.load.links)
+        spin = at.model.angles.spin
+        moment = self.load.coefficient * (at.speeds.spin[spin[second]] - at.speeds.spin[spin[first]])
+        return [Wrench(self.name, "torsion damper", first, 0j, moment, 0j, self.cause, second)]

@@ -1,0 +1,87 @@
+"""Do the loads of a mechanism name what exists, with values that make sense?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import fields
+
+from .errors import Fault
+from .loads import Damper, Drag, Factor, Force, GasPressure, GasSpring, Load, Spring, Torque, Viscous
+from .spec import EFFECTS, Cylinder, Mechanism, PinSlot, Prismatic, Revolute
+
+__all__ = ["load_faults"]
+
+_POSITIVE = ("gas_length", "extended", "exponent", "area")
+_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back")
+
+
+def load_faults(mechanism: Mechanism) -> list[Fault]:
+    """Every fault of the loads and effects of a mechanism; its links and pairs are known to be sound."""
+    found = [
+        Fault("effects", f"there is no effect '{name}'.", f"Known: {', '.join(EFFECTS)}.")
+        for name in mechanism.effects
+        if name not in EFFECTS
+    ]
+    names = [load.name for load in mechanism.loads]
+    found += [Fault(f"loads.{name}", "two loads have this name.") for name in sorted({n for n in names if names.count(n) > 1})]
+    for load in mechanism.loads:
+        path = f"loads.{load.name}"
+        found += [Fault(path, *words) for words in (*_values(load), *_names(mechanism, load))]
+    return found
+
+
+def _values(load: Load) -> Iterator[tuple[str, str]]:
+    for f in fields(load):
+        value = getattr(load, f.name)
+        if isinstance(value, float | int) and not isinstance(value, bool):
+            if not math.isfinite(value):
+                yield f"its {f.name} is {value}.", "Give a finite number."
+            elif (f.name in _POSITIVE and value <= 0) or (f.name in _NOT_NEGATIVE and value < 0):
+                yield f"its {f.name} of {value:g} is {'negative' if value < 0 else 'zero'}.", "Give a positive one."
+    if isinstance(load, Damper | Drag) and not (load.linear or load.quadratic):
+        yield "it has neither a linear nor a quadratic coefficient.", "Give one of them."
+
+
+def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
+    links = {link.name: link for link in m.links}
+    used = list(getattr(load, "links", ()))
+    used += [k for k in (getattr(load, "link", None), getattr(load, "against", None)) if k is not None]
+    for link in used:
+        if link not in links:
+            yield f"there is no link '{link}'.", ""
+    if len(used) == 2 and used[0] == used[1]:
+        yield f"acts between '{used[0]}' and itself.", "Name two different links."
+    places: list[tuple[str, str]] = []
+    if isinstance(load, Spring | Damper | GasSpring):
+        places = list(zip(load.links, load.points, strict=True))
+    elif isinstance(load, Force | Drag) and load.point is not None:
+        places = [(load.link, load.point)]
+    factor = load.factor if isinstance(load, Force | Torque) else None
+    if factor is not None:
+        places += [factor.point] if factor.point is not None else []
+        yield from _factor(m, factor)
+    for link, point in places:
+        if link in links and point not in links[link].points:
+            yield f"link '{link}' has no point '{point}'.", ""
+    pairs = {p.name: p for p in m.pairs}
+    if isinstance(load, Viscous | GasPressure):
+        sound = (Prismatic, Cylinder) if isinstance(load, GasPressure) else (Revolute, Prismatic, PinSlot, Cylinder)
+        if load.pair not in pairs:
+            yield f"there is no pair '{load.pair}'.", ""
+        elif not isinstance(pairs[load.pair], sound):
+            what = "sliding pair" if isinstance(load, GasPressure) else "revolute or sliding pair"
+            yield f"'{load.pair}' is no {what}.", f"Name a {what}."
+    if isinstance(load, GasPressure) and load.drive is not None and load.drive not in pairs:
+        yield f"there is no pair '{load.drive}'.", ""
+
+
+def _factor(m: Mechanism, factor: Factor) -> Iterator[tuple[str, str]]:
+    if factor.of in ("x", "y", "vx", "vy", "speed"):
+        if factor.point is None:
+            yield f"its factor depends on {factor.of}, but of which point?", "Give its point."
+    elif factor.of in ("position", "velocity"):
+        if factor.pair is None and not m.drives:
+            yield "its factor depends on the position of a drive, and there is none.", "Name a pair."
+        elif factor.pair is not None and factor.pair not in {p.name for p in m.pairs}:
+            yield f"there is no pair '{factor.pair}'.", ""

@@ -1,0 +1,198 @@
+"""Loads that a mechanism can carry: frozen descriptions in SI units and radians; `mechcore.effects` computes them.
+
+A load between two links names both: what is stated acts on the first, its opposite on the second, at the same point and line.
+Either link may be the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .indicator import Cycle
+
+__all__ = [
+    "Damper",
+    "Drag",
+    "Factor",
+    "Force",
+    "GasPressure",
+    "GasSpring",
+    "Load",
+    "Polynomial",
+    "Spring",
+    "Torque",
+    "TorsionDamper",
+    "TorsionSpring",
+    "Use",
+    "Viscous",
+]
+
+Array = NDArray[np.float64]
+Vec2 = tuple[float, float]
+Use = Literal["useful", "harmful"]
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """``sum of coefficients[k] (x / per)^k``."""
+
+    coefficients: tuple[float, ...]
+    per: float = 1.0
+
+    def __call__(self, x: ArrayLike) -> Array:
+        return np.asarray(np.polynomial.polynomial.polyval(np.asarray(x, float) / self.per, self.coefficients))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """A factor as a function of something that the mechanism does.
+
+    ``function`` takes an array of arguments and returns as many factors: a `Table`, a `Polynomial` or any Python callable.
+    ``of`` names the argument: the ``time`` [s]; ``position`` or ``velocity``, coordinate or rate of a ``pair`` [rad or m, per s],
+    driven or not, by default of the first drive; ``x``, ``y``, ``vx``, ``vy`` or ``speed`` of a ``point`` (link, point) [m, m/s].
+    """
+
+    function: Callable[[Any], Any]
+    of: Literal["time", "position", "velocity", "x", "y", "vx", "vy", "speed"] = "position"
+    pair: str | None = None
+    point: tuple[str, str] | None = None
+
+    def __call__(self, argument: ArrayLike) -> Array:
+        return np.asarray(self.function(np.asarray(argument, float)), float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Load:
+    name: str
+    use: Use | None = None  # how a resisting load is classed; None: by its cause
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force(_Load):
+    """A force at a named point of a link: ``vector`` [N] times ``factor``.
+
+    ``axes`` says whether the vector is fixed in the world or turns with the link. ``against``: a second link on which the
+    opposite force acts at the same point.
+    """
+
+    link: str
+    point: str
+    vector: Vec2
+    axes: Literal["world", "link"] = "world"
+    factor: Factor | None = None  # None: constant 1
+    against: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Torque(_Load):
+    """A free moment [N m] on a link, counter-clockwise positive, times ``factor``; the opposite on ``against``, if named."""
+
+    link: str
+    moment: float
+    factor: Factor | None = None
+    against: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring(_Load):
+    """A spring between two points: pull ``preload + stiffness (L - free_length)`` along their line [N], L their distance."""
+
+    links: tuple[str, str]
+    points: tuple[str, str]
+    stiffness: float  # [N/m]
+    free_length: float  # [m]
+    preload: float = 0.0  # pull at the free length [N]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Damper(_Load):
+    """A damper between two points: pull ``linear L' + quadratic L' |L'|`` along their line [N]."""
+
+    links: tuple[str, str]
+    points: tuple[str, str]
+    linear: float = 0.0  # [N s/m]
+    quadratic: float = 0.0  # [N s^2/m^2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasSpring(_Load):
+    """A gas spring between two points: it pushes them apart with ``force (gas_length / (gas_length - x))^exponent``.
+
+    ``x = extended - L`` is how far it is pressed in, ``gas_length`` the volume of the gas when extended over the area of the rod
+    (of the piston, where it has no rod on both sides) [m]; exponent 1 is isothermal (slow), 1.4 adiabatic (fast).
+    """
+
+    links: tuple[str, str]
+    points: tuple[str, str]
+    force: float  # when extended [N]
+    extended: float  # distance of the points when extended [m]
+    gas_length: float
+    exponent: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorsionSpring(_Load):
+    """A torsion spring between two links: moment ``stiffness (angle - free_angle)`` on the first link [N m].
+
+    ``angle`` is that of the second link's frame minus that of the first's, continuous over the run.
+    """
+
+    links: tuple[str, str]
+    stiffness: float  # [N m/rad]
+    free_angle: float = 0.0  # [rad]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorsionDamper(_Load):
+    """A torsion damper between two links: moment ``coefficient`` times the rate of their angle on the first link [N m]."""
+
+    links: tuple[str, str]
+    coefficient: float  # [N m s/rad]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drag(_Load):
+    """Resistance of a medium against the velocity v of a point, ``-(linear + quadratic |v|) v`` [N].
+
+    Without a point: against the link's angular velocity, a free moment [N m].
+    """
+
+    link: str
+    point: str | None = None
+    linear: float = 0.0  # [N s/m], or [N m s/rad] without a point
+    quadratic: float = 0.0  # [N s^2/m^2], or [N m s^2/rad^2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viscous(_Load):
+    """Viscous friction in a revolute or sliding pair: ``-coefficient`` times the rate of its coordinate on its second link."""
+
+    pair: str
+    coefficient: float  # [N m s/rad] in a revolute pair, [N s/m] in a sliding one
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasPressure(_Load):
+    """The pressure of a gas on a piston that a sliding pair guides in its cylinder, by an indicator diagram.
+
+    The piston is the pair's link without the guide. ``top`` is the pair's coordinate at top dead centre [m]; the cylinder's head
+    is ``ahead`` of the piston (at greater coordinates) or ``behind`` it. ``back``: pressure on the piston's other side [Pa].
+    A four-stroke cycle fires where the coordinate of ``drive`` (the first, if not named) is ``fires`` [rad], every two turns.
+    """
+
+    pair: str
+    area: float  # [m^2]
+    cycle: Cycle
+    top: float
+    head: Literal["ahead", "behind"] = "ahead"
+    back: float = 101325.0
+    drive: str | None = None
+    fires: float = 0.0
+
+
+Load = Force | Torque | Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Drag | Viscous | GasPressure
