@@ -126,7 +126,7 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
     for drive in motion.mechanism.drives:
         found.append(Moment("drive", drive.pair, motion.pair_position(drive.pair), forces.wrench(drive.pair)[:, 2]))
     for name, load in forces.loads.items():
-        if load.kind == "torque":
+        if load.free:
             found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
     for pair in motion.mechanism.pairs:
         found.append(Moment("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, 2]))
@@ -180,7 +180,7 @@ def _force_vectors(run: Run) -> list[Vector]:
     for pair in mechanism.pairs:
         found.append(Vector("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, :2]))
     for name, load in forces.loads.items():
-        if load.kind != "torque":
+        if not load.free:
             family, item = ("gravity", load.link) if load.kind == "gravity" else ("applied", name)
             found.append(Vector(family, item, load.values[:, 3:], load.values[:, :2]))
     if "inertia" in mechanism.effects:

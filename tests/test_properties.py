@@ -130,8 +130,9 @@ def balance_of_links(forces: Forces) -> float:
                 for wrench in (forces.reaction(p.name), *driven):
                     acting.append((sign * wrench[:, :2], sign * wrench[:, 2], at))
         for result in forces.loads.values():
-            if result.link == link.name:
-                acting.append((result.values[:, :2], result.values[:, 2], result.values[:, 3:]))
+            if link.name in result.links:
+                sign = 1.0 if result.link == link.name else -1.0
+                acting.append((sign * result.values[:, :2], sign * result.values[:, 2], result.values[:, 3:]))
         inertia = forces.inertia(link.name)
         acting.append((inertia[:, :2], inertia[:, 2], m.centre_of_mass(link.name)))
         force = sum(f for f, _, _ in acting)

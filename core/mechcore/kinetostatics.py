@@ -20,6 +20,7 @@ from scipy.integrate import cumulative_simpson
 from . import blocks as bl
 from .closed_forms import cross
 from .effects import Wrench, point_of, potential, power_of, sum_up, wrenches
+from .frames import nothing
 from .leastnorm import least_norm
 from .motion import Motion
 
@@ -43,6 +44,7 @@ class LoadResult:
     cause: str
     links: tuple[str, ...]
     values: Real
+    free: bool = False  # a free moment, without a force
 
     @property
     def link(self) -> str:
@@ -119,6 +121,7 @@ class Forces:
                 cause=w.cause,
                 links=tuple(m.model.links[k] for k in w.links),
                 values=np.column_stack([self._rows(w.force, w.moment), m._rows(point_of(m, w))]),
+                free=nothing(w.force),
             )
             for w in self.applied
             if w.kind != "inertia"

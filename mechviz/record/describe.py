@@ -44,7 +44,7 @@ def model_json(run: Run) -> str:
         "links": list(run.motion.model.links),
         "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in joints_of(run.motion)},
         "drives": [d.pair for d in mechanism.drives],
-        "loads": {name: {"kind": load.kind, "links": [load.link]} for name, load in loads.items()},
+        "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in loads.items()},
     }
     return json.dumps(model, ensure_ascii=False)
 

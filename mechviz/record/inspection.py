@@ -114,10 +114,10 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
         if model["joints"][joint]["type"] == "prismatic":
             found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
     for load, about in model["loads"].items():
-        if about["kind"] == "torque":
-            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True))
-        elif about["kind"] != "gravity":
-            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1]))
+        if about["kind"] != "gravity":
+            force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
+            free = force is not None and force.value == 0.0
+            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True) if free else force)
     return [p for p in found if p is not None]
 
 

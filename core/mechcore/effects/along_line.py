@@ -115,7 +115,8 @@ class LineGasSpring(_Line):
             )
         if high >= load.gas_length:
             why = f"it is pressed in by {high:.6g} m, no less than its gas length of {load.gas_length:.6g} m: no gas is left."
-            raise MechanismError(Fault(f"loads.{self.name}", why, "Give a greater gas length, or place its points further apart."))
+            remedy = "Give a greater gas length, or place its points further apart."
+            raise MechanismError(Fault(f"loads.{self.name}", why, remedy))
         return 1.0 - pressed / load.gas_length
 
     def wrenches(self, at: Configuration) -> list[Wrench]:

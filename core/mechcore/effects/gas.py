@@ -36,8 +36,8 @@ class CylinderGas(Effect):
         if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
             sign = -1.0 if load.head == "ahead" else 1.0
             why = (
-                f"the piston leaves its stroke: it runs from {load.top + sign * low:.6g} m to {load.top + sign * high:.6g} m of the "
-                f"coordinate of {load.pair}; stated are top = {load.top:.6g} m and a stroke of {stroke:.6g} m, head {load.head}."
+                f"the piston leaves its stroke: the coordinate of {load.pair} runs from {load.top + sign * low:.6g} m to "
+                f"{load.top + sign * high:.6g} m; stated are top = {load.top:.6g} m, stroke = {stroke:.6g} m, head {load.head}."
             )
             raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
         return np.clip(x, 0.0, stroke)
