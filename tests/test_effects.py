@@ -404,14 +404,8 @@ def test_energy_balance_over_a_run_with_everything():
 
 
 def test_gravity_of_its_own_for_a_link():
-    m = four_bar(
-        E=(4.0, 0.0),
-        AB=1.0,
-        BD=3.5,
-        DE=3.0,
-        bodies=dict.fromkeys(("crank", "coupler"), (2.0, (1.0, 0.0), 1.0)),
-        effects=("gravity",),
-    )
+    bodies = dict.fromkeys(("crank", "coupler"), (2.0, (1.0, 0.0), 1.0))
+    m = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, bodies=bodies, effects=("gravity",))
     links = tuple(replace(k, gravity=(3.0, 0.0)) if k.name == "coupler" else k for k in m.links)
     forces = load(replace(m, links=links), ANGLES)
     np.testing.assert_allclose(forces.loads["gravity/coupler"].values[:, :2], [[6.0, 0.0]] * len(ANGLES))

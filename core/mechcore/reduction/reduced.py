@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answers import per_unit
-from ..effects import Wrench
+from ..effects import Wrench, power_of
 from ..errors import Fault, MechanismError
 from ..motion import Motion
 
@@ -79,7 +79,7 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
     work: Array = np.zeros(motion.frames)
     for w in loads:
         if w.kind != "inertia":
-            work = work + np.real(np.conj(w.force) * unit.of_point(w.link, w.local, 1)) + w.moment * first[w.link]
+            work = work + power_of(unit, w)  # of both links, where it acts between two
     k = model.index[link]
     if point is None:
         ratio, turn = first[k], second[k]
