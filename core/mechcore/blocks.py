@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import closed_forms as cf
+from .frames import added, imaginary
 from .model import Block, Model
 from .newton import newton, solve_many
 
@@ -27,6 +28,7 @@ __all__ = [
     "column",
     "columns",
     "condition",
+    "dyad_rates",
     "flatness",
     "gap",
     "matrix_of",
@@ -92,22 +94,26 @@ class Patch:
             rates[u][self.frames] = given[:, u]
 
 
-@dataclass(frozen=True)
-class Vectors:
+class Vectors(NamedTuple):
     """A contour's vectors in the world, all known: (spin, Z), slides included, and (joint, spin, D) of the slides."""
 
     arms: tuple[tuple[int, Array], ...]
     slides: tuple[tuple[int, int, Array], ...]
 
 
-@dataclass(frozen=True)
-class Columns:
+class Columns(NamedTuple):
     """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero; ``ties[r][u]``: of
-    its r-th relation."""
+    its r-th relation.
+
+    Where there is one contour and two unknowns (every dyad) ``pair`` and ``dual`` stand for the table: the two columns, both turned
+    back by a right angle, and the dual basis, both times -i: unknown k of ``columns @ x = r`` is ``Re(conj(r) i dual[k])``, and
+    the force that balances the generalised forces q is ``i (q[0] dual[0] + q[1] dual[1])``.
+    """
 
     table: tuple[tuple[Array, ...], ...]
-    det: Array | None  # of the two columns, where there is one contour and two unknowns
     ties: tuple[tuple[float, ...], ...] = ()
+    pair: tuple[Array, Array] | None = None
+    dual: tuple[Array, Array] | None = None
 
 
 def place(model: Model, block: Block, state: State, mode: Array, start: Array | None = None) -> None:
@@ -120,8 +126,7 @@ def place(model: Model, block: Block, state: State, mode: Array, start: Array | 
     if block.kind == "relation":
         _place_relation(model, block, state)
         return
-    known, arms, slides = _split(model, block, block.contours[0], state)
-    target = -known
+    target, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":
         u, v = block.angles
         e1, e2 = cf.theta_theta(arms[u], arms[v], target, mode)
@@ -219,15 +224,15 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
 
 def flatness(model: Model, block: Block, state: State) -> list[Array]:
     """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
-    known, arms, slides = _split(model, block, block.contours[0], state)
+    target, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":
-        ra, rb, d2 = abs(arms[block.angles[0]]), abs(arms[block.angles[1]]), known.real**2 + known.imag**2
+        ra, rb, d2 = abs(arms[block.angles[0]]), abs(arms[block.angles[1]]), target.real**2 + target.imag**2
         d, total, difference = np.sqrt(d2), ra + rb, abs(ra - rb)
         return [(total - d) * (total + d) / total**2, (d - difference) * (d + difference) / total**2]
     if block.kind == "theta_slide":
-        r, y = abs(arms[block.angles[0]]), (known * np.conj(slides[0][1])).imag
+        r, y = abs(arms[block.angles[0]]), (target * np.conj(slides[0][1])).imag
         return [(r - y) * (r + y) / r**2]
-    r2, y = known.real**2 + known.imag**2, (arms.get(block.angles[0], 0j) * np.conj(slides[0][1])).imag
+    r2, y = target.real**2 + target.imag**2, (arms.get(block.angles[0], 0j) * np.conj(slides[0][1])).imag
     return [(r2 - y * y) / model.size**2]
 
 
@@ -235,14 +240,14 @@ def gap(model: Model, block: Block, state: State) -> Array:
     """By how much the links of a block miss each other [m] (...), 0 where they meet; needs the earlier blocks in ``state``."""
     if block.kind == "general":
         return state.newton[block.name].miss
-    known, arms, slides = _split(model, block, block.contours[0], state)
+    target, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":
-        return cf.gap_theta_theta(arms[block.angles[0]], arms[block.angles[1]], -known)
+        return cf.gap_theta_theta(arms[block.angles[0]], arms[block.angles[1]], target)
     if block.kind == "theta_slide":
-        return cf.gap_theta_slide(arms[block.angles[0]], slides[0][1], -known)
+        return cf.gap_theta_slide(arms[block.angles[0]], slides[0][1], target)
     if block.kind == "arm_slide":
-        return cf.gap_arm_slide(arms.get(block.angles[0], 0j), slides[0][1], -known)
-    return np.zeros(np.shape(known))
+        return cf.gap_arm_slide(arms.get(block.angles[0], 0j), slides[0][1], target)
+    return np.zeros(np.shape(target))
 
 
 def _turn(model: Model, state: State, group: int, e: Array) -> None:
@@ -252,33 +257,29 @@ def _turn(model: Model, state: State, group: int, e: Array) -> None:
 
 
 def _split(model: Model, block: Block, contour: int, state: State) -> tuple[Array, dict[int, Array], list[tuple[int, Array]]]:
-    """A contour's known sum, its vectors along each unknown group (in the group's axes), and its unknown slides.
+    """What a contour's unknown vectors have to add up to, its vectors along each unknown group (in the group's axes), and its
+    unknown slides.
 
     The slides' directions are in the group's axes where the group is unknown, else in the world's.
     """
-    c = model.spin_contours[contour]
-    known: Array = 0j
-    arms: dict[int, Array] = {}
-    slides: list[tuple[int, Array]] = []
-
-    def add(spin: int, vector: Array) -> None:
-        nonlocal known
-        group = model.angles.spin_group[spin]
-        if group in block.angles:
-            arms[group] = arms.get(group, 0j) + vector * state.delta[spin]
-        else:
-            known = known + vector * state.rot[spin]
-
-    for spin, vector in c.arms:
-        add(spin, vector)
-    for j, spin, d in c.slides:
-        if j not in block.slides:
-            add(spin, d * state.slide[j])
-        elif model.angles.spin_group[spin] in block.angles:
-            slides.append((j, d * state.delta[spin]))
-        else:
-            slides.append((j, d * state.rot[spin]))
-    return known, arms, slides
+    rot, found = state.rot, model.splits[contour]
+    target: Array = 0j
+    for spin, vector in found.known:
+        target = added(target, vector * rot[spin])
+    for j, spin, d in found.known_slides:
+        if model.angles.spin_group[spin] not in block.angles:
+            target = added(target, (d * rot[spin]) * state.slide[j], -1)
+    arms = found.arms
+    if arms is None or found.known_slides:
+        arms = {}
+        for group, spin, vector in found.unknown:
+            arms[group] = added(arms.get(group, 0j), vector * state.delta[spin])
+        for j, spin, d in found.known_slides:
+            group = model.angles.spin_group[spin]
+            if group in block.angles:
+                arms[group] = added(arms.get(group, 0j), (d * state.delta[spin]) * state.slide[j])
+    slides = [(j, d * (state.delta if model.angles.spin_group[spin] in block.angles else rot)[spin]) for j, spin, d in found.slides]
+    return target, arms, slides
 
 
 def _equations(model: Model, block: Block, state: State, frames: Any = None) -> Callable[[Array], tuple[Array, Array]]:
@@ -311,8 +312,8 @@ def _equations(model: Model, block: Block, state: State, frames: Any = None) -> 
                 total = total + c * x[..., k]
                 jac[..., i, k] = c
             r[..., i] = total
-        for i, (known, arms, slides) in enumerate(parts):
-            total = known / size
+        for i, (target, arms, slides) in enumerate(parts):
+            total = -target / size
             for g, a in arms.items():
                 z = a / size * e[g]
                 total = total + z
@@ -352,24 +353,29 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
 
 def vectors(model: Model, contour: int, state: State) -> Vectors:
     """The vectors of a contour whose positions are known."""
-    c = model.spin_contours[contour]
-    arms = {spin: vector * state.rot[spin] for spin, vector in c.arms}
+    c, rot = model.spin_contours[contour], state.rot
+    if not c.slides:
+        return Vectors(tuple([(spin, vector * rot[spin]) for spin, vector in c.arms]), ())
+    arms = {spin: vector * rot[spin] for spin, vector in c.arms}
     slides = []
     for j, spin, d in c.slides:
-        along = d * state.rot[spin]
+        along = d * rot[spin]
         slides.append((j, spin, along))
-        arms[spin] = arms.get(spin, 0j) + state.slide[j] * along
-    return Vectors(arms=tuple(arms.items()), slides=tuple(slides))
+        arms[spin] = added(arms.get(spin, 0j), state.slide[j] * along)
+    return Vectors(tuple(arms.items()), tuple(slides))
 
 
 def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns:
     """Derivatives of the block's contours by its unknowns."""
-    table = tuple(tuple(column(model, contours[c], u) for u in _unknowns(block)) for c in block.contours)
-    det = None
-    if len(block.contours) == 1 and len(table[0]) == 2 and not block.relations:
-        det = cf.cross(table[0][0], table[0][1])
-    ties = tuple(tuple(tie_coefficient(model, r, u) for u in _unknowns(block)) for r in block.relations)
-    return Columns(table=table, det=det, ties=ties)
+    if block.dyad:
+        (c,) = block.contours
+        u, v = _turned_back(contours[c], model.splits[c].unknown_places, len(block.angles))
+        over = imaginary(1.0 / (u.conjugate() * v).imag)
+        return Columns((), pair=(u, v), dual=(v * over.conjugate(), u * over))
+    unknowns = [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
+    table = tuple(tuple(column(model, contours[c], x) for x in unknowns) for c in block.contours)
+    ties = tuple(tuple(tie_coefficient(model, r, x) for x in unknowns) for r in block.relations)
+    return Columns(table, ties)
 
 
 def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int]) -> float:
@@ -378,18 +384,11 @@ def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int]) -> fl
     return dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
 
 
-def _unknowns(block: Block) -> list[tuple[str, int]]:
-    return [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
-
-
 def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:
     """Derivative of one contour by one unknown, None where it is zero."""
     what, i = unknown
     if what == "slide":
-        for j, _, along in v.slides:
-            if j == i:
-                return along
-        return None
+        return next((along for j, _, along in v.slides if j == i), None)
     total = None
     for spin, z in v.arms:
         if model.angles.spin_group[spin] == i:
@@ -397,22 +396,51 @@ def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:
     return None if total is None else 1j * total
 
 
-def rates(block: Block, cols: Columns, rhs: list[Array], tie_rhs: Sequence[Array] = ()) -> list[Array]:
-    """Unknown rates (angles, then slides) from ``columns @ rates = rhs``, one right-hand side per contour and per relation."""
+def _turned_back(v: Vectors, places: Sequence[Sequence[int]], angles: int) -> list[Array]:
+    """`column` of every unknown, turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
+    out = []
+    for i, where in enumerate(places):
+        if i < angles:
+            total = v.arms[where[0]][1]
+            for k in where[1:]:
+                total = total + v.arms[k][1]
+        else:
+            total = -1j * v.slides[where[0]][2]
+        out.append(total)
+    return out
+
+
+def dyad_rates(cols: Columns, drift: Array) -> list[Array]:
+    """`rates` of a block with one contour and two unknowns, times i."""
+    mirrored = drift.conjugate()
+    found = []
+    for d in cols.dual or ():
+        turn = mirrored * d
+        if isinstance(turn, np.ndarray):
+            turn.real = 0.0
+        else:
+            turn = 1j * turn.imag
+        found.append(turn)
+    return found
+
+
+def rates(block: Block, cols: Columns, drift: list[Array], tie_rhs: Sequence[Array] = ()) -> list[Array]:
+    """Unknown rates (angles, then slides) from ``columns @ rates + drift = 0``, one drift per contour (what is known makes of it
+    while the unknowns rest), and from ``ties @ rates = tie_rhs``."""
     if block.kind == "relation":
         return [tie_rhs[0] / cols.ties[0][0]]
+    if cols.dual is not None:
+        return [turn.imag for turn in dyad_rates(cols, drift[0])]
     first = cols.table[0]
-    if cols.det is not None:
-        return [cf.cross(rhs[0], first[1]) / cols.det, cf.cross(first[0], rhs[0]) / cols.det]
-    if len(rhs) == 1 and len(first) == 1 and not tie_rhs:
+    if len(drift) == 1 and len(first) == 1 and not tie_rhs:
         (c,) = first
-        return [(c.real * rhs[0].real + c.imag * rhs[0].imag) / (c.real**2 + c.imag**2)]
+        return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
-    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*rhs, *tie_rhs)))  # guides on the frame: constant columns
+    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *tie_rhs)))  # guides on the frame: constant columns
     flat = np.empty((*shape, matrix.shape[-2]))
-    for i, r in enumerate(rhs):
-        flat[..., 2 * i], flat[..., 2 * i + 1] = np.real(r), np.imag(r)
-    for i, value in enumerate(tie_rhs, 2 * len(rhs)):
+    for i, r in enumerate(drift):
+        flat[..., 2 * i], flat[..., 2 * i + 1] = -r.real, -r.imag
+    for i, value in enumerate(tie_rhs, 2 * len(drift)):
         flat[..., i] = value
     x = solve_many(matrix, flat)
     return [x[..., k] for k in range(x.shape[-1])]
@@ -422,9 +450,9 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
     """Contour forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
     if block.kind == "relation":
         return [], [q[0] / cols.ties[0][0]]
+    if cols.dual is not None:
+        return [1j * added(q[0] * cols.dual[0], q[1] * cols.dual[1])], []
     first = cols.table[0]
-    if cols.det is not None:
-        return [1j * (q[1] * first[0] - q[0] * first[1]) / cols.det], []
     if len(cols.table) == 1 and len(first) == 1 and not cols.ties:  # one left over: the shortest force that balances
         (c,) = first
         return [c * (q[0] / (c.real**2 + c.imag**2))], []
@@ -454,16 +482,16 @@ def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
 
 def condition(model: Model, block: Block, cols: Columns) -> Array:
     """Condition number of a block's columns, lengths in units of the mechanism's size (inf where singular)."""
-    if not cols.table or not cols.table[0]:
-        return 1.0
     k = len(block.angles)
-    if cols.det is not None:
-        first: list[Array] = [c / model.size if i < k else c for i, c in enumerate(cols.table[0]) if c is not None]
+    if cols.pair is not None:
+        first: list[Array] = [c / model.size if i < k else c for i, c in enumerate(cols.pair)]
         total: Array = sum(np.real(c) ** 2 + np.imag(c) ** 2 for c in first if c is not None)
         product = abs(cf.cross(first[0], first[1]))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             largest2 = 0.5 * (total + np.sqrt(np.maximum((total - 2.0 * product) * (total + 2.0 * product), 0.0)))
             return np.where(product > 0, largest2 / product, np.inf)
+    if not cols.table or not cols.table[0]:
+        return 1.0
     matrix, _ = matrix_of(cols)
     matrix = matrix.copy()
     matrix[..., :k] /= model.size

@@ -48,9 +48,12 @@ def four_areas(a: Array, b: Array, d: Array) -> Array:
     """
     total, difference = a + b, abs(a - b)
     short, spare = total - d, d - difference
-    product = (total + d) * short * spare * (d + difference)
-    out = product < 0
-    if np.any(out):
+    product = total + d
+    product *= short
+    product *= spare
+    product *= d + difference
+    if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
+        out = product < 0
         least = -ROUNDING * total
         product = np.where(out & (short > least) & (spare > least), 0.0, product)
     return np.sqrt(product)
@@ -59,8 +62,8 @@ def four_areas(a: Array, b: Array, d: Array) -> Array:
 def leg(r: Array, y: Array) -> Array:
     """Other leg of right triangles with hypotenuse r and leg y (...) [m] -> (...) [m]; NaN where |y| > r."""
     product = (r - y) * (r + y)
-    out = product < 0
-    if np.any(out):
+    if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
+        out = product < 0
         product = np.where(out & (abs(y) - r < ROUNDING * r), 0.0, product)
     return np.sqrt(product)
 
@@ -71,7 +74,7 @@ def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array
     Both rotations come out with modulus 1 and the sum closes to a few rounding errors however thin the triangle is, because
     the parts along and across ``c`` are each accurate in the relative sense.
     """
-    ra, rb, d2 = abs(a), abs(b), c.real**2 + c.imag**2
+    ra, rb, d2 = abs(a), abs(b), (c * c.conjugate()).real
     d = np.sqrt(d2)
     difference = (ra - rb) * (ra + rb)
     half = 0.5 / d2
@@ -79,12 +82,15 @@ def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array
     if not (isinstance(mode, float) and mode == 1.0):
         across = mode * across
     shift = difference * half
-    e1, e2 = np.empty(np.shape(across), complex), np.empty(np.shape(across), complex)
-    e1.real, e1.imag = 0.5 + shift, across
-    e2.real, e2.imag = 0.5 - shift, -across
-    e1 *= c
-    e2 *= c
-    return e1 * (1.0 / a), e2 * (1.0 / b)
+    e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
+    np.add(0.5, shift, out=e1.real)
+    e1.imag = across
+    np.subtract(0.5, shift, out=e2.real)
+    np.negative(across, out=e2.imag)
+    for e, length in ((e1, a), (e2, b)):
+        e *= c
+        e *= 1.0 / length
+    return e1, e2
 
 
 def gap_theta_theta(a: Array, b: Array, c: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from . import blocks as bl
 from .blocks import Columns, Vectors
-from .frames import added, nothing
+from .frames import added, imaginary, lazy, nothing
 from .model import Model
 from .positions import drive_rates
 
@@ -30,23 +30,39 @@ Patches = Mapping[int, Sequence[Replaces]]
 
 
 class Rates:
-    """Speeds of all spins [rad/s^k] and of all sliding joints [m/s^k]; k = 1 or 2."""
+    """Speeds of all spins [rad/s^k] and of all sliding joints [m/s^k]; k = 1 or 2.
+
+    ``turns``: i times the speed of each spin, None where it is plain zero.
+    """
 
     def __init__(self, model: Model, drives: Sequence[Array]):
-        extra, self.slide = drive_rates(model, drives)
         self.drives = drives
-        self.spin: list[Array] = extra
+        self.spin, self.slide = drive_rates(model, drives)
+        self.turns: list[Array] = [None] * len(self.spin)
+        for s, _ in model.driven_spins:
+            if not nothing(self.spin[s]):
+                self.turns[s] = imaginary(self.spin[s])
         self.group: dict[int, Array] = {}
 
-    def settle(self, model: Model, block: bl.Block, solved: list[Array]) -> None:
-        """Take over a block's solved rates."""
-        for group, rate in zip(block.angles, solved, strict=False):
-            self.group[group] = rate
-            for spin in model.angles.spins_of[group]:
-                extra = self.spin[spin]
-                self.spin[spin] = rate if nothing(extra) else rate + extra
-        for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
-            self.slide[j] = rate
+    @lazy
+    def twice(self) -> list[Array]:
+        """(i omega)^2 of each spin, the centripetal factor; for use when all blocks are settled."""
+        return [None if t is None else t * t for t in self.turns]
+
+    def settle(self, model: Model, block: bl.Block, solved: list[Array], turns: Sequence[Array] | None = None) -> None:
+        """Take over a block's solved rates; ``turns``: i times them, where known."""
+        spins_of = model.angles.spins_of
+        for i, group in enumerate(block.angles):
+            rate = self.group[group] = solved[i]
+            for spin in spins_of[group]:
+                if self.turns[spin] is None:
+                    self.spin[spin] = rate
+                    self.turns[spin] = imaginary(rate) if turns is None else turns[i]
+                else:
+                    self.spin[spin] = rate + self.spin[spin]
+                    self.turns[spin] = imaginary(self.spin[spin])
+        for i, j in enumerate(block.slides, len(block.angles)):
+            self.slide[j] = solved[i]
 
     def tied(self, model: Model, block: bl.Block) -> list[Array]:
         """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
@@ -78,21 +94,45 @@ def velocities(
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        rhs = []
+        turns = found.turns
+        drift = []
         for i in block.contours:
-            v = contours[i]
-            total: Array = 0j
-            for spin, z in v.arms:
-                w = found.spin[spin]
-                if not nothing(w):
-                    total = added(total, w * z)
-            total = -1j * total
-            for j, _, d in v.slides:
+            arms, slides = contours[i]
+            total: Array = None
+            for spin, z in arms:
+                turn = turns[spin]
+                if turn is not None:
+                    total = turn * z if total is None else total + turn * z
+            if total is None:
+                total = 0j
+            for j, _, d in slides:
                 if j not in block.slides:
-                    total = total - found.slide[j] * d
-            rhs.append(total)
-        found.settle(model, block, _patched(bl.rates(block, c, rhs, found.tied(model, block)), patches, k, 1))
+                    total = added(total, found.slide[j] * d)
+            drift.append(total)
+        _solve(model, block, c, drift, found, patches, k, 1)
     return found
+
+
+def _solve(
+    model: Model,
+    block: bl.Block,
+    cols: Columns,
+    drift: list[Array],
+    found: Rates,
+    patches: Patches | None,
+    k: int,
+    derivative: int,
+) -> None:
+    """Rates of the unknowns of block number ``k``, those frames replaced at which they are given."""
+    replaced = patches.get(k, ()) if patches else ()
+    if block.dyad and not replaced:
+        turns = bl.dyad_rates(cols, drift[0])
+        found.settle(model, block, [t.imag for t in turns], turns)
+        return
+    solved = bl.rates(block, cols, drift, found.tied(model, block))
+    for patch in replaced:
+        patch.into(solved, derivative)
+    found.settle(model, block, solved)
 
 
 def accelerations(
@@ -108,30 +148,24 @@ def accelerations(
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        rhs = []
+        turns = found.turns
+        drift = []
         for i in block.contours:
-            v = contours[i]
-            total: Array = 0j
-            tangential: Array = 0j
-            for spin, z in v.arms:
-                w, a = speeds.spin[spin], found.spin[spin]
-                if not nothing(w):
-                    total = added(total, (w * w) * z)  # centripetal
-                if not nothing(a):
-                    tangential = added(tangential, a * z)
-            for j, spin, d in v.slides:
-                w = speeds.spin[spin]
-                if not nothing(w):
-                    tangential = added(tangential, (2.0 * w * speeds.slide[j]) * d)  # Coriolis
+            arms, slides = contours[i]
+            total: Array = None
+            for spin, z in arms:
+                turn, twice = turns[spin], speeds.twice[spin]
+                if twice is not None:  # centripetal and, where known, tangential
+                    turn = twice if turn is None else turn + twice
+                if turn is not None:
+                    total = turn * z if total is None else total + turn * z
+            if total is None:
+                total = 0j
+            for j, spin, d in slides:
+                if speeds.turns[spin] is not None:
+                    total = added(total, (2.0 * speeds.slide[j]) * (speeds.turns[spin] * d))  # Coriolis
                 if j not in block.slides:
-                    total = total - found.slide[j] * d
-            rhs.append(added(total, 1j * tangential, -1))
-        found.settle(model, block, _patched(bl.rates(block, c, rhs, found.tied(model, block)), patches, k, 2))
+                    total = added(total, found.slide[j] * d)
+            drift.append(total)
+        _solve(model, block, c, drift, found, patches, k, 2)
     return found
-
-
-def _patched(rates: list[Array], patches: Patches | None, block: int, derivative: int) -> list[Array]:
-    """Rates of a block with those frames replaced at which they are given."""
-    for patch in patches.get(block, ()) if patches else ():
-        patch.into(rates, derivative)
-    return rates

@@ -14,14 +14,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from .errors import Fault, MechanismError
 from .graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
 from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
+from .terms import Split, Terms, driven_spins, point_terms, split
 
 __all__ = ["Block", "Connection", "Model", "SpinContour", "Sum", "build_model"]
+
+Array = Any
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,11 @@ class Block:
     name: str  # the pair by which users know the group
     redundant: int = 0  # equations that are left over
     relations: tuple[int, ...] = ()
+
+    @cached_property
+    def dyad(self) -> bool:
+        """Whether it is one contour with two unknowns."""
+        return len(self.contours) == 1 and len(self.angles) + len(self.slides) == 2 and not self.relations
 
 
 @dataclass(frozen=True)
@@ -121,6 +131,46 @@ class Model:
         """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link."""
         own = [self.bodies[k] for k in self.links]
         return tuple((link.mass, complex(*link.centre), link.inertia) for link in own)
+
+    @cached_property
+    def splits(self) -> Mapping[int, Split]:
+        """Every contour as its block sees it."""
+        return {c: split(self, b, c) for b in self.blocks for c in b.contours}
+
+    @cached_property
+    def driven_spins(self) -> tuple[tuple[int, tuple[tuple[int, int], ...]], ...]:
+        """The spins that drives turn against their group, with (drive, sign)."""
+        return driven_spins(self)
+
+    @cached_property
+    def driven_slides(self) -> tuple[tuple[int, int], ...]:
+        """(joint, drive) of the driven slides."""
+        return tuple((j, d) for j, d in self.driven.items() if self.joints[j].coordinate == "slide")
+
+    @cached_property
+    def designs(self) -> tuple[int, ...]:
+        """(D,) where D designs are computed side by side, else ()."""
+        own = [np.shape(a)[:-1] for c in self.spin_contours for _, a in c.arms if np.ndim(a) > 1]
+        return own[0] if own else ()
+
+    @cached_property
+    def named_terms(self) -> dict[tuple[str, str], Terms]:
+        """The places of all named points as sums, where these are short."""
+        found = {(link, name): self.terms(k, local) for k, link in enumerate(self.links) for name, local in self.points[k].items()}
+        return {key: terms for key, terms in found.items() if terms is not None}
+
+    @cached_property
+    def _terms(self) -> dict[tuple[int, Array], Terms | None]:
+        return {}
+
+    def terms(self, k: int, local: Array) -> Terms | None:
+        """The place of a point of link ``k``, given in link axes, as a sum (see `terms`); None where that is too long."""
+        if not isinstance(local, complex):  # one place per design of a sweep
+            return point_terms(self, k, local)
+        key = k, local
+        if key not in self._terms:
+            self._terms[key] = point_terms(self, k, local)
+        return self._terms[key]
 
     def reach(self, contour: int) -> tuple[int, ...]:
         """Unknown groups that turn the vectors of a contour."""

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from . import blocks as bl
 from .blocks import Columns, Patch, State, Vectors
 from .changes import Change
-from .frames import added, nothing
+from .frames import added, lazy, nothing
 from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
+from .terms import Terms
 
 __all__ = ["Motion"]
 
@@ -27,7 +28,8 @@ FINE = 200_000  # positions computed at once between frames that are far apart
 class Motion:
     """The motion of a mechanism at a set of frames; what is not asked for is not computed.
 
-    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive. Results have a leading frame axis.
+    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive; a rate that does not change may be
+    given as one number. Results have a leading frame axis.
     Links, pairs and points go by their names; ``link.point`` names a point of a link.
     """
 
@@ -35,7 +37,7 @@ class Motion:
         self,
         model: Model,
         time: Real,
-        drives: Sequence[tuple[Real, Real, Real]],
+        drives: Sequence[tuple[Real, Real | float, Real | float]],
         state: State,
         patches: Mapping[int, Sequence[Patch]] | None = None,
         changes: Sequence[Change] = (),
@@ -43,15 +45,15 @@ class Motion:
     ):
         self.model = model
         self.time = time
-        self.drives = drives
+        self._drives = drives  # rates that do not change are single numbers
         self.state = state
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
-        self._arms: dict[tuple[int, int], tuple[Array, Array]] = {}
-        self._turning: dict[tuple[int, int], Array] = {}
-        self._offsets: dict[tuple[int, Any], Array] = {}
+        self._arms: dict[tuple[int, int, int], Array] = {}
+        self._slid: dict[tuple[int, int], Array] = {}
+        self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
         self._group_angles: dict[int, Array] = {}
 
     def __repr__(self) -> str:
@@ -65,33 +67,39 @@ class Motion:
     def frames(self) -> int:
         return len(self.time)
 
-    @cached_property
+    @lazy
+    def drives(self) -> list[tuple[Real, Real, Real]]:
+        """Position, speed and acceleration (F,) of each drive [rad or m, s]."""
+        return [(q, np.broadcast_to(v, q.shape), np.broadcast_to(a, q.shape)) for q, v, a in self._drives]
+
+    @lazy
     def shape(self) -> tuple[int, ...]:
         """(F,), or (D, F) where D designs are computed side by side (see `sweep`)."""
-        designs = [np.shape(arm)[:-1] for c in self.model.spin_contours for _, arm in c.arms if np.ndim(arm) > 1]
-        return (*designs[0], self.frames) if designs else (self.frames,)
+        return (*self.model.designs, len(self.time))
 
     # -- results by name ----------------------------------------------------------------------------------------------
     def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad] of the link's frame in the world, the angle continuous (F, 3)."""
         k = self.model.index[link]
-        return self._rows(self.origins[k], self.angle(k))
+        return self._rows(self.origin(k), self.angle(k))
 
     def velocity(self, link: str) -> Real:
         """First derivative of the pose (F, 3) [m/s, rad/s]."""
         k = self.model.index[link]
-        return self._rows(self.origin_velocities[k], self.speeds.spin[self.model.angles.spin[k]])
+        return self._rows(self.origin(k, 1), self.speeds.spin[self.model.angles.spin[k]])
 
     def acceleration(self, link: str) -> Real:
         """Second derivative of the pose (F, 3) [m/s^2, rad/s^2]."""
         k = self.model.index[link]
-        return self._rows(self.origin_accelerations[k], self.accelerations.spin[self.model.angles.spin[k]])
+        return self._rows(self.origin(k, 2), self.accelerations.spin[self.model.angles.spin[k]])
 
     def point(self, link: str, point: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
+        terms = self.model.named_terms.get((link, point))
+        if terms is not None:
+            return self._rows(self._summed(terms, derivative), fresh=True)
         k = self.model.index[link]
-        local = self.model.points[k][point]
-        return self._rows(self.of_point(k, local, derivative), fresh=not nothing(local))
+        return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a link's centre of mass, or its first or second derivative."""
@@ -135,27 +143,27 @@ class Motion:
         return self._rows(self.joint_point(self.model.joint_index[pair]))
 
     # -- solved stages ------------------------------------------------------------------------------------------------
-    @cached_property
+    @lazy
     def contours(self) -> dict[int, Vectors]:
         """The vectors of every contour in the world."""
         return {c: bl.vectors(self.model, c, self.state) for c in range(len(self.model.contours))}
 
-    @cached_property
+    @lazy
     def columns(self) -> list[Columns]:
         """Derivatives of each block's contours by its unknowns."""
         return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
 
-    @cached_property
+    @lazy
     def speeds(self) -> Rates:
         """Speeds of all spins and slides."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            return velocities(self.model, self.contours, self.columns, [d[1] for d in self.drives], self.patches)
+            return velocities(self.model, self.contours, self.columns, [d[1] for d in self._drives], self.patches)
 
-    @cached_property
+    @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            rates = [d[2] for d in self.drives]
+            rates = [d[2] for d in self._drives]
             return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
@@ -164,13 +172,45 @@ class Motion:
         turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
         return rot if turn == 1 else turn * rot
 
-    def turning(self, k: int, derivative: int) -> Array:
-        """What turns a vector fixed in link ``k`` into its first derivative, i omega, or second, i alpha - omega^2."""
-        key = self.model.angles.spin[k], derivative
-        if key not in self._turning:
-            w = self.speeds.spin[key[0]]
-            self._turning[key] = 1j * w if derivative == 1 else 1j * self.accelerations.spin[key[0]] - w * w
-        return self._turning[key]
+    def turned(self, derivative: int) -> list[Array]:
+        """Rotations of all spins, or their first or second derivatives (None where that is zero)."""
+        return self.state.rot if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
+
+    @lazy
+    def turned_once(self) -> list[Array]:
+        """First derivatives of the spins' rotations, i omega E; None where that is zero."""
+        return [None if t is None else t * e for t, e in zip(self.speeds.turns, self.state.rot, strict=True)]
+
+    @lazy
+    def turned_twice(self) -> list[Array]:
+        """Second derivatives of the spins' rotations, (i alpha - omega^2) E; None where that is zero."""
+        out = []
+        for e, alpha, twice in zip(self.state.rot, self.accelerations.turns, self.speeds.twice, strict=True):
+            factor = alpha if twice is None else twice if alpha is None else alpha + twice
+            out.append(None if factor is None else factor * e)
+        return out
+
+    def slid(self, j: int, derivative: int) -> Array:
+        """How far a joint has slid, as a vector in the world, or its first or second derivative."""
+        key = j, derivative
+        if key not in self._slid:
+            spin = self.model.angles.spin[self.model.ends[j][self.model.joints[j].guide]]
+            s, turn = self.state.slide[j], None if derivative == 0 else self.speeds.turns[spin]
+            if derivative == 1:
+                s = self.speeds.slide[j] if turn is None else self.speeds.slide[j] + turn * s
+            elif derivative == 2:
+                second = self.accelerations.slide[j]
+                if turn is not None:
+                    second = second + 2.0 * turn * self.speeds.slide[j] + self.speeds.twice[spin] * s
+                alpha = self.accelerations.turns[spin]
+                s = second if alpha is None else second + alpha * s
+            self._slid[key] = 0j if nothing(s) else s * self.guide(j)
+        return self._slid[key]
+
+    def offset(self, k: int, local: complex, derivative: int = 0) -> Array:
+        """A vector fixed in link ``k`` in the world, or its first or second derivative."""
+        turned = self.turned(derivative)[self.model.angles.spin[k]]
+        return 0j if turned is None or nothing(local) else (local * self.model.turn[k]) * turned
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous over the frames."""
@@ -199,7 +239,7 @@ class Motion:
 
     def _unwrapped(self, group: int, raw: Array) -> Array:
         """The angle made continuous. Where the drives go far between two frames the way between them is computed too."""
-        far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in self.drive_steps()), default=0.0)
+        far = self.stride
         if far <= 1.0 or self.again is None:
             if far <= 1.0:
                 return np.unwrap(raw)
@@ -225,78 +265,86 @@ class Motion:
             out[start : start + len(frames)] = own + 2.0 * np.pi * np.round((out[start] + turns - own) / (2.0 * np.pi))
         return out
 
-    def drive_steps(self) -> list[tuple[tuple[Real, Real, Real], float]]:
+    def drive_steps(self) -> list[tuple[tuple[Real, Real | float, Real | float], float]]:
         """The drives, each with a step that is small enough to follow angles by themselves [rad or m]."""
         return [
             (d, 0.2 if self.model.joints[j].coordinate == "angle" else 0.1 * self.model.size)
             for j, i in self.model.driven.items()
-            for d in [self.drives[i]]
+            for d in [self._drives[i]]
         ]
+
+    @lazy
+    def stride(self) -> float:
+        """Farthest way of a drive between two frames, in steps that are small enough to follow angles by themselves."""
+        far = 0.0
+        for (q, _, _), step in self.drive_steps():
+            if len(q) > 1:
+                far = max(far, float(np.maximum.reduce(np.abs(q[1:] - q[:-1]))) / step)
+        return far
 
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""
         joint = self.model.joints[j]
         return joint.slide * self.rotation(self.model.ends[j][joint.guide])
 
-    def _slide_direction(self, k: int, j: int, side: int) -> Array | None:
-        joint = self.model.joints[j]
-        return joint.slide * self.rotation(k) if joint.slide is not None and joint.guide == side else None
-
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
-        key = j, side
-        if key not in self._arms:
+        key = j, side, derivative
+        found = self._arms.get(key)
+        if found is None:
             joint = self.model.joints[j]
-            local = joint.b if side else joint.a
-            vector = 0j if isinstance(local, complex) and local == 0 else local * self.rotation(k)
-            d = self._slide_direction(k, j, side)
-            self._arms[key] = (vector if d is None else vector + self.state.slide[j] * d), d
-        vector, d = self._arms[key]
-        if derivative == 0 or (d is None and isinstance(vector, complex) and vector == 0):
-            return vector
-        out = self.turning(k, derivative) * vector
-        if d is None:
-            return out
-        if derivative == 1:
-            return out + self.speeds.slide[j] * d
-        w = self.speeds.spin[self.model.angles.spin[k]]
-        return out + (self.accelerations.slide[j] + 2j * (w * self.speeds.slide[j])) * d
-
-    def _along_tree(self, derivative: int) -> list[Array]:
-        tree, ends = self.model.tree, self.model.ends
-        found: list[Array] = [0j] * len(self.model.links)
-        for k in tree.order:
-            p, j = tree.parent[k], tree.joint[k]
-            side = 1 if ends[j][1] == k else 0
-            found[k] = added(added(found[p], self.arm(p, j, 1 - side, derivative)), self.arm(k, j, side, derivative), -1)
+            found = self.offset(k, joint.b if side else joint.a, derivative)
+            if joint.slide is not None and joint.guide == side:
+                found = added(found, self.slid(j, derivative))
+            self._arms[key] = found
         return found
 
-    @cached_property
+    def origin(self, k: int, derivative: int = 0) -> Array:
+        """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
+        tree, ends, known = self.model.tree, self.model.ends, self._origins
+        way = []
+        while (k, derivative) not in known:
+            way.append(k)
+            k = tree.parent[k]
+        found = known[k, derivative]
+        for link in reversed(way):
+            p, j = tree.parent[link], tree.joint[link]
+            side = 1 if ends[j][1] == link else 0
+            found = added(added(found, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative), -1)
+            known[link, derivative] = found
+        return found
+
+    @lazy
     def origins(self) -> list[Array]:
         """Positions of the origins of all links [m]."""
-        return self._along_tree(0)
+        return [self.origin(k) for k in range(len(self.model.links))]
 
-    @cached_property
+    @lazy
     def origin_velocities(self) -> list[Array]:
-        return self._along_tree(1)
+        return [self.origin(k, 1) for k in range(len(self.model.links))]
 
-    @cached_property
+    @lazy
     def origin_accelerations(self) -> list[Array]:
-        return self._along_tree(2)
+        return [self.origin(k, 2) for k in range(len(self.model.links))]
 
     def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
         """World position of a point given in link axes, or its first or second derivative."""
-        if derivative == 0:
-            origin = self.origins[k]
-        else:
-            origin = self.origin_velocities[k] if derivative == 1 else self.origin_accelerations[k]
-        if nothing(local):
-            return origin
-        key = k, id(local) if isinstance(local, np.ndarray) else local  # an array: one value per design of a sweep
-        r = self._offsets.get(key)
-        if r is None:
-            r = self._offsets[key] = local * self.rotation(k)
-        return origin + (r if derivative == 0 else self.turning(k, derivative) * r)
+        terms = self.model.terms(k, local)
+        if terms is None:
+            return added(self.origin(k, derivative), self.offset(k, local, derivative))
+        return self._summed(terms, derivative)
+
+    def _summed(self, terms: Terms, derivative: int) -> Array:
+        turned = self.turned(derivative)
+        total: Array = None
+        for spin, vector in terms.spins:
+            t = turned[spin]
+            if t is not None:
+                total = vector * t if total is None else total + vector * t
+        for j, sign in terms.slides:
+            slid = sign * self.slid(j, derivative)
+            total = slid if total is None else total + slid
+        return 0j if total is None else total
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:
         """Where a joint is: on the link that does not carry the guide."""
@@ -307,9 +355,9 @@ class Motion:
     def _rows(self, z: Array, angle: Array | None = None, *, fresh: bool = False) -> Real:
         """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
         if angle is None:
-            if np.shape(z) != self.shape or z.dtype != complex:
+            if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
                 z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
-            return (z if fresh else np.array(z, order="C")).view(float).reshape(*self.shape, 2)
+            return (z if fresh else z.copy())[..., None].view(float)
         out = np.empty((*self.shape, 3))
         out[..., 0], out[..., 1], out[..., 2] = z.real, z.imag, angle
         return out

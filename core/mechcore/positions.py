@@ -24,21 +24,17 @@ def initial_state(
     ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
     """
     factor: dict[tuple[int, int], Array] = {}
-
-    def rotation(d: int, sign: int) -> Array:
-        if (d, sign) not in factor:
-            q = drives[d] if sign == 1 else sign * drives[d]
-            factor[d, sign] = rotation_of(q)
-        return factor[d, sign]
-
-    delta: list[Array] = []
-    for terms in model.angles.spin_drives:
+    delta: list[Array] = [1 + 0j] * len(model.angles.spin_group)
+    for spin, terms in model.driven_spins:
         total: Array = None
-        for d, sign in terms:
-            total = rotation(d, sign) if total is None else total * rotation(d, sign)
-        delta.append(1 + 0j if total is None else total)
+        for term in terms:
+            if term not in factor:
+                d, sign = term
+                factor[term] = rotation_of(drives[d] if sign == 1 else sign * drives[d])
+            total = factor[term] if total is None else total * factor[term]
+        delta[spin] = total
     rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
-    slide = {j: drives[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}
+    slide = {j: drives[d] for j, d in model.driven_slides}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {})
 
 
@@ -63,10 +59,8 @@ def place_all(
 
 def drive_rates(model: Model, rates: Sequence[Array]) -> tuple[list[Array], dict[int, Array]]:
     """What the drives' rates alone decide: extra speed of each spin over its group, and the rates of driven slides."""
-    extra: list[Array] = []
-    for terms in model.angles.spin_drives:
-        total: Array = 0.0
+    extra: list[Array] = [0.0] * len(model.angles.spin_group)
+    for spin, terms in model.driven_spins:
         for d, sign in terms:
-            total = total + sign * rates[d]
-        extra.append(total)
-    return extra, {j: rates[d] for j, d in model.driven.items() if model.joints[j].coordinate == "slide"}
+            extra[spin] = extra[spin] + sign * rates[d]
+    return extra, {j: rates[d] for j, d in model.driven_slides}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from .assembly import Assembly, assemble
 from .changes import Changes, find_changes, needs_span, passages
 from .continuation import Track, follow
 from .errors import Fault, MechanismError
+from .laws import ConstantSpeed
 from .model import Block, Model, build_model
 from .motion import Motion
 from .patching import make_patches
@@ -81,9 +83,14 @@ def solve_motion(
     assembled, ``strict`` raises `MechanismError` naming the pair, the range and the gap; else those frames are NaN.
     """
     model = compiled.model
-    time = np.atleast_1d(np.asarray(time, float))
-    values = []
+    time = np.asarray(time, float)
+    if time.ndim == 0:
+        time = time[None]
+    values: list[tuple[Array, Array, Array]] = []
     for d in model.mechanism.drives:
+        if drives is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
+            values.append((d.law.start + d.law.speed * time, float(d.law.speed), 0.0))
+            continue
         given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
         q, v, a = (np.asarray(x, float) for x in given)
         if not q.shape == v.shape == a.shape == time.shape:
@@ -136,7 +143,7 @@ def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
 
 def _check_between(compiled: Compiled, motion: Motion) -> None:
     """Frames that are far apart must not hide a stretch between them that cannot be assembled."""
-    far = max((float(np.abs(np.diff(d[0])).max(initial=0.0)) / s for d, s in motion.drive_steps()), default=0.0)
+    far = motion.stride
     if far <= 1.0 or len(motion.time) < 2:
         return
     parts = int(np.ceil(min(far, MOST_BETWEEN / len(motion.time))))
@@ -240,7 +247,7 @@ def _all_placed(model: Model, motion: Motion) -> bool:
         if block.redundant or block.kind == "general":
             return False  # these have more to check than that they are there
         x = motion.state.rot[model.angles.spins_of[block.angles[0]][0]] if block.angles else motion.state.slide[block.slides[0]]
-        if not np.isfinite(np.sum(x)):
+        if not cmath.isfinite(np.add.reduce(x, axis=None)):
             return False
     return True
 
