@@ -16,6 +16,7 @@ from .changes import Changes, find_changes, needs_span, passages
 from .continuation import Track, follow
 from .errors import Fault, MechanismError
 from .laws import ConstantSpeed
+from .memory import keep_freed_memory
 from .model import Block, Model, build_model
 from .motion import Motion
 from .patching import make_patches
@@ -47,6 +48,7 @@ class Compiled:
 
 def compile_mechanism(mechanism: Mechanism) -> Compiled:
     """Compile and assemble a mechanism. Raises `MechanismError` with every fault that can be seen."""
+    keep_freed_memory()
     model = build_model(mechanism)
     if model.free:
         n = len(model.free)
