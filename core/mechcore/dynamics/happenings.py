@@ -1,0 +1,121 @@
+"""What can happen in the course of a motion: stops that are hit, values that are passed, ends that are reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from ..motion import Motion
+from .collocation import Window
+
+__all__ = ["Gauge", "Happening", "Stop", "Watch", "first_zero", "gauge_of"]
+
+Array = NDArray[np.float64]
+SAMPLES = 25  # of a window, in which a gauge is a polynomial to rounding or nearly so
+_X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
+
+Gauge = Callable[[Array, Array, Array], Array]
+"""Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """An end stop of a pair: its coordinate cannot pass ``at`` [rad or m]. ``side`` "upper": it stays below, "lower": above.
+
+    ``restitution`` (0 to 1) is Newton's coefficient: relative speed after the impact over that before.
+    """
+
+    name: str
+    pair: str
+    at: float
+    side: Literal["upper", "lower"] = "upper"
+    restitution: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes ``at``.
+
+    ``rising`` True or False: only in that direction. ``ends``: the motion ends there.
+    """
+
+    name: str
+    of: Literal["position", "velocity", "x", "y"] = "position"
+    pair: str | None = None
+    point: tuple[str, str] | None = None
+    at: float = 0.0
+    rising: bool | None = None
+    ends: bool = False
+
+
+@dataclass(frozen=True)
+class Happening:
+    """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in words."""
+
+    time: float
+    kind: str
+    item: str
+    text: str
+
+
+def gauge_of(watch: Watch | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]) -> Gauge:
+    """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
+    of = watch.of if isinstance(watch, Watch) else "position"
+    if watch.pair in coordinates and of in ("position", "velocity"):
+        i = coordinates[watch.pair]
+        return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
+
+    def measured(q: Array, v: Array, t: Array) -> Array:
+        motion = motion_at(q, v, t)
+        value: Any
+        if of in ("position", "velocity"):
+            assert watch.pair is not None
+            value = motion.coordinate(watch.pair)[:, 0 if of == "position" else 1]
+        else:
+            assert isinstance(watch, Watch) and watch.point is not None
+            value = motion.point(*watch.point)[:, 0 if of == "x" else 1]
+        return np.asarray(value) - watch.at
+
+    return measured
+
+
+def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) -> float | None:
+    """The first time in a window, later than ``after`` [s], at which a gauge passes zero; None where it does not."""
+    low, high = max(window.start, after), window.start + window.length
+    if high - low <= 0:
+        return None
+
+    def at(x: Array) -> Array:
+        t = low + 0.5 * (high - low) * (x + 1.0)
+        q, v, _ = window(t)
+        return gauge(q, v, t)
+
+    y = at(_X)
+    ends = at(np.array([-1.0, 1.0]))
+    size = float(np.abs(y).max())
+    if size == 0.0 or (np.abs(np.diff(y)).sum() < abs(y[0]) and np.all(np.sign(np.append(y, ends)) == np.sign(y[0]))):
+        return None  # stays away from zero: the way that it goes in the window is shorter than what is missing
+    coefficients = _FIT @ y
+    roots = chebyshev.chebroots(chebyshev.chebtrim(coefficients, 1e-15 * size))
+    real = np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) <= 1.0 + 1e-9)].real)
+    slope = chebyshev.chebder(coefficients)
+    for x in real:
+        for _ in range(3):  # polished on the gauge itself
+            d = float(chebyshev.chebval(x, slope))
+            if d == 0.0:
+                break
+            x = x - float(at(np.array([x]))[0]) / d
+        if not -1.0 - 1e-12 <= x <= 1.0 + 1e-12:
+            continue
+        going = float(chebyshev.chebval(x, slope))
+        if rising is None or (going > 0) == rising:
+            time = low + 0.5 * (high - low) * (float(x) + 1.0)
+            if time > after:
+                return time
+    return None

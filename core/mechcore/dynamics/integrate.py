@@ -1,0 +1,152 @@
+"""Windows of collocation, one after the other, with control of their length to a requested tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Fault, MechanismError
+from .collocation import Rule, Window, gauss, radau, solve_window
+
+__all__ = ["Solution", "System", "integrate", "nodes_for"]
+
+Array = NDArray[np.float64]
+
+
+class System(Protocol):
+    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by both."""
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array: ...
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]: ...
+
+
+@dataclass
+class Solution:
+    """Windows in order of time: the dense output. ``evaluations``: calls of the system, all nodes of a window in each."""
+
+    windows: list[Window] = field(default_factory=list)
+    evaluations: int = 0
+    rejected: int = 0
+
+    @property
+    def end(self) -> float:
+        last = self.windows[-1]
+        return last.start + last.length
+
+    def __call__(self, t: Any) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration (n, f) at times (n,); a time on the border belongs to the earlier window."""
+        t = np.atleast_1d(np.asarray(t, float))
+        starts = np.array([w.start for w in self.windows])
+        which = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
+        f = len(self.windows[0].q)
+        out = tuple(np.empty((len(t), f)) for _ in range(3))
+        order = np.argsort(which, kind="stable")
+        edges = np.flatnonzero(np.diff(which[order])) + 1
+        for rows in np.split(order, edges):
+            if len(rows):
+                for o, x in zip(out, self.windows[which[rows[0]]](t[rows]), strict=True):
+                    o[rows] = x
+        return out  # type: ignore[return-value]
+
+
+def nodes_for(tolerance: float) -> int:
+    """Nodes a window for a relative tolerance: about as many as digits are wanted (measured: flat between 8 and 14)."""
+    return int(np.clip(round(-np.log10(max(tolerance, 1e-15))) + 2, 5, 14))
+
+
+def integrate(
+    system: System,
+    q: Array,
+    v: Array,
+    t0: float,
+    t1: float,
+    *,
+    tolerance: float = 1e-9,
+    scale: Array | float = 1.0,
+    stiff: bool = False,
+    first: float | None = None,
+    nodes: int | None = None,
+    after: Callable[[Window], float | None] | None = None,
+) -> Solution:
+    """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
+
+    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called with every
+    accepted window; a time that it returns ends the integration there. Raises `MechanismError` where no window however short succeeds.
+    """
+    s = nodes or nodes_for(tolerance)
+    rule: Rule = radau(s) if stiff else gauss(s)
+    q, v = np.asarray(q, float), np.asarray(v, float)
+    solution = Solution()
+    a0 = system(q[None], v[None], np.array([t0]))
+    solution.evaluations += 1
+    h = first or _first_window(q, v, a0[0], t1 - t0, scale)
+    guess = np.repeat(a0, s, axis=0)
+    t = t0
+    least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+    while t < t1 - least:
+        h = min(h, t1 - t)
+        if t + 1.9 * h > t1 and t + h < t1:
+            h = 0.5 * (t1 - t)  # no sliver at the end
+        tiny = 1e-15 * (1.0 + float(np.abs(q).max()))
+        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance * float(np.min(scale)), tiny))
+        if solved is not None:
+            nodes_a, count = solved
+            solution.evaluations += count
+            window = Window(t, h, q, v, rule.legendre @ nodes_a)
+            error = _tail(window) / (tolerance * scale)
+            worst = float(np.max(error))
+        else:
+            solution.evaluations += 8
+            worst = np.inf
+        if worst > 4.0:
+            solution.rejected += 1
+            h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / (s + 1)), 0.1, 0.7)) if np.isfinite(worst) else 0.3
+            if h < 1e3 * least:
+                raise MechanismError(
+                    Fault("dynamics", f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail.",
+                          "Look at the events before that time: a limit of the motion, a force without bound, or a jam.")
+                )
+            guess = np.repeat(guess[:1], s, axis=0)
+            continue
+        solution.windows.append(window)
+        stop = after(window) if after is not None else None
+        if stop is not None:
+            break
+        end_q, end_v, end_a = window(np.array([t + h]))
+        q, v = end_q[0], end_v[0]
+        t += h
+        longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / (s + 1)), 0.3, 1.6))
+        guess = _extrapolated(window, t + longer * rule.nodes, end_a)
+        h = longer
+    return solution
+
+
+def _tail(window: Window) -> Array:
+    """Estimate of the position's error in a window (f,): what the last two coefficients of the acceleration amount to in it."""
+    s = len(window.a)
+    k = np.array([s - 2, s - 1])
+    return window.length**2 * np.max(np.abs(window.a[-2:]) / (4.0 * (k * k))[:, None], axis=0)
+
+
+def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:
+    speed, bend = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
+    h = span
+    if speed:
+        h = min(h, 0.2 / speed)
+    if bend:
+        h = min(h, np.sqrt(0.2 / bend))
+    return h
+
+
+def _extrapolated(window: Window, t: Array, end: Array) -> Array:
+    """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
+    guess = window(t)[2]
+    spread = float(np.abs(window.a).sum())
+    if np.abs(guess - end).max() > 4.0 * spread + 1e-300:
+        return np.repeat(end, len(t), axis=0)
+    return guess

@@ -1,0 +1,115 @@
+"""Functions of one coordinate as Chebyshev polynomials on equal panels: values and exact derivatives for many arguments at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+__all__ = ["NODES", "Panels", "fit_panels"]
+
+Array = NDArray[np.float64]
+NODES = 16  # of a panel
+_X = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
+
+
+def _derivative_matrix(n: int) -> Array:
+    """(n, n): from Chebyshev coefficients of a function to those of its derivative."""
+    out = np.zeros((n, n))
+    for k in range(n):
+        unit = np.zeros(n)
+        unit[k] = 1.0
+        d = chebyshev.chebder(unit)
+        out[: len(d), k] = d
+    return out
+
+
+def _integral_matrix(n: int) -> Array:
+    """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left border."""
+    return np.column_stack([np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))])
+
+
+def _unit(k: int) -> Array:
+    out = np.zeros(k + 1)
+    out[k] = 1.0
+    return out
+
+
+_DER = _derivative_matrix(NODES)
+_INT = _integral_matrix(NODES)
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on; with ``periodic`` they repeat after all."""
+
+    low: float
+    width: float
+    coefficients: Array
+    periodic: bool
+
+    @property
+    def count(self) -> int:
+        return len(self.coefficients)
+
+    @property
+    def high(self) -> float:
+        return self.low + self.width * self.count
+
+    def __call__(self, x: Array) -> Array:
+        """Values of the functions at x (n,) -> (n, c)."""
+        u = (x - self.low) / self.width
+        k = np.floor(u)
+        z = 2.0 * (u - k) - 1.0
+        cell = k.astype(int)
+        cell = np.mod(cell, self.count) if self.periodic else np.clip(cell, 0, self.count - 1)
+        if not self.periodic:
+            z = 2.0 * (u - cell) - 1.0
+        z = np.clip(z, -1.0, 1.0)
+        basis = np.cos(np.arange(self.coefficients.shape[1]) * np.arccos(z)[:, None])
+        return (basis[:, None, :] @ self.coefficients[cell])[:, 0, :]
+
+    def derivative(self) -> Panels:
+        """The functions' derivatives by x."""
+        return Panels(self.low, self.width, (2.0 / self.width) * np.einsum("ij,pjc->pic", _DER, self.coefficients), self.periodic)
+
+    def integral(self) -> Panels:
+        """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
+        inner = 0.5 * self.width * np.einsum("ij,pjc->pic", _INT, self.coefficients)
+        gains = inner.sum(axis=1)  # value at the right border: every Chebyshev polynomial is 1 there; 0 at the left
+        start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
+        inner[:, 0] += start
+        return Panels(self.low, self.width, inner, False)
+
+    def stacked(self, other: Panels) -> Panels:
+        """Functions of both, side by side."""
+        return Panels(self.low, self.width, np.concatenate([self.coefficients, other.coefficients], axis=2), self.periodic)
+
+    def tail(self) -> Array:
+        """Largest of the last three coefficients of each function, relative to its largest (c,)."""
+        largest = np.abs(self.coefficients).max(axis=(0, 1))
+        return np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0)
+
+
+def fit_panels(
+    function: Callable[[Array], Array], low: float, high: float, *, periodic: bool, tolerance: float, first: int = 8, most: int = 4096
+) -> Panels:
+    """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved together until then."""
+    count = first
+    previous: Any = np.inf
+    while True:
+        width = (high - low) / count
+        centres = low + width * (np.arange(count) + 0.5)
+        x = (centres[:, None] + 0.5 * width * _X).ravel()
+        values = function(x)
+        coefficients = np.einsum("ij,pjc->pic", _FIT, values.reshape(count, NODES, -1))
+        panels = Panels(low, width, coefficients, periodic)
+        tail = float(panels.tail().max())
+        if tail <= tolerance or 2 * count > most or (tail < 1e-10 and tail > 0.3 * previous):
+            return panels
+        previous, count = tail, 2 * count

@@ -1,0 +1,100 @@
+"""Reduction of a mechanism's masses and forces to its free coordinates, for many positions at once.
+
+With the free coordinates q as if they were drives, every velocity is linear in q': v = sum_i v_i q_i'. Hence the reduced inertia
+M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces that are left
+when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced mass, Lagrange's
+equations of the second kind). Positions are solved on the manifold itself: nothing drifts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import effects_of, power_of
+from ..motion import Motion
+from ..solve import Compiled, solve_motion
+
+__all__ = ["Reduced", "motion_at", "reduce", "tangents", "with_rates"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """``inertia`` (n, f, f), ``bias`` h (n, f) and ``force`` Q (n, f): M q'' + h = Q."""
+
+    inertia: Real
+    bias: Real
+    force: Real
+
+    def acceleration(self) -> Real:
+        """q'' (n, f)."""
+        rhs = self.force - self.bias
+        if rhs.shape[1] == 1:
+            return rhs / self.inertia[:, :, 0]
+        return np.linalg.solve(self.inertia, rhs[..., None])[..., 0]
+
+
+def motion_at(compiled: Compiled, q: Real, v: Real, t: Real) -> Motion:
+    """The mechanism at free coordinates (n, f) with rates (n, f), times (n,), and q'' = 0."""
+    none = np.zeros(len(t))
+    drives = {d.pair: (q[:, i], v[:, i], none) for i, d in enumerate(compiled.mechanism.drives)}
+    return solve_motion(compiled, t, drives=drives, strict=False)
+
+
+def with_rates(motion: Motion, rates: Sequence[Array]) -> Motion:
+    """The same positions with other rates (n,) of the free coordinates and q'' = 0; nothing but the velocities is solved anew."""
+    none = np.zeros(motion.frames)
+    drives = [(d[0], r, none) for d, r in zip(motion.drives, rates, strict=True)]
+    m = Motion(motion.model, motion.time, drives, motion.state, motion.patches and _scaled(motion, rates))
+    m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins)
+    return m
+
+
+def _scaled(motion: Motion, rates: Sequence[Array]) -> Any:
+    """Patches at change points, made for a unit rate, at another rate (one freedom only: with more there are none)."""
+    return {
+        block: [replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2) for p in patches]
+        for block, patches in (motion.patches or {}).items()
+    }
+
+
+def tangents(motion: Motion) -> list[Motion]:
+    """The same positions with the unit rate of one free coordinate each."""
+    f, one, none = len(motion.drives), np.ones(motion.frames), np.zeros(motion.frames)
+    return [with_rates(motion, [one if k == i else none for k in range(f)]) for i in range(f)]
+
+
+def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> Reduced:
+    """Reduced equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
+    motion = motion_at(compiled, q, v, t)
+    units = tangents(motion)
+    model, f = motion.model, q.shape[1]
+    inertia, bias = np.zeros((len(t), f, f)), np.zeros((len(t), f))
+    for k in range(1, len(model.links)):
+        mass, centre, moment = model.masses[k]
+        if not (mass or moment):
+            continue
+        spin = model.angles.spin[k]
+        speeds = [u.of_point(k, centre, 1) for u in units]
+        spins = [u.speeds.spin[spin] for u in units]
+        a, alpha = motion.of_point(k, centre, 2), motion.accelerations.spin[spin]
+        for i in range(f):
+            bias[:, i] += mass * np.real(np.conj(speeds[i]) * a) + moment * spins[i] * alpha
+            for j in range(i + 1):
+                inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * spins[i] * spins[j]
+    for i in range(f):
+        inertia[:, : i + 1, i] = inertia[:, i, : i + 1]
+    force = np.zeros((len(t), f))
+    for effect in effects_of(compiled.mechanism):
+        if "accelerations" not in effect.needs:
+            for w in effect.wrenches(motion):
+                for i, unit in enumerate(units):
+                    force[:, i] += power_of(unit, w)
+    return Reduced(inertia, bias, force)

@@ -1,0 +1,375 @@
+"""Forward dynamics: the motion of a mechanism under its forces, with what happens on the way.
+
+One freedom that can turn fully is tabulated on its configuration curve; if all its forces depend on the position alone, its energy
+gives the motion without a single step in time. All else is collocation in windows, in a chart of the configurations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import Fault, MechanismError
+from ..kinetostatics import Forces, solve_forces
+from ..motion import Motion
+from ..solve import Compiled, compile_mechanism, solve_motion
+from ..spec import Mechanism
+from .chart import Chart
+from .collocation import Window
+from .curve import TURN, Curve, tabulate
+from .energy import by_energy
+from .free import Free
+from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
+from .integrate import Solution, integrate
+from .reduced import motion_at, reduce
+
+__all__ = ["Method", "Simulation", "simulate"]
+
+Array = NDArray[np.float64]
+Method = Literal["auto", "energy", "gauss", "radau"]
+MOST_HAPPENINGS = 100_000
+LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of the motion on which the same system holds: ``way(t)`` gives q, v, a (n, f)."""
+
+    start: float
+    end: float
+    way: Any
+    system: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A motion that was found. Call it with times (n,) [s] for positions, speeds, accelerations (n, f) of the free coordinates.
+
+    ``method``: what found it; ``evaluations``: calls of the equations of motion, many nodes in each.
+    """
+
+    compiled: Compiled
+    pieces: tuple[Piece, ...]
+    happenings: tuple[Happening, ...]
+    method: str
+    tolerance: float
+    evaluations: int
+    lost: tuple[tuple[float, float], ...] = field(default=())  # time and energy [J] of every impact
+
+    @property
+    def duration(self) -> float:
+        return self.pieces[-1].end
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        t = np.atleast_1d(np.asarray(t, float))
+        ends = np.array([p.end for p in self.pieces[:-1]])
+        which = np.searchsorted(ends, t, side="left")
+        f = len(self.compiled.mechanism.drives)
+        out = np.empty((3, len(t), f))
+        for k in np.unique(which):
+            rows = which == k
+            piece = self.pieces[k]
+            q, v, _ = piece.way(t[rows])
+            out[:, rows] = q, v, piece.system(q, v, t[rows])
+        return out[0], out[1], out[2]
+
+    def motion(self, t: ArrayLike) -> Motion:
+        """The mechanism's motion at times (F,) [s]: the same kind of result as for prescribed drives."""
+        t = np.atleast_1d(np.asarray(t, float))
+        q, v, a = self(t)
+        drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
+        return solve_motion(self.compiled, t, drives=drives)
+
+    def forces(self, motion: Motion) -> Forces:
+        """All joint reactions, by the kinetostatic core; the free coordinates' efforts are zero to rounding, or hold what is held."""
+        return solve_forces(motion)
+
+    def work(self, t: ArrayLike) -> Array:
+        """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
+        t = np.atleast_1d(np.asarray(t, float))
+        nodes, weights = np.polynomial.legendre.leggauss(16)
+        edges = np.unique(np.concatenate([self._borders(), t[(t > 0) & (t < self.duration)], [0.0, self.duration]]))
+        widths = np.diff(edges)
+        x = (edges[:-1, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
+        q, v, _ = self(x)
+        r = reduce(self.compiled, q, v, x)
+        power = np.sum(r.force * v, axis=1).reshape(len(widths), -1)
+        gained = np.concatenate([[0.0], np.cumsum(0.5 * widths * (power @ weights))])
+        total = np.interp(t, edges, gained)
+        for time, energy in self.lost:
+            total = total - np.where(t > time, energy, 0.0)
+        return np.asarray(total)
+
+    def kinetic_energy(self, t: ArrayLike) -> Array:
+        """Kinetic energy (n,) [J]."""
+        t = np.atleast_1d(np.asarray(t, float))
+        q, v, _ = self(t)
+        return np.asarray(0.5 * np.einsum("ni,nij,nj->n", v, reduce(self.compiled, q, v, t).inertia, v))
+
+    def drift(self, t: ArrayLike) -> Array:
+        """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,)."""
+        t = np.atleast_1d(np.asarray(t, float))
+        kinetic, work = self.kinetic_energy(np.append(t, 0.0)), self.work(t)
+        size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), 1e-300)
+        return (kinetic[:-1] - kinetic[-1] - work) / size
+
+    def _borders(self) -> Array:
+        out = [p.start for p in self.pieces]
+        for p in self.pieces:
+            if isinstance(p.way, Solution):
+                out += [w.start for w in p.way.windows if p.start <= w.start < p.end]
+            else:
+                out += list(np.linspace(p.start, p.end, 400)[1:-1])
+        return np.array(out)
+
+
+def simulate(
+    mechanism: Mechanism | Compiled,
+    duration: float,
+    *,
+    tolerance: float = 1e-9,
+    method: Method = "auto",
+    stops: Sequence[Stop] = (),
+    watches: Sequence[Watch] = (),
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
+
+    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom and
+    forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Raises `MechanismError`.
+    """
+    compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    _validate(compiled, duration, tolerance)
+    drives = compiled.mechanism.drives
+    q = np.array([float(d.law(0.0)[0]) for d in drives])
+    v = np.array([float(d.law(0.0)[1]) for d in drives])
+    system: Any = Chart(compiled)
+    if len(drives) == 1 and _turns_fully(compiled):
+        system = tabulate(compiled, q[0], q[0] + TURN, periodic=True, tolerance=min(1e-12, tolerance))
+    if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
+        found = by_energy(system, q[0], v[0], duration, tolerance=min(1e-12, tolerance))
+        if found is not None:
+            return Simulation(compiled, (Piece(0.0, duration, found, system),), (), "energy", tolerance, 0)
+    if method == "energy":
+        raise MechanismError(
+            Fault("dynamics.method", '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
+                  "the position alone, no stops and no watches.", 'Choose "auto", "gauss" or "radau".')
+        )
+    return _Run(compiled, system, duration, tolerance, method, stops, watches, progress).go(q, v)
+
+
+def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
+    faults = []
+    if not (np.isfinite(duration) and duration > 0):
+        faults.append(Fault("dynamics.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
+    if not 1e-15 <= tolerance <= 0.1:
+        faults.append(Fault("dynamics.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
+    mechanism = compiled.mechanism
+    if "inertia" not in mechanism.effects:
+        faults.append(
+            Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.')
+        )
+    for d in mechanism.drives:
+        if not isinstance(d.law, Free):
+            faults.append(Fault(f"pairs.{d.pair}.drive", "is prescribed; forward dynamics wants it free.", "Give it a free start."))
+    if not faults:
+        q = np.array([[float(d.law(0.0)[0]) for d in mechanism.drives]])
+        inertia = reduce(compiled, q, np.zeros_like(q), np.zeros(1)).inertia[0]
+        values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
+        if values[0] <= 1e-14 * values[-1]:
+            faults.append(
+                Fault("links", "a free coordinate moves no mass: its acceleration has no bound.",
+                      "Give a mass or a moment of inertia to the links that it moves.")
+            )
+    if faults:
+        raise MechanismError(faults)
+
+
+def _turns_fully(compiled: Compiled) -> bool:
+    """Whether one turn of the only, rotary, coordinate comes back to where it started."""
+    model = compiled.model
+    if model.joints[model.joint_index[compiled.mechanism.drives[0].pair]].coordinate != "angle":
+        return False
+    q0 = compiled.start[0]
+    q = q0 + TURN * np.linspace(0.0, 1.0, 721)
+    motion = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
+    for k, link in enumerate(model.links):
+        pose = motion.pose(link)
+        if not np.isfinite(pose).all():
+            return False
+        away = np.abs(pose[-1, :2] - pose[0, :2]).max() / model.size
+        turned = np.abs(np.exp(1j * pose[-1, 2]) - np.exp(1j * pose[0, 2]))
+        if k and max(away, turned) > 1e-8:
+            return False
+    return True
+
+
+class _Run:
+    """Pieces one after the other: in each the same stops hold; what happens ends it."""
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        system: Any,
+        duration: float,
+        tolerance: float,
+        method: Method,
+        stops: Sequence[Stop],
+        watches: Sequence[Watch],
+        progress: Callable[[float], None] | None,
+    ):
+        self.compiled, self.system, self.duration, self.tolerance, self.method = compiled, system, duration, tolerance, method
+        self.stops, self.watches, self.progress = stops, watches, progress
+        drives = compiled.mechanism.drives
+        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
+        model = compiled.model
+        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
+        self.scale = np.array([1.0 if a else model.size for a in angle])
+        at = lambda q, v, t: motion_at(compiled, q, v, t)  # noqa: E731 - three times the same short word
+        self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in stops]
+        self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in watches]
+        self.pieces: list[Piece] = []
+        self.happenings: list[Happening] = []
+        self.lost: list[tuple[float, float]] = []
+        self.evaluations = 0
+        self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
+
+    def go(self, q: Array, v: Array) -> Simulation:
+        """Run from q, v to the end."""
+        for s, gauge, upper in self.limits:
+            beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
+            if beyond > 1e-12:
+                raise MechanismError(
+                    Fault(f"stops.{s.name}", f"the motion starts {beyond:.6g} beyond it.", "Start on the other side, or move the stop.")
+                )
+        t = 0.0
+        while t < self.duration * (1.0 - 1e-13):
+            t, q, v, ended = self._piece(t, q, v)
+            if ended:
+                break
+            if len(self.happenings) > MOST_HAPPENINGS:
+                raise MechanismError(
+                    Fault("dynamics", f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.", "Simulate a shorter time.")
+                )
+        return Simulation(
+            self.compiled,
+            tuple(self.pieces),
+            tuple(self.happenings),
+            "radau" if self.method == "radau" else "gauss",
+            self.tolerance,
+            self.evaluations,
+            tuple(self.lost),
+        )
+
+    def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
+        """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
+        system = Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
+        first: list[tuple[float, Any]] = []
+
+        def after(window: Window) -> float | None:
+            first.clear()
+            for k, (s, gauge, upper) in enumerate(self.limits):
+                if s not in self.resting.values():
+                    at = first_zero(gauge, window, t, upper)
+                    if at is not None:
+                        first.append((at, ("stop", k)))
+            for k, (w, gauge) in enumerate(self.looks):
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, w.rising)
+                if at is not None:
+                    first.append((at, ("watch", k)))
+            for i, s in self.resting.items():
+                pull = self._pull(system, i, s)
+                at = first_zero(pull, window, t + 1e-12 * self.duration, None)
+                if at is not None:
+                    first.append((at, ("release", i)))
+            first.sort(key=lambda e: e[0])
+            if self.progress is not None:
+                self.progress(min(window.start + window.length, self.duration))
+            return first[0][0] if first else None
+
+        solution = integrate(
+            system, q, v, t, self.duration, tolerance=self.tolerance, scale=self.scale, stiff=self.method == "radau", after=after
+        )
+        self.evaluations += solution.evaluations
+        end = first[0][0] if first else self.duration
+        self.pieces.append(Piece(t, end, solution, system))
+        end_q, end_v, _ = solution(np.array([end]))
+        q, v = end_q[0], end_v[0]
+        ended = False
+        for time, (kind, k) in list(first):
+            if time > end + 1e-14 * self.duration:
+                break
+            if kind == "stop":
+                v = self._impact(time, q, v, k)
+            elif kind == "release":
+                stop = self.resting.pop(k)
+                self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+            else:
+                watch = self.looks[k][0]
+                self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
+                ended = ended or watch.ends
+        return end, q, v, ended
+
+    def _pull(self, system: Chart, i: int, stop: Stop) -> Gauge:
+        """What the stop has to hold: positive while the coordinate presses on it."""
+        place = int(np.searchsorted(system.held, i))
+        sign = -1.0 if stop.side == "upper" else 1.0
+        return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
+
+    def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:
+        """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
+        stop, _, upper = self.limits[k]
+        row = np.array([t])
+        r = reduce(self.compiled, q[None], v[None], row)
+        gradient = self._gradient(stop, q, row)
+        hit = float(gradient @ v)
+        mobility = np.linalg.solve(r.inertia[0], gradient)
+        free = [i for i in range(len(q)) if i not in self.resting]
+        if len(free) < len(q):  # what rests on other stops takes no part
+            mobility = np.zeros(len(q))
+            mobility[free] = np.linalg.solve(r.inertia[0][np.ix_(free, free)], gradient[free])
+        e = stop.restitution
+        before = 0.5 * float(v @ r.inertia[0] @ v)
+        a = float(gradient @ r.acceleration()[0])  # how fast it falls back onto the stop
+        towards = a if upper else -a
+        rebound = e * abs(hit)
+        self.lost.append((t, 0.0))
+        rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
+        factor = 1.0 if rests else 1.0 + e
+        v = v - mobility * (factor * hit / float(gradient @ mobility))
+        self.lost[-1] = (t, before - 0.5 * float(v @ r.inertia[0] @ v))
+        words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
+        self.happenings.append(Happening(t, "impact", stop.name, words))
+        if rests and towards > 0:
+            i = self.coordinates.get(stop.pair, 0)
+            self.resting[i] = stop
+            v = np.where(np.arange(len(v)) == i, 0.0, v) if len(v) > 1 else np.zeros(1)
+            self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        return v
+
+    def _gradient(self, stop: Stop, q: Array, t: Array) -> Array:
+        """Rate of a stop's coordinate per unit rate of each free coordinate (f,)."""
+        out = np.zeros(len(q))
+        if stop.pair in self.coordinates:
+            out[self.coordinates[stop.pair]] = 1.0
+            return out
+        for i in range(len(q)):
+            unit = np.zeros((1, len(q)))
+            unit[0, i] = 1.0
+            out[i] = motion_at(self.compiled, q[None], unit, t).coordinate(stop.pair)[0, 1]
+        return out
+
+    def _rotary(self, pair: str) -> bool:
+        model = self.compiled.model
+        return pair not in model.joint_index or model.joints[model.joint_index[pair]].coordinate == "angle"
+
+
+def _passed(watch: Watch) -> str:
+    what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
+    return f"{watch.name}: {watch.of} of {what} passes {watch.at:.6g}"
+
+
