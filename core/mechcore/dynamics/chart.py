@@ -1,7 +1,7 @@
 """Several freedoms: the mechanism in a chart of its configurations, with some of its coordinates free and others held.
 
-A chart is a choice of pair coordinates that, taken as drives, decide the configuration. Positions are solved on the manifold itself for
-every node, so nothing drifts and redundant constraints do no harm.
+A chart is a choice of pair coordinates that, taken as drives, decide the configuration. Positions are solved on the manifold
+itself for every node, so nothing drifts and redundant constraints do no harm.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 In a window the acceleration is a polynomial through the nodes; speed and position are its exact integrals (direct Nystroem
 collocation). All nodes of a window are evaluated in one call, and the nodes' accelerations follow by Newton's method. Order 2s with
-Gauss nodes, 2s - 1 with Radau nodes, at the ends of the windows (Hairer, Wanner, "Solving Ordinary Differential Equations II", IV.5,
-and I, II.14); the polynomials are the dense output.
+Gauss nodes, 2s - 1 with Radau nodes, at the ends of the windows (Hairer, Wanner, "Solving Ordinary Differential Equations II",
+IV.5, and I, II.14); the polynomials are the dense output.
 """
 
 from __future__ import annotations
@@ -25,14 +25,13 @@ Array = NDArray[np.float64]
 class Rule:
     """Nodes (s,) on [0, 1] and what integrates polynomials through them.
 
-    ``once`` (s, s), ``twice`` (s, s): from the nodes' values to the first and the second integral at the nodes; ``ends`` (2, s): to both
-    integrals at 1; ``legendre`` (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
+    ``once`` (s, s), ``twice`` (s, s): from the nodes' values to the first and the second integral at the nodes; ``legendre``
+    (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
     """
 
     nodes: Array
     once: Array
     twice: Array
-    ends: Array
     legendre: Array
     stiff: bool
 
@@ -45,9 +44,9 @@ class Rule:
 def _rule(nodes: Array, stiff: bool) -> Rule:
     s = len(nodes)
     to_legendre = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s - 1))
-    first, second = integrals(s, np.append(nodes, 1.0))
+    first, second = integrals(s, nodes)
     once, twice = first @ to_legendre, second @ to_legendre
-    return Rule(nodes, once[:-1], twice[:-1], np.array([once[-1], twice[-1]]), to_legendre, stiff)
+    return Rule(nodes, once, twice, np.asarray(to_legendre, float), stiff)
 
 
 def integrals(s: int, x: Array) -> tuple[Array, Array]:
@@ -83,7 +82,7 @@ def radau(s: int) -> Rule:
     for _ in range(3):
         x = x - legendre.legval(x, c) / legendre.legval(x, d)
     x[-1] = 1.0
-    return _rule(0.5 * (x + 1.0), stiff=True)
+    return _rule(np.asarray(0.5 * (x + 1.0), float), stiff=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """One freedom: the mechanism on its configuration curve, with masses and forces reduced to one coordinate once and for all.
 
-J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole way (one turn where it is
-periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated system is exact. Loads
-that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q.
+J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole way (one turn where
+it is periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated system is
+exact. Loads that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points); ``rate`` dt/du and
-    ``clock`` t(u) - ``time`` as panels."""
+    """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points);
+    ``rate`` dt/du and ``clock`` t(u) - ``time`` as panels."""
 
     start: float
     length: float
@@ -200,7 +200,7 @@ def _leg(
         return (abs(length) * slope * np.sqrt(0.5 * curve.table(q)[:, 0] / kinetic))[:, None]
 
     first = max(2, round(abs(length) / curve.table.width))
-    panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=first, most=64 * first)
+    panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=first, most=4096)
     if panels.tail()[0] > 1e-6:
         return None
     return Leg(start, length, ends, time, panels, panels.integral())

@@ -40,7 +40,8 @@ class Stop:
 
 @dataclass(frozen=True, kw_only=True)
 class Watch:
-    """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes ``at``.
+    """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes
+    ``at``.
 
     ``rising`` True or False: only in that direction. ``ends``: the motion ends there.
     """
@@ -56,7 +57,8 @@ class Watch:
 
 @dataclass(frozen=True)
 class Happening:
-    """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in words."""
+    """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in
+    words."""
 
     time: float
     kind: str

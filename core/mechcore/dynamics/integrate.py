@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 
 class System(Protocol):
-    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by both."""
+    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by
+    both."""
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array: ...
 
@@ -75,8 +76,9 @@ def integrate(
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
-    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called with every
-    accepted window; a time that it returns ends the integration there. Raises `MechanismError` where no window however short succeeds.
+    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
+    with every accepted window; a time that it returns ends the integration there. Raises `MechanismError` where no window
+    however short succeeds.
     """
     s = nodes or nodes_for(tolerance)
     rule: Rule = radau(s) if stiff else gauss(s)
@@ -108,8 +110,11 @@ def integrate(
             h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / (s + 1)), 0.1, 0.7)) if np.isfinite(worst) else 0.3
             if h < 1e3 * least:
                 raise MechanismError(
-                    Fault("dynamics", f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail.",
-                          "Look at the events before that time: a limit of the motion, a force without bound, or a jam.")
+                    Fault(
+                        "dynamics",
+                        f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail.",
+                        "Look at the events before that time: a limit of the motion, a force without bound, or a jam.",
+                    )
                 )
             guess = np.repeat(guess[:1], s, axis=0)
             continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ _X = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on 
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
 
 
+@lru_cache
 def _derivative_matrix(n: int) -> Array:
     """(n, n): from Chebyshev coefficients of a function to those of its derivative."""
     out = np.zeros((n, n))
@@ -31,7 +33,9 @@ def _derivative_matrix(n: int) -> Array:
 
 def _integral_matrix(n: int) -> Array:
     """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left border."""
-    return np.column_stack([np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))])
+    return np.column_stack(
+        [np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))]
+    )
 
 
 def _unit(k: int) -> Array:
@@ -40,13 +44,13 @@ def _unit(k: int) -> Array:
     return out
 
 
-_DER = _derivative_matrix(NODES)
 _INT = _integral_matrix(NODES)
 
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on; with ``periodic`` they repeat after all."""
+    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on; with ``periodic`` they
+    repeat after all."""
 
     low: float
     width: float
@@ -76,7 +80,8 @@ class Panels:
 
     def derivative(self) -> Panels:
         """The functions' derivatives by x."""
-        return Panels(self.low, self.width, (2.0 / self.width) * np.einsum("ij,pjc->pic", _DER, self.coefficients), self.periodic)
+        inner = np.einsum("ij,pjc->pic", _derivative_matrix(self.coefficients.shape[1]), self.coefficients)
+        return Panels(self.low, self.width, (2.0 / self.width) * inner, self.periodic)
 
     def integral(self) -> Panels:
         """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
@@ -97,9 +102,17 @@ class Panels:
 
 
 def fit_panels(
-    function: Callable[[Array], Array], low: float, high: float, *, periodic: bool, tolerance: float, first: int = 8, most: int = 4096
+    function: Callable[[Array], Array],
+    low: float,
+    high: float,
+    *,
+    periodic: bool,
+    tolerance: float,
+    first: int = 8,
+    most: int = 4096,
 ) -> Panels:
-    """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved together until then."""
+    """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved
+    together until then."""
     count = first
     previous: Any = np.inf
     while True:

@@ -1,9 +1,9 @@
 """Reduction of a mechanism's masses and forces to its free coordinates, for many positions at once.
 
 With the free coordinates q as if they were drives, every velocity is linear in q': v = sum_i v_i q_i'. Hence the reduced inertia
-M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces that are left
-when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced mass, Lagrange's
-equations of the second kind). Positions are solved on the manifold itself: nothing drifts.
+M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces
+that are left when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced
+mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Reduced:
         """q'' (n, f)."""
         rhs = self.force - self.bias
         if rhs.shape[1] == 1:
-            return rhs / self.inertia[:, :, 0]
-        return np.linalg.solve(self.inertia, rhs[..., None])[..., 0]
+            return np.asarray(rhs / self.inertia[:, :, 0])
+        return np.asarray(np.linalg.solve(self.inertia, rhs[..., None])[..., 0], float)
 
 
 def motion_at(compiled: Compiled, q: Real, v: Real, t: Real) -> Motion:
@@ -60,7 +60,9 @@ def with_rates(motion: Motion, rates: Sequence[Array]) -> Motion:
 def _scaled(motion: Motion, rates: Sequence[Array]) -> Any:
     """Patches at change points, made for a unit rate, at another rate (one freedom only: with more there are none)."""
     return {
-        block: [replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2) for p in patches]
+        block: [
+            replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2) for p in patches
+        ]
         for block, patches in (motion.patches or {}).items()
     }
 
@@ -73,9 +75,14 @@ def tangents(motion: Motion) -> list[Motion]:
 
 def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> Reduced:
     """Reduced equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
-    motion = motion_at(compiled, q, v, t)
-    units = tangents(motion)
-    model, f = motion.model, q.shape[1]
+    f = q.shape[1]
+    if f == 1:
+        units = [motion_at(compiled, q, np.ones_like(v), t)]
+        motion = with_rates(units[0], [v[:, 0]])
+    else:
+        motion = motion_at(compiled, q, v, t)
+        units = tangents(motion)
+    model = motion.model
     inertia, bias = np.zeros((len(t), f, f)), np.zeros((len(t), f))
     for k in range(1, len(model.links)):
         mass, centre, moment = model.masses[k]

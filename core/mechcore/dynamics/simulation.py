@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -85,7 +86,8 @@ class Simulation:
         return solve_motion(self.compiled, t, drives=drives)
 
     def forces(self, motion: Motion) -> Forces:
-        """All joint reactions, by the kinetostatic core; the free coordinates' efforts are zero to rounding, or hold what is held."""
+        """All joint reactions, by the kinetostatic core; the free coordinates' efforts are zero to rounding, or hold what is
+        held."""
         return solve_forces(motion)
 
     def work(self, t: ArrayLike) -> Array:
@@ -139,8 +141,8 @@ def simulate(
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
-    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom and
-    forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Raises `MechanismError`.
+    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
+    freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance)
@@ -156,8 +158,12 @@ def simulate(
             return Simulation(compiled, (Piece(0.0, duration, found, system),), (), "energy", tolerance, 0)
     if method == "energy":
         raise MechanismError(
-            Fault("dynamics.method", '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
-                  "the position alone, no stops and no watches.", 'Choose "auto", "gauss" or "radau".')
+            Fault(
+                "dynamics.method",
+                '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
+                "the position alone, no stops and no watches.",
+                'Choose "auto", "gauss" or "radau".',
+            )
         )
     return _Run(compiled, system, duration, tolerance, method, stops, watches, progress).go(q, v)
 
@@ -170,9 +176,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
         faults.append(Fault("dynamics.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
     mechanism = compiled.mechanism
     if "inertia" not in mechanism.effects:
-        faults.append(
-            Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.')
-        )
+        faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     for d in mechanism.drives:
         if not isinstance(d.law, Free):
             faults.append(Fault(f"pairs.{d.pair}.drive", "is prescribed; forward dynamics wants it free.", "Give it a free start."))
@@ -182,8 +186,11 @@ def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
         values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
         if values[0] <= 1e-14 * values[-1]:
             faults.append(
-                Fault("links", "a free coordinate moves no mass: its acceleration has no bound.",
-                      "Give a mass or a moment of inertia to the links that it moves.")
+                Fault(
+                    "links",
+                    "a free coordinate moves no mass: its acceleration has no bound.",
+                    "Give a mass or a moment of inertia to the links that it moves.",
+                )
             )
     if faults:
         raise MechanismError(faults)
@@ -229,7 +236,7 @@ class _Run:
         model = compiled.model
         angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
         self.scale = np.array([1.0 if a else model.size for a in angle])
-        at = lambda q, v, t: motion_at(compiled, q, v, t)  # noqa: E731 - three times the same short word
+        at = partial(motion_at, compiled)
         self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in stops]
         self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in watches]
         self.pieces: list[Piece] = []
@@ -244,7 +251,11 @@ class _Run:
             beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
             if beyond > 1e-12:
                 raise MechanismError(
-                    Fault(f"stops.{s.name}", f"the motion starts {beyond:.6g} beyond it.", "Start on the other side, or move the stop.")
+                    Fault(
+                        f"stops.{s.name}",
+                        f"the motion starts {beyond:.6g} beyond it.",
+                        "Start on the other side, or move the stop.",
+                    )
                 )
         t = 0.0
         while t < self.duration * (1.0 - 1e-13):
@@ -253,7 +264,11 @@ class _Run:
                 break
             if len(self.happenings) > MOST_HAPPENINGS:
                 raise MechanismError(
-                    Fault("dynamics", f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.", "Simulate a shorter time.")
+                    Fault(
+                        "dynamics",
+                        f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.",
+                        "Simulate a shorter time.",
+                    )
                 )
         return Simulation(
             self.compiled,
@@ -371,5 +386,3 @@ class _Run:
 def _passed(watch: Watch) -> str:
     what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
     return f"{watch.name}: {watch.of} of {what} passes {watch.at:.6g}"
-
-
