@@ -19,14 +19,14 @@ from ..effects import effects_of, power_of
 from ..motion import Motion
 from ..solve import Compiled, solve_motion
 
-__all__ = ["Reduced", "motion_at", "reduce", "tangents", "with_rates"]
+__all__ = ["ReducedEquations", "motion_at", "reduce", "tangents", "with_rates"]
 
 Array = Any
 Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class ReducedEquations:
     """``inertia`` (n, f, f), ``bias`` h (n, f) and ``force`` Q (n, f): M q'' + h = Q."""
 
     inertia: Real
@@ -73,8 +73,8 @@ def tangents(motion: Motion) -> list[Motion]:
     return [with_rates(motion, [one if k == i else none for k in range(f)]) for i in range(f)]
 
 
-def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> Reduced:
-    """Reduced equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
+def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> ReducedEquations:
+    """ReducedEquations equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
     f = q.shape[1]
     if f == 1:
         units = [motion_at(compiled, q, np.ones_like(v), t)]
@@ -104,4 +104,4 @@ def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> Reduced:
             for w in effect.wrenches(motion):
                 for i, unit in enumerate(units):
                     force[:, i] += power_of(unit, w)
-    return Reduced(inertia, bias, force)
+    return ReducedEquations(inertia, bias, force)

@@ -33,6 +33,7 @@ __all__ = ["Method", "Simulation", "simulate"]
 Array = NDArray[np.float64]
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_HAPPENINGS = 100_000
+TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 
 
@@ -282,6 +283,7 @@ class _Run:
 
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
+        v = self._touching(t, q, v)
         system = Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
         first: list[tuple[float, Any]] = []
 
@@ -329,6 +331,38 @@ class _Run:
                 ended = ended or watch.ends
         return end, q, v, ended
 
+    def _touching(self, t: float, q: Array, v: Array) -> Array:
+        """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
+        for k, (stop, gauge, upper) in enumerate(self.limits):
+            if stop in self.resting.values():
+                continue
+            sign = 1.0 if upper else -1.0
+            i = self.coordinates.get(stop.pair, 0)
+            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * self.scale[i]:
+                continue
+            gradient = self._gradient(stop, q, np.array([t]))
+            speed = sign * float(gradient @ v)
+            tiny = TOUCH * max(1.0, float(np.abs(v).max()))
+            if speed > tiny:
+                v = self._impact(t, q, v, k)
+            elif speed > -tiny:
+                push = sign * float(gradient @ self._free_acceleration(q, v, t))
+                if abs(push) <= TOUCH:  # it decides in the next instant
+                    push = sign * float(gradient @ self._free_acceleration(q, v, t + 1e-6 * self.duration))
+                if push > 0.0:
+                    v = self._rest(t, stop, v)
+        return v
+
+    def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:
+        system = Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
+        return np.asarray(system(q[None], v[None], np.array([t]))[0])
+
+    def _rest(self, t: float, stop: Stop, v: Array) -> Array:
+        i = self.coordinates.get(stop.pair, 0)
+        self.resting[i] = stop
+        self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        return np.where(np.arange(len(v)) == i, 0.0, v)
+
     def _pull(self, system: Chart, i: int, stop: Stop) -> Gauge:
         """What the stop has to hold: positive while the coordinate presses on it."""
         place = int(np.searchsorted(system.held, i))
@@ -360,10 +394,7 @@ class _Run:
         words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
         self.happenings.append(Happening(t, "impact", stop.name, words))
         if rests and towards > 0:
-            i = self.coordinates.get(stop.pair, 0)
-            self.resting[i] = stop
-            v = np.where(np.arange(len(v)) == i, 0.0, v) if len(v) > 1 else np.zeros(1)
-            self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+            v = self._rest(t, stop, v)
         return v
 
     def _gradient(self, stop: Stop, q: Array, t: Array) -> Array:

@@ -19,6 +19,8 @@ def needs_of(factor: Factor | None) -> frozenset[str]:
     """What must be known to evaluate a factor."""
     if factor is not None and factor.of in ("velocity", "vx", "vy", "speed"):
         return frozenset({"positions", "velocities"})
+    if factor is not None and factor.of == "time":
+        return frozenset({"positions", "time"})
     return frozenset({"positions"})
 
 

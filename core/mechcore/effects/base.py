@@ -12,8 +12,8 @@ __all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
 
 Array = Any
 
-NEEDS = ("positions", "velocities", "accelerations", "reactions")
-"""Quantities that an effect can need."""
+NEEDS = ("positions", "time", "velocities", "accelerations", "reactions")
+"""Quantities that an effect can need; one that needs positions alone depends on nothing else, not even on the time."""
 
 CAUSES = {
     "gravity": "weight",
