@@ -1,17 +1,18 @@
-"""Kinetostatics without friction: all joint reactions and the drives' torques or forces that a given motion needs.
+"""Kinetostatics: all joint reactions and the drives' torques or forces that a given motion needs.
 
 The hand method, from the last group inwards: the contours' closing joints are cut; the forces in the cuts follow block by block
 from the transposed columns of the kinematics (virtual work of each unknown); then every link of the remaining tree is in
 equilibrium with what hangs on it, and moments about the joints that fix an angle give couples and driving torques.
-Where constraints are redundant the shortest of all solutions is taken (`leastnorm`).
+Where constraints are redundant the shortest of all solutions is taken (`leastnorm`). All of this is linear in the loads; dry
+friction, where a scene names it, is one more load that depends on the result (`mechcore.friction`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,12 @@ from .effects import Wrench, point_of, potential, power_of, sum_up, wrenches
 from .frames import nothing
 from .leastnorm import least_norm
 from .motion import Motion
+from .spec import braked
 
-__all__ = ["Forces", "LoadResult", "solve_forces"]
+if TYPE_CHECKING:
+    from .friction import FrictionResult
+
+__all__ = ["Forces", "LoadResult", "solve_forces", "transmit"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -61,15 +66,22 @@ class Forces:
         applied: Sequence[Wrench],
         transmitted: list[tuple[Array, Array]],
         contacts: dict[str, tuple[Array, Array]],
+        friction: FrictionResult | None = None,
     ):
         self.motion = motion
+        self.friction = friction  # None where the scene does not name it
         self.applied = tuple(applied)
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
         self._contacts = contacts  # of each relation: place and force on its second link
 
     # -- results by name ----------------------------------------------------------------------------------------------
     def reaction(self, pair: str) -> Real:
-        """Fx, Fy [N] on the pair's second link at `position`, and couple [N m], without the drive (F, 3)."""
+        """Fx, Fy [N] on the pair's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
+        rows = self._normal(pair)
+        return rows if self.friction is None else rows + self.friction.applied(pair)
+
+    def _normal(self, pair: str) -> Real:
+        """The reaction without what friction adds to it."""
         if pair in self._contacts:
             force: Array = self._contacts[pair][1]
             if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
@@ -140,7 +152,8 @@ class Forces:
 
     def power_by_cause(self, causes: Sequence[str]) -> Real:
         """Power of the loads and effects of some causes (F,) [W]."""
-        return self._power(lambda w: w.cause in causes)
+        known = self._power(lambda w: w.cause in causes)
+        return known if self.friction is None or "dry friction" not in causes else known + self.friction.power
 
     def _power(self, which: Callable[[Wrench], bool]) -> Real:
         chosen = [w for w in self.applied if which(w)]
@@ -152,6 +165,8 @@ class Forces:
         m = self.motion
         parts = [self.power(d.pair) for d in m.mechanism.drives]
         parts += [self._over_frames(power_of(m, w)) for w in self.applied]
+        if self.friction is not None:
+            parts.append(self.friction.power)
         largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
         total = sum(parts, np.zeros(m.frames))
         return total / largest if largest > 0 else total
@@ -181,14 +196,21 @@ class Forces:
 
     @cached_property
     def dissipated(self) -> Real:
-        """Energy dissipated so far by dampers, media and friction (F,) [J], by Simpson's rule over the frames."""
-        causes = [c for c in LOSSES if any(w.cause == c for w in self.applied)]
-        return self._integral(-self.power_by_cause(causes)) if causes else np.zeros(self.motion.frames)
+        """Energy dissipated so far by dampers, media and friction (F,) [J], by Simpson's rule; NaN from where it jams."""
+        if self.friction is None and not any(w.cause in LOSSES for w in self.applied):
+            return np.zeros(self.motion.frames)
+        return self._integral(-self.power_by_cause(LOSSES))
 
     def _integral(self, p: Real) -> Real:
-        if len(p) < 3:
-            return np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(self.motion.time))])
-        return np.asarray(cumulative_simpson(p, x=self.motion.time, initial=0.0))
+        """Integral over time so far (F,), by Simpson's rule; NaN from the first frame that is."""
+        known = len(p) if np.isfinite(p).all() else int(np.argmax(~np.isfinite(p)))
+        out = np.full(len(p), np.nan)
+        p, t = p[:known], self.motion.time[:known]
+        if known < 3:
+            out[:known] = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(t))])[:known]
+        else:
+            out[:known] = cumulative_simpson(p, x=t, initial=0.0)
+        return out
 
     @cached_property
     def energy(self) -> Real:
@@ -231,14 +253,33 @@ def solve_forces(motion: Motion) -> Forces:
     model = motion.model
     applied = wrenches(motion)
     force, moment = sum_up(applied, len(model.links))
+    if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
+        from .friction import solve_friction  # only where it is named
+
+        return Forces(motion, applied, *solve_friction(motion, applied, force, moment))
+    return Forces(motion, applied, *transmit(motion, force, moment)[:2])
+
+
+def transmit(
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """What joints and relations transmit under loads on the links: linear in the loads.
+
+    ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
+    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the loads ask for.
+    Returns force and couple on the second link of every joint (drive included), place and force on the second link of every
+    relation by name, and the relations' multipliers.
+    """
+    model = motion.model
     if model.redundant or any(b.relations and b.kind == "general" for b in model.blocks):
-        return Forces(motion, applied, *least_norm(motion, force, moment))
+        return least_norm(motion, force, moment, flanks)
+    force, moment = list(force), list(moment)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cuts, ties = _cut_forces(motion, *_hang(motion, force, moment))
         contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
         for r, multiplier in ties.items():
             relation = model.relations[r]
-            place, direction = relation.contact(motion, multiplier)
+            place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
             contacts[relation.name] = (place, multiplier * direction)
             for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
                 k = model.index[link]
@@ -263,7 +304,7 @@ def solve_forces(motion: Motion) -> Forces:
         transmitted[j] = (on_child if model.ends[j][1] == k else -on_child, 0.0)
     for j, couple in _couples(motion, unbalanced).items():
         transmitted[j] = (transmitted[j][0], couple)
-    return Forces(motion, applied, transmitted, contacts)
+    return transmitted, contacts, ties
 
 
 def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tuple[list[Array], list[Array]]:

@@ -6,7 +6,7 @@ mechanism's size. Which joints are indeterminate follows from the null space: th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,41 +20,51 @@ RANK = 1e-10  # singular values below this part of the largest are zero
 
 
 def least_norm(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array]
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]]]:
-    """Transmitted force and couple on the second link of every joint, place and force of every relation.
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """Transmitted force and couple on the second link of every joint, place and force of every relation, its multiplier.
 
-    ``force`` and ``moment`` (about each link's origin) are what loads put on the links.
+    ``force`` and ``moment`` (about each link's origin) are what loads put on the links, (F,) or with axes before the frames'.
+    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the load asks for.
     """
     model = motion.model
-    matrix, labels = _equilibrium(motion)
+    if flanks is None and model.relations:  # the multiplier does the same work on either flank: its sign comes first
+        first = least_norm(motion, force, moment, dict.fromkeys(range(len(model.relations)), 1.0))
+        if all(np.all(m >= 0.0) for m in first[2].values()):
+            return first
+        flanks = first[2]
+    flanks = flanks or {}
+    matrix, labels = _equilibrium(motion, flanks)
     n = len(model.links) - 1
-    rhs = np.zeros((motion.frames, 3 * n))
+    shape = np.broadcast_shapes((motion.frames,), *(np.shape(v) for v in (*force, *moment)))
+    rhs = np.zeros((*shape, 3 * n))
     for k in range(1, n + 1):
-        rhs[:, 3 * k - 3], rhs[:, 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
-        rhs[:, 3 * k - 1] = -np.asarray(moment[k]) / model.size
+        rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
+        rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.size
     x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
     size = np.abs(rhs).max(initial=0.0) or 1.0
-    x = np.where((left < 1e-7 * size)[:, None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     contacts: dict[str, tuple[Array, Array]] = {}
+    multipliers: dict[int, Array] = {}
     for column, (what, i, direction) in enumerate(labels):
-        value = x[:, column]
+        value = x[..., column]
         if what == "force":
             transmitted[i] = (transmitted[i][0] + value * direction, transmitted[i][1])
         elif what == "couple":
             transmitted[i] = (transmitted[i][0], transmitted[i][1] + value * model.size)
         else:
-            place, along = model.relations[i].contact(motion, value)
+            place, along = model.relations[i].contact(motion, flanks[i])
             contacts[model.relations[i].name] = (place, value * along)
-    return transmitted, contacts
+            multipliers[i] = value
+    return transmitted, contacts, multipliers
 
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
     """Pairs whose reactions statics does not determine, at the run's best conditioned frame."""
     model = motion.model
-    matrix, labels = _equilibrium(motion)
+    matrix, labels = _equilibrium(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
     _, s, vt = np.linalg.svd(matrix[frame])
     rank = int((s > RANK * s[0]).sum())
@@ -63,7 +73,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 
 
-def _equilibrium(motion: Motion) -> tuple[Array, list[tuple[str, int, Array]]]:
+def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, list[tuple[str, int, Array]]]:
     """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
     model = motion.model
     labels: list[tuple[str, int, Array]] = []
@@ -100,7 +110,7 @@ def _equilibrium(motion: Motion) -> tuple[Array, list[tuple[str, int, Array]]]:
                     matrix[:, 3 * k - 1, column] += sign
         else:
             relation = model.relations[i]
-            place, along = relation.contact(motion, 1.0)
+            place, along = relation.contact(motion, flanks.get(i, 1.0))
             for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
                 k = model.index[link]
                 put(column, k, along, place - motion.origins[k], sign)

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .effects import effects_of
-from .spec import ANSWERS, EFFECTS, Mechanism
+from .spec import ANSWERS, EFFECTS, Mechanism, braked
 
 __all__ = ["OUTPUTS", "Plan", "Step", "make_plan"]
 
@@ -68,14 +68,24 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     )
     named = {e.name: e for e in effects[: len(mechanism.effects)]}
     for name, what in EFFECTS.items():
+        if name == "friction":
+            continue  # below: it is solved together with the reactions
         why_not = "forces are not asked for" if name in named else "the scene does not list it in effects"
         step(f"effect {name}", do_forces and name in named, what, why_not)
     for load in loads:
         step(f"load {load.name}", do_forces, f"{load.cause}, from {_listed(sorted(load.needs))}", "forces are not asked for")
     none = "forces are not asked for" if effects else "the scene lists no effects and no loads: pure kinematics"
-    step("reactions and drive efforts", do_forces, "frictionless kinetostatics under the effects and loads above", none)
+    rubbing = ", ".join(braked(mechanism.pairs))
+    do_friction = do_forces and "friction" in mechanism.effects and bool(rubbing)
+    how = "kinetostatics under the effects and loads above, "
+    how += "solved together with the friction in the pairs" if do_friction else "frictionless"
+    step("reactions and drive efforts", do_forces, how, none)
     step("energy and power balance", do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
-    step("friction", False, "", "no friction is named")
+    if "friction" not in mechanism.effects or not rubbing:
+        idle = f"{rubbing} have coefficients, but the scene does not list it in effects" if rubbing else "no pair has a coefficient"
+    else:
+        idle = "forces are not asked for"
+    step("effect friction", do_friction, f"dry friction in {rubbing}: iterates until it fits the reactions", idle)
     step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
     for name in mechanism.answers:
         step(f"answer {name}", "velocities" in wanted, ANSWERS[name], "velocities are not asked for")

@@ -6,7 +6,7 @@ A drive prescribes the relative coordinate of a pair. A load acts on a link. Not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -37,6 +37,7 @@ __all__ = [
     "Drive",
     "Factor",
     "Force",
+    "Friction",
     "GasPressure",
     "GasSpring",
     "Gear",
@@ -57,6 +58,8 @@ __all__ = [
     "Vec2",
     "Viscous",
     "Weld",
+    "braked",
+    "friction_of",
 ]
 
 Vec2 = tuple[float, float]
@@ -64,6 +67,7 @@ Vec2 = tuple[float, float]
 EFFECTS: Mapping[str, str] = {
     "inertia": "inertia forces -m a_S and moments -J_S alpha of the links that have a mass",
     "gravity": "weight m g of the links that have a mass",
+    "friction": "dry friction in the pairs that have a coefficient, solved together with the reactions",
 }
 """Effects that a scene can name, beside the loads that it lists one by one."""
 
@@ -90,6 +94,29 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Dry (Coulomb) friction in a pair, always against its relative motion; used only if the effect "friction" is named.
+
+    Revolute: moment ``coefficient * radius * |R|``, R the whole reaction; ``exact``: the friction circle's own radius
+    ``radius * sin(atan(coefficient))`` instead. Prismatic: force ``coefficient * (|N1| + |N2|)`` along the guide, N1 and N2 the
+    forces at the two ends of a bearing of ``length``; no length: ``coefficient * |N|``. The middle of the bearing lies ``offset``
+    along the guide from the point of the link that carries it: the sliding link, or, with ``bearing`` "guide", the guide's.
+    ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
+    with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
+    ``lever * |N|`` against the relative rotation, N the force across the contact.
+    """
+
+    coefficient: float = 0.0
+    radius: float = 0.0  # of the pin [m]
+    length: float = 0.0  # of the bearing [m]
+    offset: float = 0.0  # [m]
+    height: float = 0.0  # [m]
+    bearing: Literal["slider", "guide"] = "slider"
+    lever: float = 0.0  # [m]
+    exact: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Revolute:
     """A revolute pair: a pin through ``points[0]`` of ``links[0]`` and ``points[1]`` of ``links[1]``.
 
@@ -99,6 +126,7 @@ class Revolute:
     name: str
     links: tuple[str, str]
     points: tuple[str, str]
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +145,7 @@ class Prismatic:
     along: Vec2 = (1.0, 0.0)
     guide: Literal[0, 1] = 0
     angle: float = 0.0
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +170,7 @@ class PinSlot:
     points: tuple[str, str]
     along: Vec2 = (1.0, 0.0)
     guide: Literal[0, 1] = 0
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +188,7 @@ class Rolling:
     radius: float  # [m]
     along: Vec2 = (1.0, 0.0)
     side: Literal["left", "right"] = "left"
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +205,7 @@ class Gear:
     sizes: tuple[float, float]
     internal: bool = False
     pressure_angle: float = 0.3490658503988659  # 20 degrees
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,6 +233,7 @@ class Rack:
     radius: float  # [m]
     side: Literal["left", "right"] = "left"
     pressure_angle: float = 0.3490658503988659
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,6 +250,17 @@ class Cylinder:
 
 
 Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder
+
+
+def friction_of(pair: Pair) -> Friction | None:
+    """What a pair says about friction, if it can have any and has some."""
+    f: Friction | None = getattr(pair, "friction", None)
+    return f if f is not None and (f.lever if isinstance(pair, Rolling | Gear | Rack) else f.coefficient) else None
+
+
+def braked(pairs: Sequence[Pair]) -> tuple[str, ...]:
+    """Names of the pairs that have friction, whether or not the effect is named."""
+    return tuple(p.name for p in pairs if friction_of(p) is not None)
 
 
 @dataclass(frozen=True, kw_only=True)

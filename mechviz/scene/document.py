@@ -32,7 +32,7 @@ from .tables import Table, one_of, refuse
 
 __all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
 
-EffectName = Literal["inertia", "gravity"]
+EffectName = Literal["inertia", "gravity", "friction"]
 AnswerName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
 if set(get_args(AnswerName)) != set(ANSWERS):
     raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.ANSWERS name different answers")

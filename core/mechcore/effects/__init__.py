@@ -25,6 +25,7 @@ from ..spec import Mechanism
 from .along_line import LineDamper, LineGasSpring, LineSpring
 from .base import CAUSES, NEEDS, Configuration, Effect
 from .drag import MediumDrag
+from .dry_friction import DryFriction
 from .gas import CylinderGas
 from .gravity import Gravity
 from .inertia import Inertia
@@ -52,6 +53,7 @@ __all__ = [
 EFFECTS: dict[str, Callable[[str], Effect]] = {
     "inertia": Inertia,
     "gravity": Gravity,
+    "friction": DryFriction,
 }
 LOADS: dict[type, Callable[[Any], Effect]] = {
     Force: AppliedForce,

@@ -1,0 +1,14 @@
+"""Dry friction in pairs: it depends on the reactions, and these on it, so that both are solved together (`mechcore.friction`)."""
+
+from __future__ import annotations
+
+from .base import Effect
+
+__all__ = ["DryFriction"]
+
+
+class DryFriction(Effect):
+    """Stands for the friction of all pairs where effects are listed; what it adds comes with the reactions, see `needs`."""
+
+    cause = "dry friction"
+    needs = frozenset({"positions", "velocities", "reactions"})

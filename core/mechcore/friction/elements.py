@@ -1,0 +1,139 @@
+"""Where friction acts: one element for each relative motion that a pair with a coefficient brakes.
+
+An element puts ``lambda`` times a unit wrench on the second link of its pair and the opposite on the first, with
+``lambda = -sign(rate) factor * g``, where ``rate`` is the relative speed that does work on the wrench and ``g`` the normal load:
+the length, or the larger component, of two numbers that are linear in what the pair transmits.
+
+Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r / sqrt(1 + mu^2) |R| (friction circle).
+Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
+its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
+count, whatever the pressure between them; beyond that they press on opposite sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..closed_forms import cross
+from ..motion import Motion
+from ..spec import Friction, Pair, PinSlot, Prismatic, Revolute, Rolling, friction_of
+
+__all__ = ["STILL", "Element", "elements_of", "relative_rate"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+STILL = 1e-9
+"""Relative speeds below this part of the pair's largest are rest: friction is undetermined there and counted as zero."""
+NOISE = 1e-12  # the same of the largest speed of the whole mechanism: pairs that never move
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One braked relative motion. ``rate`` (F,) and its ``sign`` (F,), 0 at rest."""
+
+    pair: str
+    what: Literal["turn", "slide"]
+    kind: Literal["pin", "guide", "normal", "contact"]  # how the normal load follows from what the pair transmits
+    friction: Friction
+    factor: float  # moment or force per normal load [m or 1]
+    links: tuple[int, int]  # first and second
+    joint: int  # -1 for a relation
+    along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
+    rate: Real
+    sign: Real
+
+    @property
+    def unit(self) -> str:
+        return "N" if self.what == "slide" else "N m"
+
+    @property
+    def euclidean(self) -> bool:
+        """Whether the normal load is the length of its two numbers, else it is the larger of them."""
+        return self.kind in ("pin", "contact")
+
+    def load(self, motion: Motion, force: list[Array], moment: list[Array], value: Array) -> None:
+        """Add ``value`` times the unit wrench to the loads on the links (moments about their origins)."""
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            k = self.links[side]
+            if self.what == "turn":
+                moment[k] = moment[k] + sign * value
+            else:
+                f = sign * value * self.along
+                force[k] = force[k] + f
+                moment[k] = moment[k] + cross(motion.joint_point(self.joint) - motion.origins[k], f)
+
+    def normal(
+        self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
+    ) -> tuple[Array, Array]:
+        """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
+        if self.kind == "contact":
+            force = contacts[self.pair][1]
+            return np.real(force), np.imag(force)
+        force, couple = transmitted[self.joint]
+        if self.kind == "pin":
+            return np.real(force), np.imag(force)
+        u = motion.guide(self.joint)
+        n = np.real(np.conj(1j * u) * force)
+        f = self.friction
+        if self.kind == "normal" or not f.length:
+            return n, 0.0 * n
+        middle = motion.state.slide[self.joint] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
+        c = couple + middle * n + sign * f.coefficient * 0.5 * f.height * n
+        return n, c * (2.0 / f.length)
+
+
+def elements_of(motion: Motion) -> list[Element]:
+    """All elements of a mechanism, in the order of its pairs."""
+    turning = max((_peak(w) for w in motion.speeds.spin), default=0.0)
+    moving = max([turning * motion.model.size, *(_peak(v) for v in motion.speeds.slide.values())])
+    least = {"turn": NOISE * turning, "slide": NOISE * moving}
+    return [_element(motion, pair, *parts, least) for pair in motion.mechanism.pairs for parts in _parts(pair)]
+
+
+def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Literal["pin", "guide", "normal", "contact"], float]]:
+    """What friction brakes in a pair, by which normal load, with which factor."""
+    f = friction_of(pair)
+    if f is None:
+        return []
+    mu = f.coefficient
+    if isinstance(pair, Revolute):
+        return [("turn", "pin", f.radius * (mu / np.sqrt(1.0 + mu * mu) if f.exact else mu))]
+    if isinstance(pair, Prismatic):
+        return [("slide", "guide", mu)]
+    if isinstance(pair, PinSlot):
+        turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
+        return [("slide", "normal", mu), *turn]
+    return [("turn", "normal" if isinstance(pair, Rolling) else "contact", f.lever)]
+
+
+def _element(motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, least: dict[str, float]) -> Element:
+    model = motion.model
+    friction = friction_of(pair)
+    assert friction is not None
+    j = model.joint_index.get(pair.name, -1)
+    first, second = (model.index[k] for k in pair.links)
+    rate = relative_rate(motion, motion.speeds, what, j, (first, second))
+    along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
+    still = max(STILL * _peak(rate), least[what])
+    sign = np.where(np.abs(rate) <= still, 0.0, np.sign(rate))
+    return Element(pair.name, what, kind, friction, factor, (first, second), j, along, rate, sign)
+
+
+def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:
+    """Rate (F,) that does work on an element's unit wrench; ``rates`` are the motion's speeds or accelerations."""
+    if what == "turn":
+        spin = motion.model.angles.spin
+        value = rates.spin[spin[links[1]]] - rates.spin[spin[links[0]]]
+    else:
+        value = rates.slide[j]
+    return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
+
+
+def _peak(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))

@@ -1,0 +1,166 @@
+"""Mechanisms with friction that several tests use, and the friction law checked from published results only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from mechanisms import case, four_bar, slider_crank
+
+from mechcore import Forces
+from mechcore.laws import ConstantSpeed
+from mechcore.spec import Drive, Force, Friction, Link, Mechanism, PinSlot, Prismatic, Revolute
+
+
+def rub(mechanism: Mechanism, **frictions: Friction) -> Mechanism:
+    """The mechanism with friction in some pairs, and the effect named."""
+    pairs: Any = tuple(replace(p, friction=frictions[p.name]) if p.name in frictions else p for p in mechanism.pairs)
+    effects = mechanism.effects if "friction" in mechanism.effects else (*mechanism.effects, "friction")
+    return replace(mechanism, pairs=pairs, effects=effects)
+
+
+def reference_slider_crank(scale: float = 1.0) -> tuple[Mechanism, dict[str, Any]]:
+    """The reference case, its coefficients times ``scale``."""
+    c = case("friction", "friction-slider-crank")
+    i = c["inputs"]
+    m = slider_crank(
+        r=i["r"],
+        l=i["l"],
+        e=i["e"],
+        bodies={"crank": (i["m1"], i["C1"], i["J1"]), "rod": (i["m2"], i["C2"], i["J2"]), "piston": (i["m3"], (0.0, 0.0), 0.0)},
+        loads=(Force(name="F", link="piston", point="C", vector=(i["F_piston"], 0.0)),),
+        effects=("inertia", "gravity"),
+        speed=i["omega_1"],
+    )
+    journal = Friction(coefficient=scale * i["mu_pin"], radius=i["r_pin"])
+    return rub(m, O=journal, B=journal, C=journal, S=Friction(coefficient=scale * i["mu_guide"])), c
+
+
+def reference_four_bar() -> tuple[Mechanism, dict[str, Any]]:
+    from mechcore.spec import Torque
+
+    c = case("friction", "friction-fourbar")
+    i = c["inputs"]
+    m = four_bar(
+        E=i["E"],
+        AB=i["AB"],
+        BD=i["BD"],
+        DE=i["DE"],
+        bodies={n: (i[f"m{k}"], i[f"C{k}"], i[f"J{k}"]) for k, n in enumerate(("crank", "coupler", "rocker"), 1)},
+        loads=(Torque(name="M", link="rocker", moment=i["M_rocker"]),),
+        effects=("inertia", "gravity"),
+        speed=i["omega_1"],
+    )
+    journal = Friction(coefficient=i["mu_pin"], radius=i["r_pin"])
+    return rub(m, A=journal, B=journal, D=journal, E=journal), c
+
+
+def incline(alpha: float, mu: float, *, mass: float = 2.0, speed: float = 0.1) -> Mechanism:
+    """A block on an incline, pushed by a vertical slot on a slider that moves along x (drive H)."""
+    return Mechanism(
+        name="incline",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            Link(name="block", points={"P": (0.0, 0.0)}, mass=mass),
+            Link(name="pusher", points={"Q": (0.0, 0.0)}),
+        ),
+        pairs=(
+            Prismatic(
+                name="P",
+                links=("frame", "block"),
+                points=("O", "P"),
+                along=(np.cos(alpha), np.sin(alpha)),
+                friction=Friction(coefficient=mu) if mu else None,
+            ),
+            Prismatic(name="H", links=("frame", "pusher"), points=("O", "Q")),
+            PinSlot(name="T", links=("pusher", "block"), points=("Q", "P"), along=(0.0, 1.0)),
+        ),
+        drives=(Drive(pair="H", law=ConstantSpeed(0.2, speed)),),
+        effects=("gravity", "friction"),
+    )
+
+
+def sleeve(x: float, b: float, mu: float, *, weight: float = 30.0, **more: Any) -> Mechanism:
+    """A sleeve of length b on a column, its weight on the axis, lifted at a distance x from it (drive H)."""
+    return Mechanism(
+        name="sleeve",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0), "X": (x, 0.0)}),
+            Link(name="sleeve", points={"S": (0.0, 0.0), "L": (x, 0.0)}),
+            Link(name="lift", points={"X": (0.0, 0.0)}),
+        ),
+        pairs=(
+            Prismatic(
+                name="S",
+                links=("frame", "sleeve"),
+                points=("O", "S"),
+                along=(0.0, 1.0),
+                friction=Friction(coefficient=mu, length=b, **more),
+            ),
+            Prismatic(name="H", links=("frame", "lift"), points=("X", "X"), along=(0.0, 1.0)),
+            PinSlot(name="T", links=("lift", "sleeve"), points=("X", "L")),
+        ),
+        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
+        loads=(Force(name="W", link="sleeve", point="S", vector=(0.0, -weight)),),
+        effects=("friction",),
+    )
+
+
+def follower(alpha: float, a: float, b: float, mu: float, load: float) -> Mechanism:
+    """A follower that a face at the pressure angle alpha lifts at the overhang a below its guide of length b (drive H)."""
+    tip = -(a + b / 2)
+    return Mechanism(
+        name="follower",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.0, 0.0), "O": (0.0, tip)}),
+            Link(name="follower", points={"T": (0.0, 0.0)}),
+            Link(name="wedge", points={"O": (0.0, 0.0)}),
+        ),
+        pairs=(
+            Prismatic(
+                name="S",
+                links=("frame", "follower"),
+                points=("G", "T"),
+                along=(0.0, 1.0),
+                friction=Friction(coefficient=mu, length=b, bearing="guide"),
+            ),
+            Prismatic(name="H", links=("frame", "wedge"), points=("O", "O")),
+            PinSlot(name="K", links=("wedge", "follower"), points=("O", "T"), along=(np.cos(alpha), -np.sin(alpha))),
+        ),
+        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
+        loads=(Force(name="P", link="follower", point="T", vector=(0.0, -load)),),
+        effects=("friction",),
+    )
+
+
+def law_of_friction(forces: Forces) -> float:
+    """Largest relative error of Coulomb's law over all pairs and frames, from reactions and motions alone; jams left out."""
+    worst = 0.0
+    m = forces.motion
+    still = 1e-9
+    for pair in m.mechanism.pairs:
+        f = getattr(pair, "friction", None)
+        if f is None:
+            continue
+        rate = m.coordinate(pair.name)[:, 1]
+        direction = np.where(np.abs(rate) > still * np.nanmax(np.abs(rate)), np.sign(rate), 0.0)
+        reaction, friction = forces.reaction(pair.name), forces.friction.wrench(pair.name)
+        if isinstance(pair, Revolute):
+            wanted = -direction * f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
+            got, scale = friction[:, 2], f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
+            worst = max(worst, float(np.nanmax(np.abs(reaction[:, 2] - friction[:, 2]) / np.nanmax(scale))))
+        else:
+            j = m.model.joint_index[pair.name]
+            u = np.broadcast_to(m.guide(j), (m.frames,)) * (1.0 if pair.guide == 0 else -1.0)
+            force = reaction[:, 0] + 1j * reaction[:, 1]
+            n, along = np.real(np.conj(1j * u) * force), np.real(np.conj(u) * force)
+            c = reaction[:, 2]
+            size = np.maximum(np.abs(n), 2 * np.abs(c) / f.length) if f.length else np.abs(n)
+            wanted, got, scale = -direction * f.coefficient * size, along, f.coefficient * size
+            worst = max(worst, float(np.nanmax(np.abs(friction[:, 0] + 1j * friction[:, 1] - along * u) / np.nanmax(scale))))
+        worst = max(worst, float(np.nanmax(np.abs(got - wanted) / np.nanmax(scale))))
+    return worst

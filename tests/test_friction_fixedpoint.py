@@ -1,0 +1,107 @@
+"""The nonsmooth system of normal loads: closed forms, branches that end, uniqueness, and what is left where it jams."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mechcore.friction.fixedpoint import solve_normal_loads, spectral_radius
+
+
+def one(a, b, euclidean=True):
+    """Single loads g = |a + b g| with complex a, b (F,)."""
+    a, b = np.atleast_1d(np.asarray(a, complex)), np.atleast_1d(np.asarray(b, complex))
+    a, b = np.broadcast_arrays(a, b)
+    parts = np.stack([a.real, a.imag], -1)[:, None, :], np.stack([b.real, b.imag], -1)[:, None, :, None]
+    return solve_normal_loads(*parts, np.array([euclidean]))
+
+
+def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
+    b = np.array([-50.0, -3.0, -1.0, -0.5, 0.0, 0.5, 0.99, 1.0 - 1e-9, 1.0 + 1e-9, 1.5, 30.0])
+    found = one(2.0, b)
+    good = b < 1.0
+    np.testing.assert_allclose(found.loads[good, 0], 2.0 / (1.0 - b[good]), rtol=1e-7)
+    np.testing.assert_allclose(found.loads[:7, 0], 2.0 / (1.0 - b[:7]), rtol=1e-13)
+    assert (found.jammed == ~good).all() and np.isnan(found.loads[~good]).all()
+    np.testing.assert_allclose(found.reached[~good], 1.0 / b[~good], rtol=1e-9)
+    np.testing.assert_allclose(found.stability[good], 1.0 - b[good], rtol=1e-12)
+    assert (found.share[~good] == 1.0).all()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.5, 2.2, 3.0])
+def test_one_pin_is_a_quadratic(angle):
+    """|a + b g| = g with |b| > 1: the branch runs to infinity where Re(a b*) > 0 and turns back where it is negative."""
+    a = 3.0 * np.exp(0.4j)
+    for size in (0.3, 0.95, 1.4, 5.0):
+        b = size * np.exp(1j * (angle + 0.4))
+        found = one(a, b)
+        c = (np.conj(a) * b).real
+        # (1 - |b|^2) g^2 - 2 c g - |a|^2 = 0; of the two roots the one that |a| becomes as b grows from zero
+        disc = c**2 + (1.0 - size**2) * abs(a) ** 2
+        ends = (1.0 if c >= 0 else 1.0 / abs(np.sin(angle))) if c != 0 else 1.0
+        if size < 1.0 or (c < 0 and size < ends):
+            wanted = abs(a) ** 2 / (np.sqrt(disc) - c)
+            assert found.loads[0, 0] == pytest.approx(wanted, rel=1e-12)
+            assert not found.jammed[0] and found.stability[0] > 0.0
+        else:
+            assert found.jammed[0]
+            # at a proportion p it ends: p size = 1 where it runs to infinity, p size sin = 1 where it turns back
+            assert found.reached[0] * size == pytest.approx(ends, rel=1e-6)
+
+
+def test_random_systems_have_the_one_solution_of_the_fixed_point():
+    rng = np.random.default_rng(4)
+    frames, n = 400, 6
+    a = rng.normal(size=(frames, n, 2))
+    k = rng.normal(size=(frames, n, 2, n))
+    kinds = np.array([True, True, False, True, False, False])
+    size = np.where(kinds[:, None], np.hypot(k[:, :, 0], k[:, :, 1]), np.abs(k).max(axis=2))
+    k *= (0.97 / np.abs(np.linalg.eigvals(size)).max(axis=1))[:, None, None, None]
+    found = solve_normal_loads(a, k, kinds)
+    assert not found.jammed.any() and found.residual.max() < 1e-12 and (found.loads >= 0).all()
+    assert found.iterations < 25
+    g = np.zeros((frames, n))
+    for _ in range(3000):
+        y = a + np.einsum("fiaj,fj->fia", k, g)
+        g = np.where(kinds, np.hypot(y[..., 0], y[..., 1]), np.abs(y).max(axis=2))
+    np.testing.assert_allclose(found.loads, g, rtol=0, atol=1e-12 * g.max())
+
+
+def test_beyond_the_contraction_the_branch_is_followed():
+    """Strong coupling: what is found solves the equations, has a positive determinant, and is continuous in the coefficients."""
+    rng = np.random.default_rng(9)
+    frames, n = 300, 4
+    a, k = rng.normal(size=(frames, n, 2)), 0.35 * rng.normal(size=(frames, n, 2, n))
+    kinds = np.array([True, False, True, False])
+    found = solve_normal_loads(a, k, kinds)
+    good = ~found.jammed
+    assert 20 < good.sum() < 280
+    assert found.residual[good].max() < 1e-11 and (found.stability[good] > 0).all() and (found.loads[good] >= -1e-12).all()
+    assert (found.share[found.jammed].max(axis=1) == 1.0).all()
+    # just short of where a branch ends it is still there, just beyond it is not
+    bad = found.jammed
+    for part, there in ((1.0 - 1e-4, True), (1.0 + 1e-4, False)):
+        again = solve_normal_loads(a[bad], k[bad] * (part * found.reached[bad])[:, None, None, None], kinds)
+        assert (again.jammed != there).mean() > 0.97
+    # a frame's answer does not depend on its neighbours
+    alone = solve_normal_loads(a[7:8], k[7:8], kinds)
+    np.testing.assert_array_equal(alone.jammed, found.jammed[7:8])
+    np.testing.assert_allclose(alone.loads, found.loads[7:8], rtol=1e-10)
+
+
+def test_nothing_loaded_and_nothing_finite():
+    k = np.full((3, 2, 2, 2), 5.0)
+    a = np.zeros((3, 2, 2))
+    a[2, 0, 0] = np.nan
+    found = solve_normal_loads(a, k, np.array([True, False]))
+    np.testing.assert_array_equal(found.loads[:2], 0.0)
+    assert not found.jammed.any() and np.isnan(found.loads[2]).all()
+
+
+def test_spectral_radius_is_a_bound_from_above():
+    rng = np.random.default_rng(2)
+    m = rng.uniform(0, 1, (200, 5, 5)) * (rng.uniform(size=(200, 5, 5)) < 0.5)
+    true = np.abs(np.linalg.eigvals(m)).max(axis=1)
+    found = spectral_radius(m)
+    assert (found >= true * (1 - 1e-12)).all()
+    assert (found[true > 0.1] <= 1.1 * true[true > 0.1]).all()
