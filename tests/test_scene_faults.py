@@ -184,7 +184,7 @@ CASES = [
     ("trace", ["coupler.F"], "trace[0]", "link 'coupler' has no point 'F'.", "'B', 'C', 'E'"),
     ("trace", ["E", "E"], "trace[1]", "'E' is traced twice.", "once"),
     ("trace", "E", "trace", "'E' where a list is wanted.", "brackets"),
-    ("effects", ["inertai"], "effects[0]", "'inertai' is not one of 'inertia', 'gravity'.", "Did you mean 'inertia'?"),
+    ("effects", ["inertai"], "effects[0]", "'inertai' is not one of 'inertia', 'gravity', 'friction'.", "Did you mean 'inertia'?"),
     ("run", {"frames": 1}, "run.frames", "1 is too small.", "at least 2"),
     ("run", {"frames": True}, "run.frames", "true where a whole number is wanted.", "360"),
     ("run", {"cycles": 1.5}, "run.cycles", "1.5 where a whole number is wanted.", ""),
