@@ -519,3 +519,69 @@ def test_slide_on_a_turning_arm_has_its_coriolis_acceleration():
     np.testing.assert_allclose(forces.effort("S"), 2.0 * (a - r * w**2), rtol=1e-11)
     np.testing.assert_allclose(forces.effort("O"), 2.0 * r * (r * e + 2 * v * w), rtol=1e-10, atol=1e-12)
     sound(forces)
+
+
+def on_one_shaft(joined: str) -> Mechanism:
+    """A wheel that the frame does not carry directly: it sits on the shaft of an arm that does."""
+    links = [
+        Link(name="frame", points={"O": (0.0, 0.0), "B": (0.3, 0.1)}),
+        Link(name="arm", points={"c": (0.01, -0.02), "T": (0.2, 0.0)}),
+        Link(name="shaft", points={"c": (0.0, 0.1), "d": (0.05, 0.1)}),
+        wheel("a"),
+        wheel("b"),
+    ]
+    pairs = [_at("O", "frame", "O", "arm")]
+    if joined == "pins":  # a turns on the shaft, the shaft on the arm, the arm on the frame
+        pairs += [_at("S", "arm", "c", "shaft"), _at("A", "shaft", "c", "a")]
+    else:  # a is welded to the shaft, away from the axis
+        links[3] = wheel("a", e=(0.05, 0.0))
+        pairs += [_at("A", "arm", "c", "shaft"), Weld(name="W", links=("a", "shaft"), points=("e", "d"))]
+    pairs += [_at("B", "frame", "B", "b"), Gear(name="G", links=("a", "b"), carrier="frame", sizes=(20, 30))]
+    drives = [Drive(pair=p.name, law=ConstantSpeed(0.1, 1.0)) for p in pairs if p.name in ("O", "S", "A")]
+    return Mechanism(name="shaft", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=tuple(drives))
+
+
+@pytest.mark.parametrize(("joined", "speed"), [("pins", 3.0), ("weld", 2.0)])
+def test_wheels_may_share_an_axis_by_way_of_other_links(joined, speed):
+    m = on_one_shaft(joined)
+    forces = load(replace(m, effects=("inertia",), loads=(Torque(name="M", link="b", moment=2.0),)), THETA, 1.0)
+    np.testing.assert_allclose(forces.motion.velocity("a")[:, 2], speed, rtol=1e-12)
+    np.testing.assert_allclose(forces.motion.velocity("b")[:, 2], -speed * 2.0 / 3.0, rtol=1e-12)
+    pitch = np.array([0.3, 0.1]) * 0.4
+    np.testing.assert_allclose(forces.position("G"), np.tile(pitch, (len(THETA), 1)), atol=1e-14)
+    sound(forces)
+
+
+def test_a_pin_beside_the_axis_is_not_on_it():
+    m = on_one_shaft("pins")
+    beside = tuple(_at("A", "shaft", "d", "a") if p.name == "A" else p for p in m.pairs)
+    with pytest.raises(
+        MechanismError, match="'a' is not pinned to 'frame'.* nor to anything on the same axis. It is pinned to 'shaft'"
+    ):
+        compile_mechanism(replace(m, pairs=beside))
+
+
+@pytest.mark.parametrize(
+    ("radii", "crossed", "fits"),
+    [((0.6, 0.05), False, False), ((0.55, 0.05), False, False), ((0.54, 0.05), False, True), ((0.3, 0.25), True, False),
+     ((0.2, 0.3), True, False), ((0.2, 0.29), True, True), ((0.3, 0.25), False, True), ((0.0, 0.1), False, False)],
+)  # fmt: skip
+def test_belts_that_cannot_fit_are_refused_with_values(radii, crossed, fits):
+    """Open: the axes are farther apart than the radii differ; crossed: than they add up to."""
+    m = Mechanism(
+        name="belt",
+        frame="frame",
+        links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.4)}), wheel("a"), wheel("b")),
+        pairs=(
+            _at("A", "frame", "A", "a"),
+            _at("B", "frame", "B", "b"),
+            Belt(name="V", links=("a", "b"), carrier="frame", radii=radii, crossed=crossed),
+        ),
+        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
+    )
+    if fits:
+        compile_mechanism(m)
+        return
+    values = f"{1e3 * radii[0]:.6g} mm and {1e3 * radii[1]:.6g} mm do not fit on axes 500 mm apart"
+    with pytest.raises(MechanismError, match=values):
+        compile_mechanism(m)

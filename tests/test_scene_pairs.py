@@ -425,3 +425,41 @@ def test_the_json_schema_refuses_what_the_reader_refuses(key, value):
     data = changed(X={"gear": ["a", "b"], key: value})
     assert not conforms(data, schema, schema)
     assert faults_of(data)
+
+
+def test_a_wheel_on_the_shaft_of_another_link_is_carried_too():
+    links = {"frame": {"points": {"O": [0, 0], "B": [100, 0]}}, "arm": {"points": {"O": [0, 0], "P": [50, 0]}},
+             "sun": {"points": {"C": [0, 0]}}, "b": {"points": {"B": [0, 0]}}}  # fmt: skip
+    pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING}, "S": {"revolute": ["arm", "sun"], "at": ["O", "C"], "drive": TURNING},
+             "B": {"revolute": ["frame", "b"]}, "G": {"gear": ["sun", "b"], "teeth": [20, 30]}}  # fmt: skip
+    scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs)
+    assert scene.mechanism.pairs[-1].carrier == "frame"
+    motion = solve_motion(compile_mechanism(scene.mechanism), [0.0, 0.1])
+    np.testing.assert_allclose(motion.velocity("b")[:, 2], -2.0 / 3.0 * motion.velocity("sun")[:, 2])
+    pairs["S"] = {"revolute": ["arm", "sun"], "at": ["P", "C"], "drive": TURNING}  # beside the axis
+    with pytest.raises(SceneError, match="no link carries both wheels"):
+        Scene.build(units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs)
+
+
+@pytest.mark.parametrize(("radii", "crossed"), [([150, 40], False), ([60, 40], True)])
+def test_belts_that_do_not_fit_are_refused_when_the_scene_is_checked(radii, crossed, tmp_path, capsys):
+    from mechviz.cli import app
+
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f"""units = {{ length = "mm", angle = "deg" }}
+[links]
+frame = {{ points = {{ A = [0, 0], B = [100, 0] }} }}
+a = {{ points = {{ A = [0, 0] }} }}
+b = {{ points = {{ B = [0, 0] }} }}
+[pairs]
+A = {{ revolute = ["frame", "a"], drive = {{ speed = "10 rpm" }} }}
+B = {{ revolute = ["frame", "b"] }}
+V = {{ belt = ["a", "b"], radii = {radii}, crossed = {str(crossed).lower()} }}
+"""
+    )
+    with pytest.raises(SystemExit) as stopped:
+        app(["check", str(path)])
+    assert stopped.value.code == 2
+    said = "".join(capsys.readouterr())
+    assert "pairs.V" in said and f"radius {radii[0]} mm and {radii[1]} mm do not fit on axes 100 mm apart" in said

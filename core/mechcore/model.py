@@ -188,7 +188,9 @@ def build_model(mechanism: Mechanism) -> Model:
     joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
-    _check_lengths(joints, ends, names)
+    decided = {k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links}
+    decided |= {k for r in parts.relations for k, _ in r.angles}
+    _check_lengths(joints, ends, names, decided)
     undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
     if undrivable:
         why = "has no coordinate that a drive could prescribe."
@@ -263,8 +265,11 @@ def _check(m: Mechanism) -> None:
         raise MechanismError(faults)
 
 
-def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...]) -> None:
-    """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length."""
+def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]) -> None:
+    """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length.
+
+    Shafts and wheels are such links too; their angle is ``decided`` by a drive, a gear or a belt.
+    """
     pins: dict[int, list[tuple[str, complex]]] = {}
     others: set[int] = set()
     for joint, (p, q) in zip(joints, ends, strict=True):
@@ -275,7 +280,7 @@ def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...],
                 others.add(k)
     faults = []
     for k, own in pins.items():
-        if k == 0 or k in others or len(own) < 2:
+        if k == 0 or k in others or names[k] in decided or len(own) < 2:
             continue
         if all(abs(z - own[0][1]) <= 1e-14 * max(abs(own[0][1]), 1e-300) for _, z in own):
             which = " and ".join(name for name, _ in own)

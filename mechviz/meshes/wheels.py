@@ -125,11 +125,8 @@ class _Finder:
 
     def axes(self, pair: Gear | Belt) -> tuple[list[complex], list[complex]]:
         """Axes of both wheels, on the carrier and on the wheels' links."""
-        names = [self.parts.pin_between(pair, link, pair.carrier) for link in pair.links]
-        return (
-            [self.point(pair.carrier, on_carrier) for on_carrier, _ in names],
-            [self.point(link, own) for link, (_, own) in zip(pair.links, names, strict=True)],
-        )
+        found = [self.parts.axis_between(pair, link, pair.carrier) for link in pair.links]
+        return [on_carrier / self.size for on_carrier, _ in found], [own / self.size for _, own in found]
 
     def add(self, wheel: Wheel) -> int:
         """The number of a wheel; the same toothing in two pairs is one wheel."""
@@ -199,8 +196,7 @@ class _Finder:
         slider = next(p for p in self.mechanism.pairs if p.name == pair.slider)
         assert isinstance(slider, Prismatic)
         carrier = slider.links[0] if slider.links[1] == bar else slider.links[1]
-        on_carrier, own = self.parts.pin_between(pair, pinion, carrier)
-        at = self.point(pinion, own)
+        on_carrier, at = (z / self.size for z in self.parts.axis_between(pair, pinion, carrier))
         wheel = Wheel(pinion, (at.real, at.imag), pair.radius / self.size, "gear", (pair.name,), angle=pair.pressure_angle)
         number = self.add(wheel)
         along = complex(*slider.along) / abs(complex(*slider.along))
@@ -209,7 +205,7 @@ class _Finder:
         on_bar = along if slider.links[slider.guide] == bar else along / twist
         guide = on_bar * twist
         sign = 1.0 if pair.side == "left" else -1.0
-        contact = self.point(carrier, on_carrier) - 1j * sign * guide * wheel.radius
+        contact = on_carrier - 1j * sign * guide * wheel.radius
         touch = self.seen(carrier, contact, bar)
         along = sign * on_bar  # teeth on its left, towards the pinion
         origin = complex(touch[0])

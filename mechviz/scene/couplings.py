@@ -29,12 +29,44 @@ def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
     return found
 
 
+def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
+    """All links that turn about the same axes as a link: those that a pin joins to it, and those pinned at the same places of them.
+
+    Welds are followed too; whether the axis is then the same is seen when the scene is compiled.
+    """
+    found, ends = [link], [(link, "")]
+    for here, place in ends:  # grows while it is walked through
+        for name, pair in document.pairs.items():
+            if pair.kind not in ("revolute", "weld") or here not in pair.links:
+                continue
+            at = list(pair.at) if isinstance(pair.at, list) else [pair.at or name] * 2
+            side = pair.links.index(here)
+            if pair.kind == "weld":
+                end = (pair.links[1 - side], "")
+            elif place in ("", at[side]) or _places(document, here, place) == _places(document, here, at[side]):
+                end = (pair.links[1 - side], at[1 - side])
+            else:
+                continue
+            if end not in ends:
+                ends.append(end)
+                found.append(end[0])
+    return list(dict.fromkeys(found))[1:]
+
+
+def _places(document: SceneDocument, link: str, name: str) -> object:
+    """What a scene says about where a point is."""
+    known = document.links.get(link)
+    return known.points.get(name, name) if known is not None and isinstance(known.points, dict) else name
+
+
 def carrier_of(document: SceneDocument, pair: PairDocument) -> str | None:
     """The link that carries both wheels: stated, or the fixed link, or the only one that both are pinned to."""
     if pair.carrier is not None:
         return pair.carrier
-    first, second = (_pinned_to(document, link) for link in pair.links)
-    both = [link for link in first if link in second]
+    both: list[str] = []
+    for neighbours in (_pinned_to, _on_one_axis):  # directly, or by way of others on the same axis
+        first, second = (neighbours(document, link) for link in pair.links)
+        both = both or [link for link in first if link in second and link not in pair.links]
     if document.frame in both:
         return document.frame
     return both[0] if len(both) == 1 else None
@@ -75,7 +107,7 @@ def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]
     if carrier is not None:
         where = path if pair.carrier is None else f"{path}.carrier"
         for link in pair.links:
-            if carrier not in _pinned_to(document, link):
+            if carrier not in _on_one_axis(document, link):
                 yield _not_pinned(where, link, carrier, list(_pinned_to(document, link)))
         return
     first, second = (list(_pinned_to(document, link)) for link in pair.links)
@@ -88,7 +120,7 @@ def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]
     yield Fault(
         path,
         f"no link carries both wheels: a pin joins {words}.",
-        "Pin both to the same link, directly; links on one axis may share the place of the pin.",
+        "Pin both to the same link, or to others on the same axis.",
     )
 
 
@@ -120,7 +152,7 @@ def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
         return
     guide = document.pairs[pair.slider].links
     carrier = guide[0] if guide[1] == rack else guide[1]
-    if carrier not in _pinned_to(document, pinion):
+    if carrier not in _on_one_axis(document, pinion):
         yield _not_pinned(path, pinion, carrier, list(_pinned_to(document, pinion)))
 
 

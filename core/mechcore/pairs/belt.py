@@ -8,15 +8,12 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..spec import Belt
-from .joint import point_of
 from .parts import Builder
 from .relation import Relation
 
 
 def build(pair: Belt, builder: Builder) -> None:
-    centres = [builder.pin_between(pair, link, pair.carrier)[0] for link in pair.links]
-    carrier = builder.links[pair.carrier]
-    c1, c2 = (point_of(carrier, p) for p in centres)
+    c1, c2 = (builder.axis_between(pair, link, pair.carrier)[0] for link in pair.links)
     distance = abs(c2 - c1)
     r1, r2 = pair.radii
     sense = 1.0 if pair.crossed else -1.0

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..spec import Prismatic, Rack
-from .joint import point_of
 from .parts import Builder
 from .relation import Relation
 
@@ -25,7 +24,7 @@ def build(pair: Rack, builder: Builder) -> None:
             )
         )
     carrier = slider.links[0] if slider.links[1] == rack else slider.links[1]
-    centre = point_of(builder.links[carrier], builder.pin_between(pair, pinion, carrier)[0])
+    centre, _ = builder.axis_between(pair, pinion, carrier)
     along = complex(*slider.along) / abs(complex(*slider.along))
     owner = slider.links[slider.guide]
     # the slider's coordinate grows as the link without the guide moves along it; `along` in the carrier's axes
