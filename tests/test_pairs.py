@@ -556,7 +556,7 @@ def test_a_pin_beside_the_axis_is_not_on_it():
     m = on_one_shaft("pins")
     beside = tuple(_at("A", "shaft", "d", "a") if p.name == "A" else p for p in m.pairs)
     with pytest.raises(
-        MechanismError, match="'a' is not pinned to 'frame'.* nor to anything on the same axis. It is pinned to 'shaft'"
+        MechanismError, match=r"'a' is not pinned to 'frame'.* nor to anything on the same axis\. It is pinned to 'shaft'"
     ):
         compile_mechanism(replace(m, pairs=beside))
 

@@ -430,7 +430,8 @@ def test_the_json_schema_refuses_what_the_reader_refuses(key, value):
 def test_a_wheel_on_the_shaft_of_another_link_is_carried_too():
     links = {"frame": {"points": {"O": [0, 0], "B": [100, 0]}}, "arm": {"points": {"O": [0, 0], "P": [50, 0]}},
              "sun": {"points": {"C": [0, 0]}}, "b": {"points": {"B": [0, 0]}}}  # fmt: skip
-    pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING}, "S": {"revolute": ["arm", "sun"], "at": ["O", "C"], "drive": TURNING},
+    pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING},
+             "S": {"revolute": ["arm", "sun"], "at": ["O", "C"], "drive": TURNING},
              "B": {"revolute": ["frame", "b"]}, "G": {"gear": ["sun", "b"], "teeth": [20, 30]}}  # fmt: skip
     scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs)
     assert scene.mechanism.pairs[-1].carrier == "frame"
