@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mechanisms import four_bar
@@ -10,6 +12,8 @@ from mechcore import Motion, compile_mechanism, default_times, solve_motion
 from mechcore.events import Event, find_events, turning_points
 from mechcore.laws import Oscillation, zones
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
+
+TURN = 2.0 * np.pi
 
 
 def move(mechanism: Mechanism, frames: int = 90, cycles: float = 1.0) -> Motion:
@@ -103,3 +107,91 @@ def test_near_singular_frames_warn():
     events = [e for e in find_events(motion) if e.level == "WARN"]
     assert [e.time for e in events] == [motion.time[1], motion.time[4]]
     assert "condition number inf" in events[0].text and "condition number 3.0e+09" in events[1].text
+
+
+# -- between the frames -----------------------------------------------------------------------------------------------------
+CRANK_ROCKER = {"a": 0.06, "b": 0.18, "c": 0.15, "d": 0.2}
+
+
+def crank_rocker(start: float = 0.013, **more) -> Mechanism:
+    g = CRANK_ROCKER
+    m = four_bar(E=(g["d"], 0.0), AB=g["a"], BD=g["b"], DE=g["c"], start=start, speed=2.0, coupler_point=(0.09, 0.05))
+    return replace(
+        m, answers=("transmission_angle", "velocity_ratio", "mechanical_advantage", "curvature"), traced=(("coupler", "P"),), **more
+    )
+
+
+@pytest.mark.parametrize("frames", [12, 37, 360])
+def test_extremes_between_frames(frames):
+    """Against geometry and against a search over single positions, far better than a millionth of the cycle."""
+    from scipy.optimize import minimize_scalar
+
+    from mechcore import answers
+
+    m = crank_rocker()
+    motion = move(m, frames)
+    compiled = compile_mechanism(m)
+    events = find_events(motion)
+    tiny = 1e-7 * motion.time[-1]
+
+    def only(item: str, words: str) -> Event:
+        (found,) = (e for e in events if e.item == item and words in e.text)
+        return found
+
+    def search(quantity, near: float) -> tuple[float, float]:
+        found = minimize_scalar(
+            lambda t: -quantity(solve_motion(compiled, [t]))[0],
+            bounds=(near - 0.05, near + 0.05),
+            method="bounded",
+            options={"xatol": 1e-11},
+        )
+        return float(found.x), -float(found.fun)
+
+    g = CRANK_ROCKER
+    worst = only("D", "worst transmission angle")  # crank and frame in line, the crank towards E
+    assert worst.time == pytest.approx((TURN - 0.013) / 2.0, abs=tiny)
+    exact = np.arccos((g["b"] ** 2 + g["c"] ** 2 - (g["d"] - g["a"]) ** 2) / (2 * g["b"] * g["c"]))
+    assert worst.value == pytest.approx(exact, abs=1e-10)
+    ratio = only("E", "largest velocity ratio")
+    t, value = search(lambda x: np.abs(answers.velocity_ratios(x)["E"]), ratio.time)
+    assert ratio.time == pytest.approx(t, abs=tiny) and abs(ratio.value) == pytest.approx(value, rel=1e-11)
+    least = only("E", "smallest mechanical advantage")
+    assert least.time == ratio.time and least.value == pytest.approx(1.0 / value, rel=1e-11)
+    bend = only("coupler.P", "sharpest bend")
+    t, value = search(lambda x: np.abs(answers.curvature(x, "coupler", "P")), bend.time)
+    assert bend.time == pytest.approx(t, abs=tiny) and bend.value == pytest.approx(value, rel=1e-10)
+    a, b, c, d = (g[k] for k in "abcd")
+    outer = np.arccos((d**2 + (b + a) ** 2 - c**2) / (2 * d * (b + a)))
+    inner = np.pi + np.arccos((d**2 + (b - a) ** 2 - c**2) / (2 * d * (b - a)))
+    stops = sorted([(outer - 0.013) / 2.0, (inner - 0.013) / 2.0])
+    for words in ("limit position", "toggle"):
+        assert [e.time for e in events if e.item == "E" and words in e.text] == pytest.approx(stops, abs=tiny)
+    swing = [e.value for e in events if e.item == "E" and "limit position" in e.text]
+    at_limit = solve_motion(compiled, stops).coordinate("E")[:, 0]
+    np.testing.assert_allclose(swing, at_limit, atol=1e-9)
+
+
+def test_extremes_in_time_do_not_depend_on_the_law():
+    """A swinging drive meets the same worst angle at the same place of the drive."""
+    swings = replace(crank_rocker(), drives=(Drive(pair="A", law=Oscillation(0.3, 0.8, 0.7)),))
+    events = find_events(move(swings, 50))
+    worst = next(e for e in events if "worst transmission" in e.text)
+    assert float(swings.drives[0].law(worst.time)[0]) == pytest.approx(0.0, abs=1e-7)
+
+
+def test_the_worst_transmission_angle_at_a_change_point():
+    """Flat there: the angle is 0 or 180 degrees, and the instant is that of the change."""
+    m = replace(four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5), answers=("transmission_angle",))
+    motion = move(m, 50)
+    worst = next(e for e in find_events(motion) if "worst transmission" in e.text)
+    assert worst.level == "WARN" and abs(np.cos(worst.value)) == pytest.approx(1.0, abs=1e-12)
+    assert min(abs(worst.time - c.time) for c in motion.changes) < 1e-7 * motion.time[-1]
+
+
+def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
+    m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
+    limit = float(np.arccos((0.22**2 + 0.3**2 - 0.37**2) / (2 * 0.22 * 0.3)))
+    m = replace(m, answers=("velocity_ratio",), drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
+    found = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
+    assert "without bound" in found.text and found.time == pytest.approx(1.0, abs=1e-6)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .answers import curvature, transmission_angles, velocity_ratios
+from .answers import curvature, per_unit, transmission_angles, velocity_ratios
+from .extremes import peak, zeros
 from .leastnorm import indeterminate
 from .motion import Motion
 
@@ -35,6 +37,7 @@ class Event:
     level: Literal["INFO", "WARN"]
     item: str
     text: str
+    value: float = float("nan")  # of what is named, in SI units, where it is a number
 
 
 def find_events(motion: Motion) -> list[Event]:
@@ -72,7 +75,7 @@ def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
 
 
 def _at(motion: Motion, rows: Real, t: float) -> float:
-    """A coordinate at a time between frames, from the nearest frame's value, speed and acceleration (F, 3)."""
+    """About where a coordinate is between frames, from the nearest frame's value, speed and acceleration (F, 3)."""
     k = int(np.argmin(np.abs(motion.time - t)))
     d = t - motion.time[k]
     return float(rows[k, 0] + d * (rows[k, 1] + 0.5 * d * rows[k, 2]))
@@ -87,9 +90,27 @@ def _words(motion: Motion, pair: str, value: float) -> str:
 
 def _at_drive(motion: Motion, t: float) -> str:
     """Where the drives are at a time, in words."""
-    names = [d.pair for d in motion.mechanism.drives]
-    places = [f"drive {p} at {_words(motion, p, _at(motion, motion.coordinate(p), t))}" for p in names]
+    places = []
+    for d in motion.mechanism.drives:
+        led = motion.again is not None  # by the laws, which are exact between frames too
+        value = float(d.law(t)[0]) if led else _at(motion, motion.coordinate(d.pair), t)
+        places.append(f"drive {d.pair} at {_words(motion, d.pair, value)}")
     return ", ".join(places)
+
+
+def _exactly(motion: Motion, pair: str, times: Real) -> Real:
+    """A coordinate (n,) at times between frames, solved for again where laws lead the motion."""
+    rows = motion.coordinate(pair)
+    rough = np.array([_at(motion, rows, float(t)) for t in times])
+    if motion.again is None or not len(times):
+        return rough
+    found = motion.again(times).coordinate(pair)[:, 0]
+    turns = 2.0 * np.pi if pair not in motion.model.joint_index or not _slides(motion, pair) else np.inf
+    return np.asarray(found - (turns * np.round((found - rough) / turns) if np.isfinite(turns) else 0.0))
+
+
+def _slides(motion: Motion, pair: str) -> bool:
+    return motion.model.joints[motion.model.joint_index[pair]].coordinate == "slide"
 
 
 def _limits(motion: Motion) -> Iterator[Event]:
@@ -104,13 +125,13 @@ def _limits(motion: Motion) -> Iterator[Event]:
         rows = motion.coordinate(pair.name)
         if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
             continue
-        for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
-            if np.any(np.abs(reversals - t) < near):
-                continue
+        times = turning_points(motion.time, rows[:, 1], rows[:, 2])
+        times = np.sort([t for t in times if not np.any(np.abs(reversals - t) < near)])
+        times = zeros(motion, partial(_rates, pair.name), times)
+        for t, value in zip(times, _exactly(motion, pair.name, times), strict=True):
             side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            where = _words(motion, pair.name, _at(motion, rows, float(t)))
-            text = f"limit position: coordinate {side}, {where}, {_at_drive(motion, float(t))}"
-            yield Event(float(t), "INFO", pair.name, text)
+            text = f"limit position: coordinate {side}, {_words(motion, pair.name, value)}, {_at_drive(motion, float(t))}"
+            yield Event(float(t), "INFO", pair.name, text, float(value))
 
 
 def _still(motion: Motion, rows: Real) -> float:
@@ -168,31 +189,97 @@ def _changes(motion: Motion) -> Iterator[Event]:
 
 
 def _extremes(motion: Motion) -> Iterator[Event]:
-    """Where the answers that a scene asks for become extreme."""
+    """Where the answers that a scene asks for become extreme, between frames too."""
     asked = motion.mechanism.answers
     if "transmission_angle" in asked:
-        for pair, angle in transmission_angles(motion).items():
-            away = np.abs(angle - 0.5 * np.pi)
-            if np.isfinite(away).any():
-                k = int(np.nanargmax(away))
-                level: Literal["INFO", "WARN"] = "WARN" if away[k] > np.radians(90.0 - POOR) else "INFO"
-                text = (
-                    f"worst transmission angle of the run, {np.degrees(angle[k]):.4g}°, {_at_drive(motion, float(motion.time[k]))}"
-                )
-                yield Event(float(motion.time[k]), level, pair, text)
-    if "velocity_ratio" in asked:
-        for pair, ratio in velocity_ratios(motion).items():
-            if np.isfinite(ratio).any() and np.ptp(ratio[np.isfinite(ratio)]) > NOISE * motion.model.size:
-                k = int(np.nanargmax(np.abs(ratio)))
-                text = f"largest velocity ratio of the run, {ratio[k]:.5g}, {_at_drive(motion, float(motion.time[k]))}"
-                yield Event(float(motion.time[k]), "INFO", pair, text)
+        for pair in transmission_angles(motion):
+            t, flat = peak(motion, partial(_squared_cosine, pair))
+            if np.isfinite(t):
+                angle = float(_there(motion, partial(_transmission_angle, pair), t))
+                level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
+                text = f"worst transmission angle of the run, {np.degrees(angle):.4g}°, {_at_drive(motion, t)}"
+                yield Event(t, level, pair, text, angle)
+    if "velocity_ratio" in asked or "mechanical_advantage" in asked:
+        yield from _ratios(motion, asked)
     if "curvature" in asked:
         for link, point in motion.mechanism.traced:
-            bend = np.abs(curvature(motion, link, point))
-            if np.isfinite(bend).any():
-                k = int(np.nanargmax(bend))
-                text = f"sharpest bend of the path of {link}.{point}, radius {1e3 / bend[k]:.5g} mm"
-                yield Event(float(motion.time[k]), "INFO", f"{link}.{point}", text)
+            t, bend = peak(motion, partial(_bend, link, point))
+            if np.isfinite(t) and bend > 0.0:
+                text = f"sharpest bend of the path of {link}.{point}, radius {1e3 / bend:.5g} mm"
+                yield Event(t, "INFO", f"{link}.{point}", text, bend)
+
+
+def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
+    """Extremes of velocity ratios, and of the mechanical advantage, which is the reciprocal of those at the frame."""
+    first = motion.mechanism.drives[0].pair
+    at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
+    dead = np.array([c.time for c in motion.changes if c.dead])
+    step = float(np.max(np.diff(motion.time), initial=0.0))
+    for pair, ratio in velocity_ratios(motion).items():
+        finite = ratio[np.isfinite(ratio)]
+        if not len(finite) or np.ptp(finite) <= NOISE * motion.model.size:
+            continue
+        t, _ = peak(motion, partial(_squared_ratio, pair))
+        near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
+        if len(near):
+            t, value = float(near[0]), np.inf
+            words = "velocity ratio without bound at the drive's dead point"
+        else:
+            value = float(_there(motion, partial(_ratio, pair), t))
+            words = f"largest velocity ratio of the run, {value:.5g}"
+        if "velocity_ratio" in asked:
+            yield Event(t, "INFO", pair, f"{words}, {_at_drive(motion, t)}", value)
+        if "mechanical_advantage" in asked and pair in at_frame:
+            least = 0.0 if np.isinf(value) else 1.0 / abs(value)
+            yield Event(t, "INFO", pair, f"smallest mechanical advantage of the run, {least:.5g}, {_at_drive(motion, t)}", least)
+            yield from _toggles(motion, pair)
+
+
+def _toggles(motion: Motion, pair: str) -> Iterator[Event]:
+    """Where the mechanical advantage of a pair grows without bound: its velocity ratio passes through zero."""
+
+    def rows(m: Motion) -> Real:
+        """The ratio and its rate in time: the second derivative by the drive times the drive's speed."""
+        unit = per_unit(m).coordinate(pair)
+        return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
+
+    own = rows(motion)
+    for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
+        text = f"mechanical advantage without bound (toggle), {_at_drive(motion, float(t))}"
+        yield Event(float(t), "INFO", pair, text, np.inf)
+
+
+def _transmission_angle(pair: str, m: Motion) -> Real:
+    return transmission_angles(m)[pair]
+
+
+def _squared_cosine(pair: str, m: Motion) -> Real:
+    """Largest where the angle is farthest from a right one, and smooth, other than the angle, where links lie in one line."""
+    return np.asarray(np.cos(transmission_angles(m)[pair]) ** 2)
+
+
+def _ratio(pair: str, m: Motion) -> Real:
+    return per_unit(m).coordinate(pair)[:, 1]
+
+
+def _squared_ratio(pair: str, m: Motion) -> Real:
+    return np.asarray(_ratio(pair, m) ** 2)
+
+
+def _bend(link: str, point: str, m: Motion) -> Real:
+    return np.asarray(np.abs(curvature(m, link, point)))
+
+
+def _rates(pair: str, m: Motion) -> Real:
+    """Speed and acceleration of a coordinate (F, 2)."""
+    return m.coordinate(pair)[:, 1:]
+
+
+def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:
+    """A quantity at one time."""
+    if motion.again is None:
+        return float(quantity(motion)[int(np.argmin(np.abs(motion.time - t)))])
+    return float(quantity(motion.again(np.array([t])))[0])
 
 
 def _indeterminate(motion: Motion) -> Iterator[Event]:
