@@ -19,6 +19,7 @@ from PIL import Image
 from recordings import Made, made
 
 pytestmark = pytest.mark.picture
+PATIENCE = 120.0  # [s] for a viewer to start, and for a picture to come to rest, drawn by the processor
 REQUIRED = bool(os.environ.get("MECHVIZ_REQUIRE_PICTURES"))
 
 
@@ -47,13 +48,13 @@ def viewer(folder: Path) -> Iterator[Any]:
     finally:
         process.terminate()
         try:
-            process.wait(timeout=10)
+            process.wait(timeout=30)
         except subprocess.TimeoutExpired:
             process.kill()
 
 
 def connected(client: Any, process: subprocess.Popen[bytes], port: int, log: Path) -> Any:
-    end = time.monotonic() + 60
+    end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         if process.poll() is not None:
             why = [line for line in log.read_text(errors="replace").splitlines() if "anick" in line or "rror" in line]
@@ -71,14 +72,19 @@ def connected(client: Any, process: subprocess.Popen[bytes], port: int, log: Pat
 def shown(v: Any, m: Made, view: str) -> np.ndarray:
     """A view of a recording at a third of its run, as pixels (H, W, 3)."""
     v.open(str(m.path))
-    end = time.monotonic() + 60
+    end = time.monotonic() + PATIENCE
     while not (found := [w for w in v.get_state().views if w.name == view]):
         assert time.monotonic() < end, f"no view '{view}' among {[w.name for w in v.get_state().views]}"
         time.sleep(0.1)
     v.set_time("time", duration=float(m.time[len(m.time) // 3]), play_state="paused")
-    v.take_screenshot(found[0].view_id, max_size=640)  # the first one may come before the meshes are on the card
-    png = v.take_screenshot(found[0].view_id, max_size=640)
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+    before = None
+    while True:  # the first pictures may come before the meshes are on the card
+        png = v.take_screenshot(found[0].view_id, max_size=640)
+        picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+        if before is not None and np.array_equal(before, picture) and fraction_of_background(picture) < 0.97:
+            return picture
+        assert time.monotonic() < end, "the picture does not come to rest, or stays empty"
+        before = picture
 
 
 def fraction(picture: np.ndarray, color: tuple[int, ...], near: float = 0.06) -> float:

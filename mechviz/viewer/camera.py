@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import viser
 from numpy.typing import NDArray
+from viser import _messages
 
-__all__ = ["View", "fit_view", "keep_fitted", "set_first_view"]
+__all__ = ["FittedCameras", "View", "fit_view", "move_to", "set_first_view"]
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 TIMELINE = 0.25  # part of the picture's height that the timeline covers
 MARGIN = 0.06  # around the mechanism, of its extent
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
+UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
+FITS = 1e-4  # of the distance: a view this near to the best one is left alone
 MOST_KNOWN = 50  # views that a browser has been given and may still report
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
 
@@ -54,38 +57,72 @@ def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> No
     camera.look_at = view.look_at
 
 
-def keep_fitted(server: viser.ViserServer, client: viser.ClientHandle, bounds: NDArray[np.float64]) -> None:
-    """Fit the view of a browser to its window, also when that changes, until its user moves the camera.
+class FittedCameras:
+    """Keeps the view of every browser fitted to its window, also when that changes, until its user moves the camera.
 
     While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
     looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
     """
-    known = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(bounds, USUAL_ASPECT)]  # viser's default, and our first
-    changes = [0]
 
-    async def update(camera: Any) -> None:
-        changes[0] += 1
-        latest = changes[0]
-        await asyncio.sleep(SETTLING)
-        gone = client.client_id not in server.get_clients()
-        if gone or latest != changes[0] or camera.image_height <= 0 or camera.image_width <= 0:
+    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64]):
+        self._server, self._bounds = server, bounds
+        self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
+
+    def follow(self, client: viser.ClientHandle) -> None:
+        """From now on, fit the view of a browser that has just come."""
+        # viser's default, and our first
+        self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(self._bounds, USUAL_ASPECT)]
+        changes = [0]
+
+        async def update(camera: Any) -> None:
+            changes[0] += 1
+            latest = changes[0]
+            await asyncio.sleep(SETTLING)
+            if latest == changes[0] and client.client_id in self._server.get_clients():
+                self._fit(client, camera)
+
+        client.camera.on_update(update)
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """The browser has gone."""
+        self._known.pop(client.client_id, None)
+
+    def look_from_front(self, client: viser.ClientHandle) -> None:
+        """Bring a browser's camera back to the front, and follow its window again."""
+        camera = client.camera
+        aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
+        self._set(client, fit_view(self._bounds, aspect))
+
+    def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
+        """Fit the view, unless the user has moved the camera or the view fits already."""
+        if camera.image_height <= 0 or camera.image_width <= 0:
             return
-        view = fit_view(bounds, camera.image_width / camera.image_height)
-        near = 0.01 * view.distance
+        view = fit_view(self._bounds, camera.image_width / camera.image_height)
+        known = self._known.get(client.client_id, [])
+        near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
         moved = not (
             any(np.linalg.norm(v.position - camera.position) < near for v in known)
             and any(np.linalg.norm(v.look_at - camera.look_at) < near for v in known)
         )
-        if not moved and np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at) > near:
-            known[2:] = [*known[2:][-MOST_KNOWN:], view]
-            move_to(client, view)
+        apart = float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))
+        if not moved and apart > FITS * view.distance:
+            self._set(client, view)
 
-    client.camera.on_update(update)
+    def _set(self, client: viser.ClientHandle, view: View) -> None:
+        known = self._known.setdefault(client.client_id, [])
+        known.append(view)
+        del known[2 : len(known) - MOST_KNOWN]
+        move_to(client, view)
 
 
 def move_to(client: viser.ClientHandle, view: View) -> None:
-    """Put a browser's camera to a view."""
+    """Put a browser's camera to a view, wherever the browser last said that its camera was.
+
+    The setters of viser's camera send nothing if the camera is there already, by what the browser has told. A browser that is busy
+    drawing tells later, so that a click right after a turn of the mouse wheel would be lost: hence the messages themselves.
+    """
+    position, look_at = (tuple(float(x) for x in vector) for vector in (view.position, view.look_at))
     with client.atomic():
-        client.camera.position = view.position
-        client.camera.look_at = view.look_at
+        client._websock_connection.queue_message(_messages.SetCameraPositionMessage(position))
+        client._websock_connection.queue_message(_messages.SetCameraLookAtMessage(look_at))
     client.flush()

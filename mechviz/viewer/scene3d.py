@@ -12,7 +12,7 @@ from ..meshes import build_solids
 from ..run import Run
 from ..vectors import find_moments, find_scales, find_vectors
 from .arrows3d import ArrowNodes
-from .camera import USUAL_ASPECT, fit_view, keep_fitted, move_to, set_first_view
+from .camera import FittedCameras, set_first_view
 from .marks3d import JointNames, Paths
 from .solids3d import SolidNodes
 from .stage import set_stage
@@ -27,7 +27,6 @@ class Scene3D:
     """The picture of a run; ``show`` brings it to a frame. Only the player's thread calls ``show``."""
 
     def __init__(self, server: viser.ViserServer, run: Run):
-        self._server = server
         motion = run.motion
         # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
         some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
@@ -45,14 +44,16 @@ class Scene3D:
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
-        self._bounds = _joined(solids.bounds, self.arrows.reach(), 0.15 * solids.size)
-        set_first_view(server, self._bounds)
+        self.bounds = _joined(solids.bounds, self.arrows.reach(), 0.15 * solids.size)
+        set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             **({"Paths": self._paths.switch} if len(self._paths) else {}),
             "Joint names": self._names.switch,
             "Grid": lambda on: setattr(grid, "visible", on),
         }
+        self._cameras = FittedCameras(server, self.bounds)
         server.on_client_connect(self._greet)
+        server.on_client_disconnect(self._part)
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
@@ -67,12 +68,13 @@ class Scene3D:
 
     def look_from_front(self, client: viser.ClientHandle) -> None:
         """Bring a browser's camera back to the front, fitted to its window."""
-        camera = client.camera
-        aspect = camera.image_width / camera.image_height if camera.image_height > 0 else USUAL_ASPECT
-        move_to(client, fit_view(self._bounds, aspect))
+        self._cameras.look_from_front(client)
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        keep_fitted(self._server, client, self._bounds)
+        self._cameras.follow(client)
+
+    async def _part(self, client: viser.ClientHandle) -> None:
+        self._cameras.forget(client)
 
 
 def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64] | None, most: float) -> NDArray[np.float64]:
