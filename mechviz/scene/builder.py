@@ -57,6 +57,7 @@ class SceneBuilder:
         centre: Sequence[Value] | str | None = None,
         inertia: Value | None = None,
         shape: str | None = None,
+        gravity: Sequence[Value] | None = None,
         **more_points: Sequence[Value],
     ) -> SceneBuilder:
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
@@ -65,7 +66,8 @@ class SceneBuilder:
             self._faults.append(
                 Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way.")
             )
-        return self._add("links", name, {"points": places, "mass": mass, "centre": centre, "inertia": inertia, "shape": shape})
+        body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity}
+        return self._add("links", name, {"points": places, **body})
 
     def revolute(
         self,
@@ -239,6 +241,10 @@ class SceneBuilder:
     def torque(self, name: str, moment: Value, *, on: str, table: Mapping[str, Any] | None = None) -> SceneBuilder:
         """A free moment on a link, counter-clockwise positive."""
         return self._add("loads", name, {"torque": moment, "on": on, "table": table})
+
+    def load(self, name: str, **entry: Any) -> SceneBuilder:
+        """Any load, by the keys of a scene file: ``spring=("frame.P", "boom.Q"), stiffness="2 N/mm", free_length="80 mm"``."""
+        return self._add("loads", name, entry)
 
     def sketch(self, **places: Sequence[Value] | Mapping[str, Any]) -> SceneBuilder:
         """Rough start: places of points, ``B=(60, 0)``, poses of links, ``rod={"at": (60, 0), "angle": "9 deg"}``."""

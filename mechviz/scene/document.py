@@ -14,21 +14,19 @@ from mechcore.spec import ANSWERS, EFFECTS
 
 from .fields import (
     Angle,
-    ForceVector,
     GravityVector,
     Inertia,
     Mass,
     Name,
     Point,
     Text,
-    Torque,
     UnitName,
     describe,
     fault,
 )
-from .motions import FactorTable
+from .load_documents import LoadDocument
 from .pairs import PairDocument
-from .tables import Table, one_of, refuse
+from .tables import Table, refuse
 
 __all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
 
@@ -100,6 +98,8 @@ class LinkDocument(Table):
     """Centre of mass: coordinates in the link's frame, or the name of one of its points."""
     inertia: Inertia | None = None
     """Moment of inertia about the centre of mass."""
+    gravity: GravityVector | None = None
+    """Acceleration of gravity for this link alone, where it differs from the scene's."""
     shape: Literal["bar", "point"] | None = None
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
 
@@ -141,33 +141,6 @@ def _is_table(value: Any) -> str:
 SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(_is_table)]
 
 
-class LoadDocument(Table):
-    """A force at a point of a link, or a torque on a link."""
-
-    force: ForceVector | None = None
-    """Components [x, y] of a force."""
-    torque: Torque | None = None
-    """A free moment, counter-clockwise positive."""
-    on: Text
-    """The link that it acts on."""
-    at: Text | None = None
-    """The point of that link where the force acts; may be left out where the link has one point only."""
-    axes: Literal["world", "link"] = "world"
-    """Whether the components are fixed in the world or turn with the link."""
-    table: FactorTable | None = None
-    """The value is multiplied by this factor."""
-
-    @model_validator(mode="after")
-    def _one_load(self) -> LoadDocument:
-        found = one_of(self, ("force", "torque"), "the load")
-        if self.torque is not None:
-            for key in ("at", "axes"):
-                if key in self.model_fields_set:
-                    found.append((key, f"{key} does not go with a torque, which acts on the whole link.", f"Leave out {key}."))
-        refuse(found)
-        return self
-
-
 class SceneDocument(Table):
     """A mechviz scene: a mechanism, its drives and loads, and what to compute."""
 
@@ -196,4 +169,4 @@ class SceneDocument(Table):
     sketch: dict[Name, SketchEntry] = Field(default={})
     """A rough start position: world coordinates of points, or poses of links."""
     loads: dict[Name, LoadDocument] = Field(default={})
-    """Applied forces and torques by name."""
+    """Forces, torques, springs, dampers, drag, gas pressure by name."""

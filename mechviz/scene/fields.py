@@ -24,9 +24,10 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Flag", "Force", "ForceVector",
-    "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Point", "Quantity",
-    "Range", "Rate", "Size", "Text", "Time", "Torque", "UnitName", "describe", "fault", "faults",
+    "Angle", "Argument", "Coefficient", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Extent", "Flag", "Force",
+    "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Period", "Point",
+    "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "Size", "Speed", "Stiffness", "Text", "Time", "Torque",
+    "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
 
@@ -132,6 +133,9 @@ Duration = Annotated[float | str, Quantity(("time",), "above zero")]
 Force = Annotated[float | str, Quantity(("force",))]
 Torque = Annotated[float | str, Quantity(("torque",))]
 Inertia = Annotated[float | str, Quantity(("inertia",), "zero")]
+Extent = Annotated[float | str, Quantity(("length",), "zero")]
+Speed = Annotated[float | str, Quantity(("linear speed",))]
+Pressure = Annotated[float | str, Quantity(("pressure",), "above zero")]
 Frequency = Annotated[float | str, Quantity(("frequency",), "above zero")]
 Gravity = Annotated[float | str, Quantity(("gravity",))]
 # of a revolute pair or of a prismatic one
@@ -139,6 +143,12 @@ Coordinate = Annotated[float | str, Quantity(("angle", "length"))]
 Distance = Annotated[float | str, Quantity(("angle", "length"), "above zero")]
 Range = Annotated[float | str, Quantity(("angle", "length"), "zero")]
 Rate = Annotated[float | str, Quantity(("angular speed", "linear speed"))]
+Period = Annotated[float | str, Quantity(("angle", "length", "time"), "above zero")]
+Argument = Annotated[float | str, Quantity(("time", "angle", "length", "angular speed", "linear speed"), "above zero")]
+# of a spring, damper ... between points, or of one that turns
+Stiffness = Annotated[float | str, Quantity(("stiffness", "torsional stiffness"), "zero")]
+Coefficient = Annotated[float | str, Quantity(("damping", "torsional damping"), "zero")]
+QuadraticCoefficient = Annotated[float | str, Quantity(("quadratic damping", "quadratic torsional damping"), "zero")]
 Condition = Annotated[
     float | str,
     Quantity(("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")),

@@ -1,4 +1,4 @@
-"""The part of the scene document that prescribes motions: drives and the tables of factors that depend on them."""
+"""The part of the scene document that prescribes motions: drives."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from .fields import (
     Duration,
     Flag,
     Frequency,
-    Number,
     Range,
     Rate,
-    Text,
     Time,
     fault,
 )
 from .tables import Table, one_of, refuse
 from .units import magnitude
 
-__all__ = ["DriveDocument", "DriveTable", "FactorTable", "OscillationDocument", "SegmentDocument", "ZonesDocument"]
+__all__ = ["DriveDocument", "DriveTable", "OscillationDocument", "SegmentDocument", "ZonesDocument"]
 
 
 def _value_or_list(value: Any) -> str:
@@ -158,25 +156,4 @@ class DriveDocument(Table):
                 )
             )
         refuse(found)
-        return self
-
-
-class FactorTable(Table):
-    """A factor as a function of the position of a drive."""
-
-    position: Annotated[list[Coordinate], Field(min_length=2)]
-    """Increasing positions of the drive."""
-    factor: Annotated[list[Number], Field(min_length=2)]
-    """Factors at these positions."""
-    period: Distance | None = None
-    """The table repeats after this much; without it the end values hold outside the table."""
-    smooth: Flag = True
-    """A cubic spline through the points; false: straight lines between them."""
-    drive: Text | None = None
-    """The driven pair. Default: the first one."""
-
-    @model_validator(mode="after")
-    def _same_length(self) -> FactorTable:
-        if len(self.position) != len(self.factor):
-            raise fault(f"{len(self.position)} positions and {len(self.factor)} factors.", "Give one factor for each position.")
         return self

@@ -11,7 +11,7 @@ from .faults import did_you_mean, listing
 from .pairs import PairDocument
 from .validate import Reading
 
-__all__ = ["check_references", "link_names", "point_names", "points_of_pair", "resolve_trace"]
+__all__ = ["check_references", "known_link", "known_point", "link_names", "point_names", "points_of_pair", "resolve_trace"]
 
 
 def point_names(reading: Reading, link: str) -> list[str] | None:
@@ -48,7 +48,6 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     yield from _pairs(reading)
     yield from _whole(reading)
     yield from _trace(reading)
-    yield from _loads(reading)
     yield from _sketch(reading)
     for key, names in (("effects", document.effects), ("answers", document.answers)):
         for k, name in enumerate(names):
@@ -59,13 +58,15 @@ def check_references(reading: Reading) -> Iterator[Fault]:
         yield Fault("effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy)
 
 
-def _known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
+def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
+    """A fault where there is no such link."""
     links = link_names(reading)
     if "*" not in reading.broken["links"] and link not in links:
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
 
 
-def _known_point(reading: Reading, path: str, link: str, point: str, remedy: str = "") -> Iterator[Fault]:
+def known_point(reading: Reading, path: str, link: str, point: str, remedy: str = "") -> Iterator[Fault]:
+    """A fault where the link has no such point."""
     points = point_names(reading, link)
     if points is not None and point not in points:
         hint = did_you_mean(point, points, what=f"Points of '{link}'")
@@ -79,12 +80,12 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
     for name, pair in document.pairs.items():
         path = f"pairs.{name}"
         for k, link in enumerate(pair.links):
-            yield from _known_link(reading, f"{path}.{pair.kind}[{k}]", link)
+            yield from known_link(reading, f"{path}.{pair.kind}[{k}]", link)
         points = zip(pair.links, points_of_pair(name, pair), strict=True) if pair.joins else ()
         for k, (link, point) in enumerate(points):
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
             remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
-            yield from _known_point(reading, where, link, point, remedy)
+            yield from known_point(reading, where, link, point, remedy)
         if pair.guide is not None and pair.guide not in pair.links:
             yield Fault(
                 f"{path}.guide",
@@ -94,7 +95,7 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
         elif pair.along is not None and isinstance(pair.along[0], str):
             guide = pair.guide or pair.links[0]
             for k, point in enumerate(pair.along):
-                yield from _known_point(reading, f"{path}.along[{k}]", guide, str(point))
+                yield from known_point(reading, f"{path}.along[{k}]", guide, str(point))
 
 
 def _whole(reading: Reading) -> Iterator[Fault]:
@@ -175,44 +176,13 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     return owners[0], text
 
 
-def _loads(reading: Reading) -> Iterator[Fault]:
-    document = reading.document
-    driven = [name for name, pair in document.pairs.items() if pair.drive is not None]
-    for name, load in document.loads.items():
-        path = f"loads.{name}"
-        yield from _known_link(reading, f"{path}.on", load.on)
-        if load.on == document.frame:
-            yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
-        elif load.at is not None:
-            yield from _known_point(reading, f"{path}.at", load.on, load.at)
-        elif load.force is not None:
-            points = point_names(reading, load.on) or []
-            if len(points) > 1:
-                yield Fault(
-                    path,
-                    "'at' is missing: where on the link does the force act?",
-                    f"Points of '{load.on}': {listing(points)}.",
-                )
-        if (
-            load.table is not None
-            and load.table.drive is not None
-            and load.table.drive not in {*driven, *reading.undriven, *reading.broken["pairs"]}
-        ):
-            what = (
-                f"pair '{load.table.drive}' has no drive."
-                if load.table.drive in document.pairs
-                else f"there is no pair '{load.table.drive}'."
-            )
-            yield Fault(f"{path}.table.drive", what, did_you_mean(load.table.drive, driven, what="Driven pairs"))
-
-
 def _sketch(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     links = link_names(reading)
     points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
-            yield from _known_link(reading, f"sketch.{name}", name)
+            yield from known_link(reading, f"sketch.{name}", name)
             if name == document.frame:
                 yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
         elif name not in points and not any(point_names(reading, link) is None for link in links):

@@ -51,6 +51,7 @@ newton = kilogram * metre / second**2 = N
 joule = newton * metre = J
 watt = joule / second = W
 pascal = newton / metre**2 = Pa
+bar = 1e5 * pascal
 tonne = 1000 * kilogram = t
 inch = 0.0254 * metre = in
 foot = 0.3048 * metre = ft
@@ -61,7 +62,7 @@ kilogram_force = 9.80665 * newton = kgf
 
 _SYMBOLS = (
     "m", "mm", "cm", "um", "in", "ft", "rad", "deg", "turn", "rpm", "kg", "g", "lb", "s", "ms", "min", "Hz", "N", "kN",
-    "lbf", "J",
+    "lbf", "J", "Pa", "bar",
 )  # fmt: skip
 _SPACED = {"Nm": "N m", "Nmm": "N mm", "kNm": "kN m", "kgm^2": "kg m^2", "kgm2": "kg m^2", "kgm²": "kg m^2"}
 
@@ -92,6 +93,20 @@ KINDS: Mapping[str, Kind] = {
     "angular speed": Kind("an angular speed", "rad/s", "({angle})/({time})", "60 rpm"),
     "linear acceleration": Kind("a linear acceleration", "m/s**2", "({length})/({time})**2", "200 mm/s^2"),
     "angular acceleration": Kind("an angular acceleration", "rad/s**2", "({angle})/({time})**2", "2 rad/s^2"),
+    "pressure": Kind("a pressure", "Pa", "Pa", "6 bar"),  # whatever the units of force and length
+    "stiffness": Kind("a stiffness", "N/m", "({force})/({length})", "2 N/mm"),
+    "torsional stiffness": Kind("a torsional stiffness", "N*m/rad", "({torque})/({angle})", "3 N m/rad"),
+    "damping": Kind("a damping coefficient", "N*s/m", "({force})*({time})/({length})", "20 N s/m"),
+    "torsional damping": Kind("a torsional damping coefficient", "N*m*s/rad", "({torque})*({time})/({angle})", "0.1 N m s/rad"),
+    "quadratic damping": Kind(
+        "a quadratic damping coefficient", "N*s**2/m**2", "({force})*({time})**2/({length})**2", "5 N s^2/m^2"
+    ),
+    "quadratic torsional damping": Kind(
+        "a quadratic torsional damping coefficient",
+        "N*m*s**2/rad**2",
+        "({torque})*({time})**2/({angle})**2",
+        "0.01 N m s^2/rad^2",
+    ),
     "gravity": Kind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
 }
 

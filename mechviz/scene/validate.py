@@ -16,9 +16,11 @@ from pydantic import ValidationError
 from mechcore.errors import Fault
 
 from .document import LinkDocument, LoadDocument, Pose, RunDocument, SceneDocument, UnitsDocument
+from .factors import FactorPolynomial, FactorTable
 from .faults import closest, listing
 from .fields import describe
-from .motions import DriveDocument, DriveTable, FactorTable, OscillationDocument, SegmentDocument, ZonesDocument
+from .load_documents import CompressorDocument, DiagramDocument, FourStrokeDocument
+from .motions import DriveDocument, DriveTable, OscillationDocument, SegmentDocument, ZonesDocument
 from .pairs import KINDS, PairDocument
 from .tables import Table
 
@@ -40,12 +42,17 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
     ("sketch", "*"): Pose,
     ("loads", "*"): LoadDocument,
     ("loads", "*", "table"): FactorTable,
+    ("loads", "*", "polynomial"): FactorPolynomial,
+    ("loads", "*", "compressor"): CompressorDocument,
+    ("loads", "*", "four_stroke"): FourStrokeDocument,
+    ("loads", "*", "diagram"): DiagramDocument,
 }
 _SECTIONS = ("links", "pairs", "sketch", "loads")
 _SEPARABLE = {  # faulty parts without which the rest of the item still means the same
     ("pairs", "drive"), ("pairs", "side"), ("pairs", "assembly"), ("pairs", "branch"), ("pairs", "along"),
     ("pairs", "guide"), ("pairs", "angle"), ("pairs", "pressure_angle"), ("pairs", "crossed"),
-    ("loads", "table"), ("loads", "axes"),
+    ("loads", "table"), ("loads", "axes"), ("loads", "polynomial"), ("loads", "preload"), ("loads", "free_angle"),
+    ("loads", "head"), ("loads", "back"), ("loads", "fires"), ("loads", "use"), ("links", "gravity"),
 }  # fmt: skip
 _STANDS_FOR: Mapping[tuple[str, str], Any] = {  # sound values in place of faulty ones, so that the rest can be checked
     ("links", "mass"): 1.0,
@@ -54,6 +61,11 @@ _STANDS_FOR: Mapping[tuple[str, str], Any] = {  # sound values in place of fault
     ("pairs", "radius"): 1.0,
     ("loads", "force"): [1.0, 0.0],
     ("loads", "torque"): 1.0,
+    ("loads", "stiffness"): 1.0,
+    ("loads", "free_length"): 0.0,
+    ("loads", "linear"): 1.0,
+    ("loads", "quadratic"): 1.0,
+    ("loads", "bore"): 1.0,
 }
 
 # What people call things elsewhere.
@@ -66,6 +78,10 @@ _SYNONYMS = {
     "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
     "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
     "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
+    "k": "stiffness", "rate": "stiffness", "rest_length": "free_length", "natural_length": "free_length", "length": "free_length",
+    "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
+    "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
+    "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
 }  # fmt: skip
 
 

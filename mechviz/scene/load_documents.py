@@ -1,0 +1,290 @@
+"""The loads of a scene document: every kind with the keys that go with it.
+
+To add a kind: its key in ``LoadDocument``, one line in ``KINDS``, how it becomes a load of the core in ``load_specs``, and the
+names that it refers to in ``load_references``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
+
+from .factors import FactorPolynomial, FactorTable
+from .fields import (
+    Angle,
+    Coefficient,
+    Coordinate,
+    Extent,
+    Force,
+    ForceVector,
+    Length,
+    Number,
+    Pressure,
+    QuadraticCoefficient,
+    Size,
+    Stiffness,
+    Text,
+    Torque,
+    fault,
+)
+from .tables import Table, one_of, refuse
+
+__all__ = ["KINDS", "CompressorDocument", "DiagramDocument", "FourStrokeDocument", "LoadDocument"]
+
+
+def _positive(value: float) -> float:
+    if value <= 0.0:
+        raise fault(f"{value:g} is not positive.", "Give a number above zero.")
+    return value
+
+
+def _at_least_one(value: float) -> float:
+    if value < 1.0:
+        raise fault(f"{value:g} is less than 1.", "Give at least 1.")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0.0:
+        raise fault(f"{value:g} is negative.", "Give zero or more.")
+    return value
+
+
+Positive = Annotated[Number, AfterValidator(_positive)]
+AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
+
+
+class CompressorDocument(Table):
+    """The cycle of a compressor with clearance: compression, delivery, re-expansion, suction."""
+
+    suction: Pressure
+    """Absolute pressure of suction."""
+    delivery: Pressure
+    """Absolute pressure of delivery."""
+    exponent: AtLeastOne = 1.3
+    """Polytropic exponent of compression and re-expansion."""
+    clearance: NotNegative = 0.05
+    """Volume at top dead centre over the swept volume."""
+
+
+class FourStrokeDocument(Table):
+    """The cycle of a four-stroke engine over two turns of the drive."""
+
+    ratio: Positive
+    """Compression ratio: greatest over least volume."""
+    intake: Pressure = "101325 Pa"
+    """Absolute pressure during intake."""
+    exhaust: Pressure = "101325 Pa"
+    """Absolute pressure during exhaust."""
+    exponent: AtLeastOne = 1.35
+    """Polytropic exponent of compression."""
+    expansion: AtLeastOne | None = None
+    """Polytropic exponent of expansion. Default: that of compression."""
+    rise: AtLeastOne = 1.0
+    """Combustion at constant volume: pressure after over pressure before."""
+    cutoff: AtLeastOne = 1.0
+    """Combustion at constant pressure: volume after over volume before."""
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> FourStrokeDocument:
+        if self.ratio <= self.cutoff:
+            hint = "Give a ratio such as 9, or a smaller cutoff."
+            refuse([("ratio", f"{self.ratio:g} is no greater than the cutoff, {self.cutoff:g}.", hint)])
+        return self
+
+
+class DiagramDocument(Table):
+    """A measured indicator diagram: absolute pressures over the displacement from top dead centre."""
+
+    displacement: Annotated[list[Length], Field(min_length=2)]
+    """Increasing displacements, from 0 to the stroke."""
+    outward: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Two strokes: pressures while the piston moves away from the head."""
+    inward: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Two strokes: pressures while it moves towards the head."""
+    power: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Four strokes: expansion."""
+    exhaust: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Four strokes: exhaust."""
+    intake: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Four strokes: intake."""
+    compression: Annotated[list[Pressure], Field(min_length=2)] | None = None
+    """Four strokes: compression."""
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The branches that are given."""
+        return tuple(k for k in ("outward", "inward", "power", "exhaust", "intake", "compression") if getattr(self, k) is not None)
+
+    @model_validator(mode="after")
+    def _whole(self) -> DiagramDocument:
+        found = []
+        if self.branches not in (("outward", "inward"), ("power", "exhaust", "intake", "compression")):
+            hint = "Give outward and inward (two strokes), or power, exhaust, intake and compression (four strokes)."
+            found.append(("", f"the diagram has {', '.join(self.branches) or 'no branch'}.", hint))
+        n = len(self.displacement)
+        for key in self.branches:
+            if len(getattr(self, key)) != n:
+                found.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
+        refuse(found)
+        return self
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of load: how it is called in a sentence, which keys go with it, and which of them have no default."""
+
+    words: str
+    keys: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    some: tuple[str, ...] = ()  # at least one of these
+
+
+_CYCLES = ("compressor", "four_stroke", "diagram")
+
+KINDS: Mapping[str, Kind] = {
+    "force": Kind("a force", ("on", "at", "axes", "against", "table", "polynomial"), ("on",)),
+    "torque": Kind("a torque, which acts on the whole link", ("on", "against", "table", "polynomial"), ("on",)),
+    "spring": Kind("a spring", ("stiffness", "free_length", "preload"), ("stiffness", "free_length")),
+    "damper": Kind("a damper", ("linear", "quadratic"), some=("linear", "quadratic")),
+    "gas_spring": Kind("a gas spring", ("thrust", "extended", "gas_length", "exponent"), ("thrust", "extended", "gas_length")),
+    "torsion_spring": Kind("a torsion spring", ("stiffness", "free_angle"), ("stiffness",)),
+    "torsion_damper": Kind("a torsion damper", ("linear",), ("linear",)),
+    "drag": Kind("drag", ("linear", "quadratic"), some=("linear", "quadratic")),
+    "viscous": Kind("viscous friction", ("linear",), ("linear",)),
+    "gas": Kind("gas pressure", ("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"), ("bore", "top", "stroke")),
+}
+_EXAMPLES = {
+    "on": '"the link"',
+    "stiffness": '"2 N/mm" (or "3 N m/rad" for a torsion spring)',
+    "free_length": '"80 mm"',
+    "thrust": '"400 N", its force when extended',
+    "extended": '"300 mm", the distance of its points when extended',
+    "gas_length": '"250 mm", the volume of the gas when extended over the area of the rod',
+    "linear": '"20 N s/m" (or "0.1 N m s/rad" for rotation)',
+    "bore": '"80 mm"',
+    "top": "the pair's coordinate at top dead centre",
+    "stroke": '"80 mm"',
+}
+
+
+class LoadDocument(Table):
+    """A load: exactly one of force, torque, spring, damper, gas_spring, torsion_spring, torsion_damper, drag, viscous or gas."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
+
+    force: ForceVector | None = None
+    """Components [x, y] of a force."""
+    torque: Torque | None = None
+    """A free moment, counter-clockwise positive."""
+    spring: TwoNames | None = None
+    """The two points between which a spring pulls: ["link.point", "link.point"]."""
+    damper: TwoNames | None = None
+    """The two points between which a damper acts."""
+    gas_spring: TwoNames | None = None
+    """The two points that a gas spring pushes apart."""
+    torsion_spring: TwoNames | None = None
+    """The two links between which a torsion spring acts, by the angle from the first to the second."""
+    torsion_damper: TwoNames | None = None
+    """The two links between which a torsion damper acts."""
+    drag: Text | None = None
+    """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
+    viscous: Text | None = None
+    """The revolute or sliding pair in which viscous friction acts."""
+    gas: Text | None = None
+    """The sliding pair of the piston on which a gas presses, by an indicator diagram."""
+    on: Text | None = None
+    """Force, torque: the link that it acts on."""
+    at: Text | None = None
+    """Force: the point of that link where it acts; may be left out where the link has one point only."""
+    axes: Literal["world", "link"] = "world"
+    """Force: whether the components are fixed in the world or turn with the link."""
+    against: Text | None = None
+    """Force, torque: the link on which the opposite acts at the same point."""
+    table: FactorTable | None = None
+    """Force, torque: the value is multiplied by this factor."""
+    polynomial: FactorPolynomial | None = None
+    """Force, torque: the value is multiplied by this polynomial."""
+    stiffness: Stiffness | None = None
+    """Spring: force per length. Torsion spring: moment per angle."""
+    free_length: Extent | None = None
+    """Spring: length without load; 0 is a spring of no free length, used for balancing."""
+    preload: Force | None = None
+    """Spring: pull at the free length. Default 0."""
+    free_angle: Angle | None = None
+    """Torsion spring: angle from the first link's frame to the second's without load. Default 0."""
+    linear: Coefficient | None = None
+    """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed."""
+    quadratic: QuadraticCoefficient | None = None
+    """Damper, drag: force per speed squared, or moment per angular speed squared."""
+    thrust: Force | None = None
+    """Gas spring: force when extended."""
+    extended: Size | None = None
+    """Gas spring: distance of its two points when extended."""
+    gas_length: Size | None = None
+    """Gas spring: volume of the gas when extended over the area of the rod."""
+    exponent: AtLeastOne | None = None
+    """Gas spring: polytropic exponent. Default 1 (slow); 1.4 where it moves fast."""
+    bore: Size | None = None
+    """Gas: diameter of the piston."""
+    top: Length | None = None
+    """Gas: coordinate of the pair at top dead centre."""
+    stroke: Size | None = None
+    """Gas: distance of the dead centres."""
+    head: Literal["ahead", "behind"] | None = None
+    """Gas: the cylinder's head lies ahead of the piston in the direction of the pair (default), or behind it."""
+    back: Pressure | None = None
+    """Gas: absolute pressure on the other side of the piston. Default 101325 Pa."""
+    compressor: CompressorDocument | None = None
+    """Gas: the cycle of a compressor."""
+    four_stroke: FourStrokeDocument | None = None
+    """Gas: the cycle of a four-stroke engine."""
+    diagram: DiagramDocument | None = None
+    """Gas: a measured diagram."""
+    fires: Coordinate | None = None
+    """Gas, four strokes: position of the drive at the top dead centre of combustion. Default 0."""
+    drive: Text | None = None
+    """Gas, four strokes: the driven pair of the crank. Default: the first one."""
+    use: Literal["useful", "harmful"] | None = None
+    """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
+
+    @property
+    def kind(self) -> str:
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _one_load(self) -> LoadDocument:
+        refuse(one_of(self, tuple(KINDS), "the load"))
+        kind = KINDS[self.kind]
+        found: list[tuple[str, str, str]] = []
+        for key in sorted(self.model_fields_set - {*KINDS, "use"}, key=list(LoadDocument.model_fields).index):
+            if key not in kind.keys and getattr(self, key) is not None:
+                found.append((key, f"{key} does not go with {kind.words}.", _instead(self.kind, key)))
+        for key in kind.needs:
+            if getattr(self, key) is None:
+                found.append(("", f"'{key}' is missing.", f"Add {key} = {_EXAMPLES[key]}."))
+        if kind.some and all(getattr(self, key) is None for key in kind.some):
+            found.append(
+                ("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {_EXAMPLES['linear']}.")
+            )
+        if self.kind == "gas":
+            found += one_of(self, _CYCLES, "the gas")
+        if self.table is not None and self.polynomial is not None:
+            found.append(("polynomial", "table and polynomial at once.", "Keep one of them."))
+        for pair in (self.spring, self.damper, self.gas_spring, self.torsion_spring, self.torsion_damper):
+            if pair is not None and pair[0] == pair[1]:
+                found.append((self.kind, f"acts between '{pair[0]}' and itself.", "Name two different ones."))
+        refuse(found)
+        return self
+
+
+def _instead(kind: str, key: str) -> str:
+    """What to do about a key that does not go with a kind of load."""
+    if key in ("linear", "quadratic") and kind in ("spring", "gas_spring", "torsion_spring"):
+        return "Write a damper between the same points as a load of its own."
+    return f"Leave out {key}."

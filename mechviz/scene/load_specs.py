@@ -1,0 +1,325 @@
+"""Loads of a scene document -> loads of the core, in SI units and radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
+from mechcore.laws import Table
+from mechcore.spec import (
+    Damper,
+    Drag,
+    Factor,
+    Force,
+    GasPressure,
+    GasSpring,
+    Load,
+    Polynomial,
+    Spring,
+    Torque,
+    TorsionDamper,
+    TorsionSpring,
+    Viscous,
+)
+
+from .convert import LARGEST, Converter
+from .document import LoadDocument, SceneDocument
+from .factors import FactorPolynomial, FactorTable
+from .load_references import split_point
+from .validate import Reading
+
+__all__ = ["load_spec"]
+
+_ARGUMENT_KINDS = {
+    "time": "time",
+    "x": "length",
+    "y": "length",
+    "vx": "linear speed",
+    "vy": "linear speed",
+    "speed": "linear speed",
+}
+_RATES = {"angle": "angular speed", "length": "linear speed"}
+
+
+def load_spec(name: str, load: LoadDocument, reading: Reading, convert: Converter) -> Load | None:
+    """The load, or None where a name that it refers to is not there (which `check_loads` says)."""
+    return _Maker(name, load, reading, convert).make()
+
+
+class _Maker:
+    """What every kind needs to become a load of the core."""
+
+    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter):
+        self.name, self.load, self.reading, self.convert = name, load, reading, convert
+        self.document: SceneDocument = reading.document
+        self.path = f"loads.{name}"
+
+    def make(self) -> Load | None:
+        return _MAKERS[self.load.kind](self)
+
+    @property
+    def common(self) -> dict[str, Any]:
+        return {"name": self.name, "use": self.load.use}
+
+    def si(self, key: str, kind: str, default: float = 0.0) -> float:
+        """A value of the load in SI, or what holds where it is left out."""
+        value = getattr(self.load, key)
+        return default if value is None else self.convert.si(value, kind, f"{self.path}.{key}")
+
+    def ends(self, texts: list[str]) -> dict[str, Any] | None:
+        """Links and points of the two ends of a spring or damper."""
+        first, second = (split_point(self.reading, text) for text in texts)
+        if first is None or second is None:
+            return None
+        return {"links": (first[0], second[0]), "points": (first[1], second[1])}
+
+    # -- forces and torques -------------------------------------------------------------------------------------------
+    def force(self) -> Load | None:
+        load = self.load
+        assert load.force is not None and load.on is not None
+        factor = self.factor()
+        vector = self.convert.vector(load.force, "force", f"{self.path}.force")
+        point = load.at
+        if point is None:
+            link = self.document.links.get(load.on)
+            point = next(iter(link.points)) if link is not None else ""
+        return Force(**self.common, link=load.on, point=point, vector=vector, axes=load.axes, factor=factor, against=load.against)
+
+    def torque(self) -> Load | None:
+        assert self.load.on is not None
+        factor = self.factor()
+        return Torque(
+            **self.common, link=self.load.on, moment=self.si("torque", "torque"), factor=factor, against=self.load.against
+        )
+
+    def factor(self) -> Factor | None:
+        """The factor by table or polynomial, None where there is none or a fault was noted."""
+        given: FactorTable | FactorPolynomial | None = self.load.table or self.load.polynomial
+        if given is None:
+            return None
+        pair = given.pair or given.drive
+        point = None if given.point is None else split_point(self.reading, given.point)
+        kind = self.argument_kind(given.of, pair)
+        if kind is None or (given.point is not None and point is None):
+            return None
+        if isinstance(given, FactorTable):
+            function: Table | Polynomial | None = self.table(given, kind)
+        else:
+            path = f"{self.path}.polynomial"
+            per = self.convert.si(1.0 if given.per is None else given.per, kind, f"{path}.per")
+            function = (
+                Polynomial(tuple(given.coefficients), per=per)
+                if self.moderate(given.coefficients, f"{path}.coefficients")
+                else None
+            )
+        return None if function is None else Factor(function=function, of=given.of, pair=pair, point=point)  # type: ignore[arg-type] # one of ARGUMENTS
+
+    def argument_kind(self, of: str, pair: str | None) -> str | None:
+        """The kind of quantity that a factor depends on; None where its pair is not there."""
+        if of in _ARGUMENT_KINDS:
+            return _ARGUMENT_KINDS[of]
+        driven = [p for p in self.document.pairs.values() if p.drive is not None]
+        found = self.document.pairs.get(pair) if pair is not None else (driven[0] if driven else None)
+        if found is None:
+            return None
+        sort = "length" if found.kind in ("prismatic", "pin_slot", "rolling", "cylinder") else "angle"
+        return sort if of == "position" else _RATES[sort]
+
+    def moderate(self, values: list[float], path: str) -> bool:
+        """Notes the first number that is beyond all measure."""
+        for k, value in enumerate(values):
+            if abs(value) > LARGEST:
+                self.convert.note(f"{path}[{k}]", f"{value:g} is beyond {LARGEST:g}.", "Check the number.")
+                return False
+        return True
+
+    def table(self, given: FactorTable, kind: str) -> Table | None:
+        convert, path = self.convert, f"{self.path}.table"
+        x, y = convert.row(getattr(given, given.of), kind, f"{path}.{given.of}"), tuple(given.factor)
+        if not self.moderate(given.factor, f"{path}.factor") or not convert.increasing(x, f"{path}.{given.of}"):
+            return None
+        period = None
+        if given.period is not None:
+            period = convert.si(given.period, kind, f"{path}.period")
+            span = x[-1] - x[0]
+            if math.isclose(span, period, rel_tol=1e-12):  # the closing row is a repetition of the first one
+                if y[-1] != y[0]:
+                    convert.note(
+                        f"{path}.factor[{len(y) - 1}]",
+                        f"differs from the first factor, {y[0]:g}, one period before.",
+                        "Give both the same factor, or leave out the last row.",
+                    )
+                    return None
+                x, y = x[:-1], y[:-1]
+            elif span > period:
+                convert.note(
+                    f"{path}.period",
+                    f"is shorter than the range of the {given.of}s.",
+                    "Give a longer period, or fewer rows.",
+                )
+                return None
+        return self.spline(x, y, f"{path}.{given.of}", period, given.smooth)
+
+    def spline(
+        self, x: tuple[float, ...], y: tuple[float, ...], path: str, period: float | None = None, smooth: bool = True
+    ) -> Table | None:
+        """A table as a function; None, and a fault, where its rows are so close that nothing smooth goes through them."""
+        try:
+            return Table(x=x, y=y, period=period, smooth=smooth)
+        except ValueError:
+            self.convert.note(path, "the rows are too close to each other.", "Leave out some of them.")
+            return None
+
+    # -- between two points -------------------------------------------------------------------------------------------
+    def spring(self) -> Load | None:
+        assert self.load.spring is not None
+        ends = self.ends(self.load.spring)
+        values: dict[str, Any] = {
+            "stiffness": self.si("stiffness", "stiffness"),
+            "free_length": self.si("free_length", "length"),
+            "preload": self.si("preload", "force"),
+        }
+        return None if ends is None else Spring(**self.common, **ends, **values)
+
+    def damper(self) -> Load | None:
+        assert self.load.damper is not None
+        ends = self.ends(self.load.damper)
+        values: dict[str, Any] = {"linear": self.si("linear", "damping"), "quadratic": self.si("quadratic", "quadratic damping")}
+        self.not_nothing(values)
+        return None if ends is None else Damper(**self.common, **ends, **values)
+
+    def gas_spring(self) -> Load | None:
+        assert self.load.gas_spring is not None
+        ends = self.ends(self.load.gas_spring)
+        values: dict[str, Any] = {
+            "force": self.si("thrust", "force"),
+            "extended": self.si("extended", "length"),
+            "gas_length": self.si("gas_length", "length"),
+            "exponent": 1.0 if self.load.exponent is None else self.load.exponent,
+        }
+        return None if ends is None else GasSpring(**self.common, **ends, **values)
+
+    # -- by angles and velocities -------------------------------------------------------------------------------------
+    def torsion_spring(self) -> Load | None:
+        assert self.load.torsion_spring is not None
+        first, second = self.load.torsion_spring
+        stiffness, free = self.si("stiffness", "torsional stiffness"), self.si("free_angle", "angle")
+        return TorsionSpring(**self.common, links=(first, second), stiffness=stiffness, free_angle=free)
+
+    def torsion_damper(self) -> Load | None:
+        assert self.load.torsion_damper is not None
+        first, second = self.load.torsion_damper
+        return TorsionDamper(**self.common, links=(first, second), coefficient=self.si("linear", "torsional damping"))
+
+    def drag(self) -> Load | None:
+        assert self.load.drag is not None
+        point = split_point(self.reading, self.load.drag)
+        turning = point is None or self.load.drag in self.document.links
+        sort = "torsional damping" if turning else "damping"
+        values: dict[str, Any] = {"linear": self.si("linear", sort), "quadratic": self.si("quadratic", f"quadratic {sort}")}
+        self.not_nothing(values)
+        if turning:
+            return Drag(**self.common, link=self.load.drag, **values)
+        assert point is not None
+        return Drag(**self.common, link=point[0], point=point[1], **values)
+
+    def viscous(self) -> Load | None:
+        assert self.load.viscous is not None
+        pair = self.document.pairs.get(self.load.viscous)
+        if pair is None:
+            return None
+        sort = "torsional damping" if pair.kind == "revolute" else "damping"
+        return Viscous(**self.common, pair=self.load.viscous, coefficient=self.si("linear", sort))
+
+    def not_nothing(self, values: dict[str, float]) -> None:
+        if all(value == 0.0 for value in values.values()):
+            self.convert.note(
+                self.path, "its coefficients are zero: it does nothing.", "Give one of them a value, or leave it out."
+            )
+
+    # -- gas ----------------------------------------------------------------------------------------------------------
+    def gas(self) -> Load | None:
+        load = self.load
+        assert load.gas is not None
+        bore, stroke = self.si("bore", "length"), self.si("stroke", "length")
+        cycle = self.cycle(stroke)
+        if cycle is None:
+            return None
+        return GasPressure(
+            **self.common,
+            pair=load.gas,
+            area=0.25 * math.pi * bore**2,
+            cycle=cycle,
+            top=self.si("top", "length"),
+            head=load.head or "ahead",
+            back=self.si("back", "pressure", 101325.0),
+            drive=load.drive,
+            fires=self.si("fires", "angle"),
+        )
+
+    def pressure(self, value: float | str, path: str) -> float:
+        return self.convert.si(value, "pressure", f"{self.path}.{path}")
+
+    def cycle(self, stroke: float) -> Cycle | None:
+        c, f = self.load.compressor, self.load.four_stroke
+        if c is not None:
+            suction, delivery = self.pressure(c.suction, "compressor.suction"), self.pressure(c.delivery, "compressor.delivery")
+            made = Compressor(stroke=stroke, suction=suction, delivery=delivery, exponent=c.exponent, clearance=c.clearance)
+            if delivery <= suction:
+                self.convert.note(
+                    f"{self.path}.compressor.delivery",
+                    f"{delivery:g} Pa is no more than the suction pressure, {suction:g} Pa.",
+                    "Give absolute pressures, the delivery the higher one.",
+                )
+            elif c.clearance * (delivery / suction) ** (1.0 / c.exponent) >= 1.0 + c.clearance:
+                why = f"{c.clearance:g} is so much that the re-expanding gas fills the cylinder: nothing is sucked in."
+                self.convert.note(f"{self.path}.compressor.clearance", why, "Give less clearance, or a lower delivery pressure.")
+            return made
+        if f is not None:
+            intake, exhaust = self.pressure(f.intake, "four_stroke.intake"), self.pressure(f.exhaust, "four_stroke.exhaust")
+            return FourStroke(
+                stroke=stroke,
+                intake=intake,
+                exhaust=exhaust,
+                ratio=f.ratio,
+                exponent=f.exponent,
+                expansion=f.expansion,
+                rise=f.rise,
+                cutoff=f.cutoff,
+            )
+        return self.diagram(stroke)
+
+    def diagram(self, stroke: float) -> Cycle | None:
+        given = self.load.diagram
+        assert given is not None
+        convert, path = self.convert, f"{self.path}.diagram"
+        x = convert.row(given.displacement, "length", f"{path}.displacement")
+        if not convert.increasing(x, f"{path}.displacement"):
+            return None
+        if abs(x[0]) > 1e-9 * stroke or abs(x[-1] - stroke) > 1e-6 * stroke:
+            why = f"runs from {1e3 * x[0]:g} mm to {1e3 * x[-1]:g} mm; the stroke is {1e3 * stroke:g} mm."
+            convert.note(f"{path}.displacement", why, "Let it run from 0 (top dead centre) to the stroke.")
+            return None
+        branches: dict[str, Any] = {}
+        for key in given.branches:
+            y = convert.row(getattr(given, key), "pressure", f"{path}.{key}")
+            branches[key] = None if any(map(math.isnan, y)) else self.spline(x, y, f"{path}.displacement", smooth=False)
+        if any(branch is None for branch in branches.values()):
+            return None
+        return Diagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)
+
+
+_MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
+    "force": _Maker.force,
+    "torque": _Maker.torque,
+    "spring": _Maker.spring,
+    "damper": _Maker.damper,
+    "gas_spring": _Maker.gas_spring,
+    "torsion_spring": _Maker.torsion_spring,
+    "torsion_damper": _Maker.torsion_damper,
+    "drag": _Maker.drag,
+    "viscous": _Maker.viscous,
+    "gas": _Maker.gas,
+}
