@@ -1,0 +1,116 @@
+"""How springs, dampers and gas springs look: lines between two points that deform with the motion. Shared by all pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec import Damper, GasSpring, Spring, TorsionDamper, TorsionSpring
+
+if TYPE_CHECKING:
+    from .run import Run
+
+__all__ = ["Linker", "find_linkers", "spiral_strips", "strut_strips", "zigzag_strips"]
+
+Real = NDArray[np.float64]
+
+WIDTH = 0.028  # half width of coils and pots, in sizes of the mechanism
+COILS = 9
+END = 0.12  # part of a spring's length that is straight at each end
+TURNS = 2.5  # of a spiral
+SPIRAL_POINTS = 72
+
+
+@dataclass(frozen=True, eq=False)
+class Linker:
+    """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
+
+    name: str
+    kind: str  # "spring", "damper", "gas spring", "torsion spring"
+    strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
+
+
+def find_linkers(run: Run, size: float) -> Iterator[Linker]:
+    """The linkers of a run in which forces are computed; ``size`` [m] is the mechanism's."""
+    if run.forces is None:
+        return
+    motion = run.motion
+    for load in motion.mechanism.loads:
+        if isinstance(load, Spring | Damper | GasSpring):
+            a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
+            kind = "spring" if isinstance(load, Spring) else "damper" if isinstance(load, Damper) else "gas spring"
+            yield Linker(load.name, kind, _between(a, b, kind, size))
+        elif isinstance(load, TorsionSpring | TorsionDamper):
+            pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            if isinstance(load, TorsionSpring) and pin is not None:
+                centre = motion.pair_position(pin.name)
+                angles = [motion.pose(link)[:, 2] for link in load.links]
+                yield Linker(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
+
+
+def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
+    if kind == "spring":
+        return lambda frames: (zigzag_strips(a[frames], b[frames], WIDTH * size),)
+    length = np.hypot(*(b - a).T)
+    least, most = float(np.nanmin(length)), float(np.nanmax(length))
+    return lambda frames: strut_strips(a[frames], b[frames], least, most, WIDTH * size, closed=kind == "gas spring")
+
+
+def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
+    return lambda frames: (spiral_strips(centre[frames], first[frames], second[frames], 0.09 * size),)
+
+
+def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
+    """Distances (n,), unit vectors along (n, 2) and across (n, 2) from a to b; where the points meet, along x."""
+    d = b - a
+    length = np.hypot(d[:, 0], d[:, 1])
+    along = np.where((length > 0.0)[:, None], d / np.where(length > 0.0, length, 1.0)[:, None], [1.0, 0.0])
+    return length, along, np.column_stack([-along[:, 1], along[:, 0]])
+
+
+def _placed(a: Real, along: Real, across: Real, u: Real, v: Real) -> Real:
+    """Points (n, p, 2) at distances u along and v across [m], each (n, p), from points a (n, 2)."""
+    return a[:, None] + u[..., None] * along[:, None] + v[..., None] * across[:, None]
+
+
+def zigzag_strips(a: Real, b: Real, width: float) -> Real:
+    """A coil spring seen from the side, between points (n, 2): polylines (n, 2 COILS + 4, 2)."""
+    length, along, across = _axes(a, b)
+    inner = END + (1.0 - 2.0 * END) * (np.arange(2 * COILS) + 0.5) / (2 * COILS)
+    u = np.concatenate([[0.0, END], inner, [1.0 - END, 1.0]])
+    side = np.where(np.arange(2 * COILS) % 2 == 0, 1.0, -1.0)
+    v = np.concatenate([[0.0, 0.0], side, [0.0, 0.0]]) * width
+    return _placed(a, along, across, length[:, None] * u, np.broadcast_to(v, (len(a), len(v))))
+
+
+def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, closed: bool) -> tuple[Real, Real]:
+    """A damper (a pot with a piston in it) or a gas spring (a closed cylinder with its rod) between points (n, 2).
+
+    Pot and rod keep their lengths while the points move between their ``least`` and ``most`` distance.
+    """
+    length, along, across = _axes(a, b)
+    pot = min(max((most - least) / 0.8, 0.5 * most), 0.95 * least)
+    plate = np.clip(length - (most - 0.92 * pot), 0.05 * pot, 0.95 * pot)  # where the piston is in the pot
+    ones = np.ones_like(length)
+    start = 0.0 if closed else 0.12 * pot  # a damper's pot hangs on a short rod of its own
+    outline = [(0.0, 0.0), (start, 0.0), (start, width), (pot, width), (pot, -width), (start, -width), (start, 0.0)]
+    if not closed:  # open at the end where the rod enters
+        outline = [(pot, width), (start, width), (start, 0.0), (0.0, 0.0), (start, 0.0), (start, -width), (pot, -width)]
+    u, v = (np.outer(ones, column) for column in zip(*outline, strict=True))
+    body = _placed(a, along, across, u, v)
+    zero, w = np.zeros_like(length), 0.8 * width * ones
+    u = np.column_stack([length, plate, plate, plate])
+    v = np.column_stack([zero, zero, w, -w])
+    return body, _placed(a, along, across, u, v)
+
+
+def spiral_strips(centre: Real, first: Real, second: Real, radius: float) -> Real:
+    """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside."""
+    part = np.linspace(0.0, 1.0, SPIRAL_POINTS)
+    angle = second[:, None] + (first - second + 2.0 * np.pi * TURNS)[:, None] * part
+    r = radius * (0.25 + 0.75 * part)
+    return centre[:, None] + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
