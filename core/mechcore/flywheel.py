@@ -73,7 +73,8 @@ def flywheel_of_torque(position: Real, torque: Real, omega: float, fluctuation: 
             y = np.append(y[:-1], y[0])
         curve: PPoly = CubicSpline(x, y, bc_type="periodic" if closed else "not-a-knot")
     else:
-        curve = PPoly.from_spline(make_interp_spline(x, y, k=1))
+        line = make_interp_spline(x, y, k=1)
+        curve = PPoly.from_spline((line.t, line.c, 1))
     work = curve.antiderivative()
     total = float(work(x[-1]) - work(x[0]))
     mean = total / (x[-1] - x[0])

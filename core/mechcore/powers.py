@@ -1,7 +1,7 @@
 """Who supplies and who absorbs: forces classed as in lectures on the theory of machines, and their powers over a run.
 
-By place (external, internal), by the sign of the power over the run (driving, resisting, alternating), by use (useful, harmful) and by
-cause (gravity, elastic, viscous, medium, dry friction, inertia, process, drive). The powers of all forces, those of inertia
+By place (external, internal), by the sign of the power over the run (driving, resisting, alternating), by use (useful, harmful)
+and by cause (gravity, elastic, viscous, medium, dry friction, inertia, process, drive). The powers of all forces, those of inertia
 included, sum to zero at every instant (d'Alembert), and so do their works over a run.
 """
 
