@@ -372,7 +372,7 @@ def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns
         u, v = _turned_back(contours[c], model.splits[c].unknown_places, len(block.angles))
         over = imaginary(1.0 / (u.conjugate() * v).imag)
         return Columns((), pair=(u, v), dual=(v * over.conjugate(), u * over))
-    unknowns = [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
+    unknowns = block.unknowns
     table = tuple(tuple(column(model, contours[c], x) for x in unknowns) for c in block.contours)
     ties = tuple(tuple(tie_coefficient(model, r, x) for x in unknowns) for r in block.relations)
     return Columns(table, ties)

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 
-__all__ = ["added", "imaginary", "lazy", "nothing", "rotation_of"]
+__all__ = ["added", "crossed", "imaginary", "lazy", "nothing", "rotation_of"]
 
 Array = Any
 Value = TypeVar("Value")
@@ -45,6 +45,11 @@ def added(a: Array, b: Array, sign: int = 1) -> Array:
     if nothing(a):
         return b if sign == 1 else -b
     return a + b if sign == 1 else a - b
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """z component of the cross product of plane vectors, by one complex product (`closed_forms.cross` is exactly 0 for a = b)."""
+    return (a.conjugate() * b).imag
 
 
 def imaginary(a: Array) -> Array:

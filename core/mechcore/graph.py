@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from .order import Order, block_order
 from .pairs import Joint
 
-__all__ = ["Angles", "Contour", "Tree", "angles", "contours", "spanning_tree", "structure"]
+__all__ = ["Angles", "Contour", "Tree", "angles", "contours", "leaves_first", "spanning_tree", "structure"]
 
 
 @dataclass(frozen=True)
@@ -200,3 +200,32 @@ def contours(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tre
                 down = parent
         out.append(Contour(closing=c, links=tuple(sorted(vectors.items())), slides=tuple(slides)))
     return tuple(out)
+
+
+def leaves_first(ends: Sequence[tuple[int, int]], edges: Sequence[int]) -> tuple[tuple[int, int, int], ...]:
+    """(joint, link, other link) for the joints of a forest, each link before the one on the way to the frame's end of its tree.
+
+    So that what is left over at a link can be passed on through its joint, once all that comes from behind has arrived.
+    """
+    near: dict[int, list[int]] = {}
+    for j in edges:
+        for k in ends[j]:
+            near.setdefault(k, []).append(j)
+    degree = {k: len(js) for k, js in near.items()}
+    done: set[int] = set()
+    order = []
+    leaves = [k for k, d in degree.items() if d == 1 and k != 0]
+    while leaves:
+        k = leaves.pop()
+        left = [i for i in near[k] if i not in done]
+        if not left:
+            continue
+        j = left[0]
+        done.add(j)
+        other = ends[j][0] if ends[j][1] == k else ends[j][1]
+        order.append((j, k, other))
+        degree[other] -= 1
+        degree[k] -= 1
+        if degree[other] == 1 and other != 0:
+            leaves.append(other)
+    return tuple(order)

@@ -21,7 +21,7 @@ from scipy.integrate import cumulative_simpson
 from . import blocks as bl
 from .closed_forms import cross
 from .effects import Wrench, point_of, potential, power_of, sum_up, wrenches
-from .frames import nothing
+from .frames import added, crossed, nothing
 from .leastnorm import least_norm
 from .motion import Motion
 from .spec import braked
@@ -90,7 +90,7 @@ class Forces:
         j = self._joint(pair)
         force, couple = self._transmitted[j]
         drive_force, drive_moment = self._drive(j)
-        return self._rows(force - drive_force, couple - drive_moment)
+        return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
     def position(self, pair: str) -> Real:
         """Where the reaction of a pair is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
@@ -240,6 +240,8 @@ class Forces:
         return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
     def _over_frames(self, value: Array) -> Real:
+        if isinstance(value, np.ndarray) and value.shape == (self.motion.frames,):
+            return value.copy()
         return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
 
     def _rows(self, force: Array, moment: Array) -> Real:
@@ -285,23 +287,22 @@ def transmit(
                 k = model.index[link]
                 f = sign * contacts[relation.name][1]
                 force[k] = force[k] + f
-                moment[k] = moment[k] + cross(place - motion.origins[k], f)
+                moment[k] = moment[k] + crossed(place - motion.origins[k], f)
         if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
             cuts, _ = _cut_forces(motion, *_hang(motion, force, moment))
         for c, cut in cuts.items():
             j = model.contours[c].closing
-            p, q = model.ends[j]
-            force[p], force[q] = force[p] - cut, force[q] + cut
-            moment[p] = moment[p] - cross(motion.arm(p, j, 0), cut)
-            moment[q] = moment[q] + cross(motion.arm(q, j, 1), cut)
+            for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)):
+                if k:
+                    force[k] = added(force[k], cut, sign)
+                    moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
         hanging, unbalanced = _hang(motion, force, moment)
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         transmitted[model.contours[c].closing] = (cut, 0.0)
     for k in model.tree.order:
         j = model.tree.joint[k]
-        on_child = -hanging[k]
-        transmitted[j] = (on_child if model.ends[j][1] == k else -on_child, 0.0)
+        transmitted[j] = (hanging[k] * -1.0 if model.ends[j][1] == k else hanging[k], 0.0)
     for j, couple in _couples(motion, unbalanced).items():
         transmitted[j] = (transmitted[j][0], couple)
     return transmitted, contacts, ties
@@ -309,97 +310,71 @@ def transmit(
 
 def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tuple[list[Array], list[Array]]:
     """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced."""
+    forces alone leave unbalanced; not of the frame."""
     tree, ends = motion.model.tree, motion.model.ends
     hanging, unbalanced = list(force), list(moment)
     for k in reversed(tree.order):
         j, p = tree.joint[k], tree.parent[k]
         f = hanging[k]
-        if isinstance(f, complex) and f == 0:
+        if nothing(f):
             continue
         side = 1 if ends[j][1] == k else 0
-        unbalanced[k] = unbalanced[k] - cross(motion.arm(k, j, side), f)
+        unbalanced[k] = added(unbalanced[k], _moment(motion.arm(k, j, side), f), -1)
         if p:
-            unbalanced[p] = unbalanced[p] + cross(motion.arm(p, j, 1 - side), f)
-        hanging[p] = hanging[p] + f
+            unbalanced[p] = added(unbalanced[p], _moment(motion.arm(p, j, 1 - side), f))
+            hanging[p] = added(hanging[p], f)
     return hanging, unbalanced
+
+
+def _moment(arm: Array, force: Array) -> Array:
+    return 0.0 if nothing(arm) else crossed(arm, force)
 
 
 def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> tuple[dict[int, Array], dict[int, Array]]:
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
     model = motion.model
     by_group: list[Array] = [0.0] * model.angles.groups
-    for k, m in enumerate(unbalanced):
-        by_group[model.angles.group[k]] = by_group[model.angles.group[k]] + m
-    child = {model.tree.joint[k]: k for k in model.tree.order}
-    later: dict[tuple[str, int], list[int]] = {}  # contours of later blocks in which an unknown appears
-    later_ties: dict[tuple[str, int], list[int]] = {}
+    for g, m in zip(model.angles.group, unbalanced, strict=True):
+        if g:
+            by_group[g] = added(by_group[g], m)
     cuts: dict[int, Array] = {}
     ties: dict[int, Array] = {}
-    for block, cols in reversed(list(zip(model.blocks, motion.columns, strict=True))):
-        unknowns = [("angle", g) for g in block.angles] + [("slide", j) for j in block.slides]
+    for block, cols in zip(reversed(model.blocks), reversed(motion.columns), strict=True):
         q = []
-        for what, i in unknowns:
+        for unknown in block.unknowns:
+            what, i = unknown
+            total: Array = 0.0
             if what == "angle":
                 total = by_group[i]
-            elif i in child:  # a tree joint: what hangs on the child moves along the guide
-                k = child[i]
-                guided = model.ends[i][model.joints[i].guide] != k
-                total = np.real(np.conj(motion.guide(i)) * hanging[k]) * (1.0 if guided else -1.0)
-            else:
-                total = 0.0
-            for c in later.get((what, i), ()):
-                col = bl.column(model, motion.contours[c], (what, i))
+            elif i in model.child:  # a tree joint: what hangs on the child moves along the guide
+                k = model.child[i]
+                total = (motion.guide(i).conjugate() * hanging[k]).real
+                if model.ends[i][model.joints[i].guide] == k:
+                    total = -total
+            contours, relations = model.later[unknown]
+            for c in contours:
+                col = bl.column(model, motion.contours[c], unknown)
                 if col is not None:
-                    total = total - np.real(np.conj(col) * cuts[c])
-            for r in later_ties.get((what, i), ()):
-                total = total - bl.tie_coefficient(model, r, (what, i)) * ties[r]
+                    total = total - (np.conj(col) * cuts[c]).real
+            for r in relations:
+                total = total - bl.tie_coefficient(model, r, unknown) * ties[r]
             q.append(total)
         if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
             found: list[Array] = [0j] * len(block.contours)
             tied: list[Array] = [0.0] * len(block.relations)
         else:
             found, tied = bl.transposed(block, cols, q)
-        for r, value in zip(block.relations, tied, strict=True):
-            ties[r] = value
-            for g, _ in model.sums[r].groups:
-                later_ties.setdefault(("angle", g), []).append(r)
-            for j, _ in model.sums[r].slides:
-                later_ties.setdefault(("slide", j), []).append(r)
-        for c, value in zip(block.contours, found, strict=True):
-            cuts[c] = value
-            v = motion.contours[c]
-            for g in {model.angles.spin_group[s] for s, _ in v.arms} - {0}:
-                later.setdefault(("angle", g), []).append(c)
-            for j, _, _ in v.slides:
-                later.setdefault(("slide", j), []).append(c)
+        ties.update(zip(block.relations, tied, strict=True))
+        cuts.update(zip(block.contours, found, strict=True))
     return cuts, ties
 
 
 def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:
     """Couples on the second links of the joints that fix an angle: moments passed on from the leaves of each group."""
-    model = motion.model
-    near: dict[int, list[int]] = {}
-    for j in model.angles.edges:
-        for k in model.ends[j]:
-            near.setdefault(k, []).append(j)
     left = list(unbalanced)
-    degree = {k: len(js) for k, js in near.items()}
-    done: set[int] = set()
     couples: dict[int, Array] = {}
-    leaves = [k for k, d in degree.items() if d == 1 and k != 0]
-    while leaves:
-        k = leaves.pop()
-        open_edges = [i for i in near[k] if i not in done]
-        if not open_edges:
-            continue
-        j = open_edges[0]
-        done.add(j)
-        other = model.ends[j][0] if model.ends[j][1] == k else model.ends[j][1]
-        couples[j] = -left[k] if model.ends[j][1] == k else left[k]
-        left[other] = left[other] + left[k]
-        degree[other] -= 1
-        degree[k] -= 1
-        if degree[other] == 1 and other != 0:
-            leaves.append(other)
+    for j, k, other in motion.model.leaves_first:
+        couples[j] = -left[k] if motion.model.ends[j][1] == k else left[k]
+        if other:
+            left[other] = added(left[other], left[k])
     return couples

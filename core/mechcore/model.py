@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from .errors import Fault, MechanismError
-from .graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
+from .graph import Angles, Contour, Tree, angles, contours, leaves_first, spanning_tree, structure
 from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
@@ -64,6 +64,11 @@ class Block:
     name: str  # the pair by which users know the group
     redundant: int = 0  # equations that are left over
     relations: tuple[int, ...] = ()
+
+    @cached_property
+    def unknowns(self) -> tuple[tuple[str, int], ...]:
+        """("angle", group) and ("slide", joint) of the block's unknowns."""
+        return (*(("angle", g) for g in self.angles), *(("slide", j) for j in self.slides))
 
     @cached_property
     def dyad(self) -> bool:
@@ -146,6 +151,34 @@ class Model:
     def driven_slides(self) -> tuple[tuple[int, int], ...]:
         """(joint, drive) of the driven slides."""
         return tuple((j, d) for j, d in self.driven.items() if self.joints[j].coordinate == "slide")
+
+    @cached_property
+    def child(self) -> Mapping[int, int]:
+        """The link that each joint of the tree leads to, seen from the frame."""
+        return {self.tree.joint[k]: k for k in self.tree.order}
+
+    @cached_property
+    def leaves_first(self) -> tuple[tuple[int, int, int], ...]:
+        """The joints that fix an angle, from the leaves inwards: (joint, link, other link)."""
+        return leaves_first(self.ends, self.angles.edges)
+
+    @cached_property
+    def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:
+        """For every unknown the contours and the relations of other blocks, solved later, in which it appears."""
+        own = {u: b for b in self.blocks for u in b.unknowns}
+        found: dict[tuple[str, int], tuple[list[int], list[int]]] = {u: ([], []) for u in own}
+        for c, contour in enumerate(self.spin_contours):
+            groups = {self.angles.spin_group[s] for s, _ in contour.arms} | {
+                self.angles.spin_group[s] for _, s, _ in contour.slides
+            }
+            for u in [("angle", g) for g in groups] + [("slide", j) for j, _, _ in contour.slides]:
+                if u in own and c not in own[u].contours:
+                    found[u][0].append(c)
+        for r, t in enumerate(self.sums):
+            for u in [("angle", g) for g, _ in t.groups] + [("slide", j) for j, _ in t.slides]:
+                if u in own and r not in own[u].relations:
+                    found[u][1].append(r)
+        return {u: (tuple(c), tuple(r)) for u, (c, r) in found.items()}
 
     @cached_property
     def designs(self) -> tuple[int, ...]:

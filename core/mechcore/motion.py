@@ -342,8 +342,10 @@ class Motion:
             if t is not None:
                 total = vector * t if total is None else total + vector * t
         for j, sign in terms.slides:
-            slid = sign * self.slid(j, derivative)
-            total = slid if total is None else total + slid
+            slid = self.slid(j, derivative)
+            if nothing(slid):
+                continue
+            total = sign * slid if total is None else total + slid if sign == 1.0 else total - slid
         return 0j if total is None else total
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..closed_forms import cross
-from ..frames import nothing
+from ..frames import added, crossed, nothing
 
 if TYPE_CHECKING:
     from .base import Configuration
@@ -18,7 +17,7 @@ __all__ = ["Wrench", "point_of", "power_of", "sum_up"]
 Array = Any
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Wrench:
     """``force`` (complex, (F,) or one value) [N] and a free ``moment`` [N m] on a link.
 
@@ -68,12 +67,15 @@ def sum_up(wrenches: list[Wrench], links: int) -> tuple[list[Array], list[Array]
     """Force on every link and moment about every link's origin."""
     force: list[Array] = [0j] * links
     moment: list[Array] = [0.0] * links
+
+    def put(w: Wrench, k: int, arm: Array, sign: int) -> None:
+        force[k] = added(force[k], w.force, sign)
+        moment[k] = added(moment[k], w.moment, sign)
+        if not nothing(arm) and not nothing(w.force):
+            moment[k] = added(moment[k], crossed(arm, w.force), sign)
+
     for w in wrenches:
-        for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
-            if k is None:
-                continue
-            force[k] = force[k] + w.force if sign == 1 else force[k] - w.force
-            moment[k] = moment[k] + sign * w.moment
-            if not nothing(arm) and not nothing(w.force):
-                moment[k] = moment[k] + sign * cross(arm, w.force)
+        put(w, w.link, w.arm, 1)
+        if w.other is not None:
+            put(w, w.other, w.other_arm, -1)
     return force, moment
