@@ -191,3 +191,31 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
         loads=loads,
         sketch=sketch,
     )
+
+
+def bars(*, frame: float, crank: float, coupler: float, rocker: float, angle: float, speed: float) -> Mechanism:
+    """A four-bar of uniform bars (1 kg per m) under gravity, free at A; the rocker's side is left of the coupler's diagonal."""
+
+    def bar(name: str, first: str, second: str, length: float) -> Link:
+        points = {first: (0.0, 0.0), second: (length, 0.0)}
+        return Link(name=name, points=points, mass=length, centre=(length / 2, 0.0), inertia=length**3 / 12)
+
+    return Mechanism(
+        name="bars",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0.0, 0.0), "E": (frame, 0.0)}),
+            bar("crank", "A", "B", crank),
+            bar("coupler", "B", "D", coupler),
+            bar("rocker", "E", "D", rocker),
+        ),
+        pairs=(
+            _pin("A", "frame", "crank"),
+            _pin("B", "crank", "coupler"),
+            _pin("D", "coupler", "rocker"),
+            _pin("E", "frame", "rocker"),
+        ),
+        drives=(Drive(pair="A", law=Free(angle, speed)),),
+        effects=("inertia", "gravity"),
+        modes={"D": "left"},
+    )

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import chain, double_pendulum, free_four_bar, pendulum, slider_crank, squeezer
+from dynamic_mechanisms import bars, chain, double_pendulum, free_four_bar, pendulum, slider_crank, squeezer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
@@ -346,6 +346,43 @@ def test_a_load_in_time_is_not_tabulated_over_positions():
     simulation = simulate(wheel, 7.0, tolerance=1e-10)
     t = np.linspace(0.0, 7.0, 30)
     assert simulation(t)[1][:, 0] == pytest.approx(2.0 / 0.4 * (1.0 - np.cos(t)), abs=1e-8)
+
+
+@pytest.mark.parametrize("lengths", [(1.0, 0.7, 0.6, 0.8), (1.0, 0.9, 0.3, 0.85)])
+def test_dead_points_of_the_stated_coordinate_are_ordinary_points(lengths: tuple[float, ...]):
+    """A triple rocker, all of whose coordinates turn back, and a double rocker, swinging through their dead points."""
+    frame, crank, coupler, rocker = lengths
+    mechanism = bars(frame=frame, crank=crank, coupler=coupler, rocker=rocker, angle=1.2, speed=5.0)
+    simulation = simulate(mechanism, 3.0, tolerance=1e-10)
+    assert len({piece.compiled.mechanism.drives[0].pair for piece in simulation.pieces}) > 1
+    t = np.linspace(0.0, 3.0, 601)
+    motion = simulation.motion(t)
+    assert motion.closure.max() < 1e-12
+    assert np.abs(simulation.drift(t)).max() < 1e-8
+    forces = simulation.forces(motion)
+    assert np.abs(forces.power_balance).max() < 1e-9
+    middle = np.linspace(0.05, 2.95, 40)
+    h = 1e-5
+    around = [simulation.motion(np.sort(np.concatenate([middle - h, middle, middle + h])))]
+    for link in ("crank", "coupler", "rocker"):
+        angle, rate = around[0].pose(link)[:, 2].reshape(-1, 3), around[0].velocity(link)[:, 2].reshape(-1, 3)
+        assert (angle[:, 2] - angle[:, 0]) / (2 * h) == pytest.approx(rate[:, 1], abs=1e-4 * np.abs(rate).max())
+    # the same motion, stated at another pair
+    start = simulation.motion([0.0])
+    q, w, _ = start.coordinate("E")[0]
+    other = dataclasses.replace(mechanism, drives=(Drive(pair="E", law=Free(float(q), float(w))),), modes={})
+    other = dataclasses.replace(other, sketch={k: tuple(start.pose(k)[0]) for k in ("crank", "coupler", "rocker")})
+    again = simulate(other, 3.0, tolerance=1e-10).motion(t)
+    for link in ("crank", "coupler", "rocker"):
+        apart = np.abs(np.exp(1j * again.pose(link)[:, 2]) - np.exp(1j * motion.pose(link)[:, 2]))
+        assert apart[t < 1.5].max() < 1e-6  # swinging is sensitive to the start: differences grow
+
+
+def test_start_in_a_dead_point_is_refused_in_words():
+    """The crank is in line with the coupler: its coordinate stands still while the rest may move."""
+    reach = np.arccos((1.0 + 0.7**2 - 1.4**2) / (2.0 * 1.0 * 0.7))
+    with pytest.raises(MechanismError, match=r"dead point|cannot be assembled"):
+        simulate(bars(frame=1.0, crank=0.7, coupler=0.6, rocker=0.8, angle=float(reach), speed=0.0), 1.0)
 
 
 def test_bad_input_is_refused_in_words():

@@ -66,7 +66,7 @@ class Panels:
         return self.low + self.width * self.count
 
     def __call__(self, x: Array) -> Array:
-        """Values of the functions at x (n,) -> (n, c)."""
+        """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
         u = (x - self.low) / self.width
         k = np.floor(u)
         z = 2.0 * (u - k) - 1.0
@@ -74,6 +74,7 @@ class Panels:
         cell = np.mod(cell, self.count) if self.periodic else np.clip(cell, 0, self.count - 1)
         if not self.periodic:
             z = 2.0 * (u - cell) - 1.0
+            z = np.where(np.abs(z) <= 1.0 + 1e-9, z, np.nan)
         z = np.clip(z, -1.0, 1.0)
         basis = np.cos(np.arange(self.coefficients.shape[1]) * np.arccos(z)[:, None])
         return (basis[:, None, :] @ self.coefficients[cell])[:, 0, :]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -20,31 +20,46 @@ from ..motion import Motion
 from ..solve import Compiled, compile_mechanism, solve_motion
 from ..spec import Mechanism
 from .chart import Chart
+from .charts import Lead, best_chart, curve_around
 from .collocation import Window
-from .curve import TURN, Curve, tabulate
+from .curve import TURN, Curve
 from .energy import by_energy
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .integrate import Solution, integrate
-from .reduced import motion_at, reduce
+from .joined import JoinedMotion, join_forces, join_motions
+from .reduced import ReducedEquations, motion_at, reduce
 
 __all__ = ["Method", "Simulation", "simulate"]
 
 Array = NDArray[np.float64]
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_HAPPENINGS = 100_000
+_STEPS = np.linspace(0.0, 1.0, 16)
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of the motion on which the same system holds: ``way(t)`` gives q, v, a (n, f)."""
+    """A stretch of the motion on which the same system holds: ``way(t)`` gives q, v, a (n, f) in the chart of ``compiled``."""
 
     start: float
     end: float
+    compiled: Compiled
     way: Any
     system: Any
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
+        q, v, _ = self.way(t)
+        return q, v, self.system(q, v, t)
+
+    def motion(self, t: Array) -> Motion:
+        """The mechanism's motion at times (n,) within the piece."""
+        q, v, a = self(t)
+        drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
+        return solve_motion(self.compiled, t, drives=drives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,28 +83,62 @@ class Simulation:
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         t = np.atleast_1d(np.asarray(t, float))
-        ends = np.array([p.end for p in self.pieces[:-1]])
-        which = np.searchsorted(ends, t, side="left")
-        f = len(self.compiled.mechanism.drives)
-        out = np.empty((3, len(t), f))
-        for k in np.unique(which):
-            rows = which == k
-            piece = self.pieces[k]
-            q, v, _ = piece.way(t[rows])
-            out[:, rows] = q, v, piece.system(q, v, t[rows])
+        out = np.empty((3, len(t), len(self.compiled.mechanism.drives)))
+        for piece, rows in self._rows(t):
+            if piece.compiled is self.compiled:
+                out[:, rows] = piece(t[rows])
+            else:
+                out[:, rows, 0] = self._original(piece, t[rows])
         return out[0], out[1], out[2]
+
+    def _rows(self, t: Array) -> list[tuple[Piece, Any]]:
+        """The pieces that hold some of the times, with the places of those."""
+        which = np.searchsorted(np.array([p.end for p in self.pieces[:-1]]), t, side="left")
+        return [(self.pieces[k], np.flatnonzero(which == k)) for k in np.unique(which)]
+
+    def _original(self, piece: Piece, t: Array) -> Array:
+        """The free coordinate that was stated, and its rates (3, n), where another pair leads."""
+        pair = self.compiled.mechanism.drives[0].pair
+        found = piece.motion(t).coordinate(pair).T.copy()
+        model = self.compiled.model
+        if model.joints[model.joint_index[pair]].coordinate == "angle":  # known up to whole turns
+            times, angles = self._followed[id(piece)]
+            near = angles[np.clip(np.searchsorted(times, t), 0, len(times) - 1)]
+            found[0] += TURN * np.round((near - found[0]) / TURN)
+        return found
+
+    @cached_property
+    def _followed(self) -> dict[int, tuple[Array, Array]]:
+        """The stated coordinate's angle in steps small enough to follow it, in pieces where another pair leads."""
+        pair = self.compiled.mechanism.drives[0].pair
+        out = {}
+        last = float(self.compiled.start[0])
+        for piece in self.pieces:
+            t = np.unique(np.concatenate([[piece.start, piece.end], *(w.start + w.length * _STEPS for w in piece.way.windows)]))
+            t = t[(t >= piece.start) & (t <= piece.end)]
+            if piece.compiled is self.compiled:
+                last = float(piece(t[-1:])[0][0, 0])
+                continue
+            angle = np.unwrap(piece.motion(t).coordinate(pair)[:, 0])
+            angle += TURN * np.round((last - angle[0]) / TURN)
+            out[id(piece)] = t, angle
+            last = float(angle[-1])
+        return out
 
     def motion(self, t: ArrayLike) -> Motion:
         """The mechanism's motion at times (F,) [s]: the same kind of result as for prescribed drives."""
         t = np.atleast_1d(np.asarray(t, float))
-        q, v, a = self(t)
-        drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
-        return solve_motion(self.compiled, t, drives=drives)
+        parts = self._rows(t)
+        if len({id(piece.compiled) for piece, _ in parts}) == 1 and parts[0][0].compiled is self.compiled:
+            q, v, a = self(t)
+            drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
+            return solve_motion(self.compiled, t, drives=drives)
+        return join_motions(t, [(rows, piece.motion(t[rows])) for piece, rows in parts])
 
     def forces(self, motion: Motion) -> Forces:
         """All joint reactions, by the kinetostatic core; the free coordinates' efforts are zero to rounding, or hold what is
         held."""
-        return solve_forces(motion)
+        return join_forces(motion) if isinstance(motion, JoinedMotion) else solve_forces(motion)
 
     def work(self, t: ArrayLike) -> Array:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
@@ -98,9 +147,7 @@ class Simulation:
         edges = np.unique(np.concatenate([self._borders(), t[(t > 0) & (t < self.duration)], [0.0, self.duration]]))
         widths = np.diff(edges)
         x = (edges[:-1, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
-        q, v, _ = self(x)
-        r = reduce(self.compiled, q, v, x)
-        power = np.sum(r.force * v, axis=1).reshape(len(widths), -1)
+        power = self._by_piece(x, lambda r, v: np.sum(r.force * v, axis=1)).reshape(len(widths), -1)
         gained = np.concatenate([[0.0], np.cumsum(0.5 * widths * (power @ weights))])
         total = np.interp(t, edges, gained)
         for time, energy in self.lost:
@@ -110,8 +157,15 @@ class Simulation:
     def kinetic_energy(self, t: ArrayLike) -> Array:
         """Kinetic energy (n,) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
-        q, v, _ = self(t)
-        return np.asarray(0.5 * np.einsum("ni,nij,nj->n", v, reduce(self.compiled, q, v, t).inertia, v))
+        return self._by_piece(t, lambda r, v: 0.5 * np.einsum("ni,nij,nj->n", v, r.inertia, v))
+
+    def _by_piece(self, t: Array, value: Callable[[ReducedEquations, Array], Array]) -> Array:
+        """Something that the reduced equations and the speeds tell (n,), in each piece's own chart."""
+        out = np.empty(len(t))
+        for piece, rows in self._rows(t):
+            q, v, _ = piece.way(t[rows])
+            out[rows] = value(reduce(piece.compiled, q, v, t[rows]), v)
+        return out
 
     def drift(self, t: ArrayLike) -> Array:
         """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,)."""
@@ -151,12 +205,13 @@ def simulate(
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     system: Any = Chart(compiled)
-    if len(drives) == 1 and _turns_fully(compiled):
-        system = tabulate(compiled, q[0], q[0] + TURN, periodic=True, tolerance=min(1e-12, tolerance))
+    leads: tuple[float, float] | None = None
+    if len(drives) == 1:
+        system, leads = curve_around(compiled, q[0], min(1e-12, tolerance))
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=min(1e-12, tolerance))
         if found is not None:
-            return Simulation(compiled, (Piece(0.0, duration, found, system),), (), "energy", tolerance, 0)
+            return Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
     if method == "energy":
         raise MechanismError(
             Fault(
@@ -166,7 +221,7 @@ def simulate(
                 'Choose "auto", "gauss" or "radau".',
             )
         )
-    return _Run(compiled, system, duration, tolerance, method, stops, watches, progress).go(q, v)
+    return _Run(compiled, (system, leads), duration, tolerance, method, stops, watches, progress).go(q, v)
 
 
 def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
@@ -197,32 +252,13 @@ def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
         raise MechanismError(faults)
 
 
-def _turns_fully(compiled: Compiled) -> bool:
-    """Whether one turn of the only, rotary, coordinate comes back to where it started."""
-    model = compiled.model
-    if model.joints[model.joint_index[compiled.mechanism.drives[0].pair]].coordinate != "angle":
-        return False
-    q0 = compiled.start[0]
-    q = q0 + TURN * np.linspace(0.0, 1.0, 721)
-    motion = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
-    for k, link in enumerate(model.links):
-        pose = motion.pose(link)
-        if not np.isfinite(pose).all():
-            return False
-        away = np.abs(pose[-1, :2] - pose[0, :2]).max() / model.size
-        turned = np.abs(np.exp(1j * pose[-1, 2]) - np.exp(1j * pose[0, 2]))
-        if k and max(away, turned) > 1e-8:
-            return False
-    return True
-
-
 class _Run:
     """Pieces one after the other: in each the same stops hold; what happens ends it."""
 
     def __init__(
         self,
         compiled: Compiled,
-        system: Any,
+        system: tuple[Any, tuple[float, float] | None],
         duration: float,
         tolerance: float,
         method: Method,
@@ -230,21 +266,31 @@ class _Run:
         watches: Sequence[Watch],
         progress: Callable[[float], None] | None,
     ):
-        self.compiled, self.system, self.duration, self.tolerance, self.method = compiled, system, duration, tolerance, method
+        self.duration, self.tolerance, self.method = duration, tolerance, method
         self.stops, self.watches, self.progress = stops, watches, progress
-        drives = compiled.mechanism.drives
-        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
-        model = compiled.model
-        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
-        self.scale = np.array([1.0 if a else model.size for a in angle])
-        at = partial(motion_at, compiled)
-        self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in stops]
-        self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in watches]
+        self.original = compiled
+        self._lead(compiled, *system)
+        self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
         self.pieces: list[Piece] = []
         self.happenings: list[Happening] = []
         self.lost: list[tuple[float, float]] = []
         self.evaluations = 0
         self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
+
+    def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
+        """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
+        self.compiled, self.system = compiled, system
+        drives, model = compiled.mechanism.drives, compiled.model
+        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
+        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
+        self.scale = np.array([1.0 if a else model.size for a in angle])
+        at = partial(motion_at, compiled)
+        self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in self.stops]
+        self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in self.watches]
+        self.borders: list[Gauge] = []
+        if leads is not None:
+            low, high = leads
+            self.borders = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
 
     def go(self, q: Array, v: Array) -> Simulation:
         """Run from q, v to the end."""
@@ -272,7 +318,7 @@ class _Run:
                     )
                 )
         return Simulation(
-            self.compiled,
+            self.original,
             tuple(self.pieces),
             tuple(self.happenings),
             "radau" if self.method == "radau" else "gauss",
@@ -303,6 +349,10 @@ class _Run:
                 at = first_zero(pull, window, t + 1e-12 * self.duration, None)
                 if at is not None:
                     first.append((at, ("release", i)))
+            for border in self.borders:
+                at = first_zero(border, window, t, True)
+                if at is not None:
+                    first.append((at, ("border", 0)))
             first.sort(key=lambda e: e[0])
             if self.progress is not None:
                 self.progress(min(window.start + window.length, self.duration))
@@ -313,7 +363,7 @@ class _Run:
         )
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
-        self.pieces.append(Piece(t, end, solution, system))
+        self.pieces.append(Piece(t, end, self.compiled, solution, system))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
         ended = False
@@ -322,6 +372,12 @@ class _Run:
                 break
             if kind == "stop":
                 v = self._impact(time, q, v, k)
+            elif kind == "border":
+                lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, min(1e-12, self.tolerance))
+                if lead not in self.known:
+                    self.known.append(lead)
+                self._lead(lead.compiled, lead.curve, lead.well)
+                q, v = np.array([place]), np.array([rate])
             elif kind == "release":
                 stop = self.resting.pop(k)
                 self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))

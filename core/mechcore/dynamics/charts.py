@@ -1,0 +1,157 @@
+"""Charts of the configuration curve: which pair's coordinate leads the mechanism, how far, and the change from one to the next.
+
+At a dead point of one coordinate another one moves: along the curve itself nothing is special there. A chart is good as long as its
+own coordinate does a fair share of the motion; where it does not, the pair that moves most takes over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Fault, MechanismError
+from ..motion import Motion
+from ..solve import Compiled, compile_mechanism
+from ..spec import Drive
+from .curve import TURN, Curve, tabulate
+from .free import Free
+from .reduced import motion_at
+
+__all__ = ["Lead", "best_chart", "curve_around"]
+
+Array = NDArray[np.float64]
+POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
+FAIR = 0.2  # below this another pair takes over, well before it gets poor
+SAMPLES = 721
+
+
+@dataclass(frozen=True, eq=False)
+class Lead:
+    """A chart of the curve: who leads, the table, and the range in which it leads well (None: everywhere)."""
+
+    compiled: Compiled
+    curve: Curve
+    well: tuple[float, float] | None
+
+
+def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve, tuple[float, float] | None]:
+    """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
+    the range within which it leads well.
+
+    Raises `MechanismError` where it does not lead at ``q`` itself.
+    """
+    model = compiled.model
+    rotary = _rotary(compiled)
+    reach = TURN if rotary else 4.0 * model.size
+    x = q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1)
+    share = _share(compiled, x)
+    here = len(x) // 2
+    if not share[here] > POOR:
+        raise MechanismError(
+            Fault(
+                f"pairs.{compiled.mechanism.drives[0].pair}",
+                f"at {q:.6g} its coordinate stands still while the mechanism moves (dead point): its speed says nothing there.",
+                "Give the free start at another pair, or start next to the dead point.",
+            )
+        )
+    good = share >= POOR
+    low, high = here, here
+    while low > 0 and good[low - 1]:
+        low -= 1
+    while high < len(x) - 1 and good[high + 1]:
+        high += 1
+    if rotary and low == 0 and high == len(x) - 1 and _closes(compiled, q):
+        return tabulate(compiled, q, q + TURN, periodic=True, tolerance=tolerance), None
+    table = tabulate(compiled, float(x[low]), float(x[high]), periodic=False, tolerance=tolerance)
+    while low < here and share[low] < FAIR:
+        low += 1
+    while high > here and share[high] < FAIR:
+        high -= 1
+    return table, (float(x[low]), float(x[high]))
+
+
+def _share(compiled: Compiled, q: Array) -> Array:
+    """How much of the motion the chart's own coordinate does (n,): its rate over that of the pair that moves most; 0 out of reach."""
+    motion = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
+    rates = _rates(motion)
+    own = rates[compiled.mechanism.drives[0].pair]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        most = np.max(np.array(list(rates.values())), axis=0)
+        share = own / most
+    return np.where(np.isfinite(share), share, 0.0)
+
+
+def _rates(motion: Motion) -> dict[str, Array]:
+    """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size."""
+    model = motion.model
+    out: dict[str, Any] = {}
+    for joint in model.joints:
+        if joint.freedoms:
+            rate = np.abs(motion.coordinate(joint.name)[:, 1])
+            out[joint.name] = rate if joint.coordinate == "angle" else rate / model.size
+    return out
+
+
+def _closes(compiled: Compiled, q: float) -> bool:
+    """Whether a turn of the coordinate brings every link back to where it was."""
+    model = compiled.model
+    ends = np.array([q, q + TURN])
+    motion = motion_at(compiled, ends[:, None], np.ones((2, 1)), np.zeros(2))
+    for link in model.links[1:]:
+        pose = motion.pose(link)
+        if np.abs(pose[1, :2] - pose[0, :2]).max() > 1e-8 * model.size or abs(np.exp(1j * np.diff(pose[:, 2]))[0] - 1.0) > 1e-8:
+            return False
+    return True
+
+
+def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], tolerance: float) -> tuple[Lead, float, float]:
+    """The same mechanism, in the same place, led by the pair that moves most; its coordinate and rate there.
+
+    A chart that is ``known`` is taken again where it goes through this place on the same branch.
+    """
+    motion = motion_at(compiled, np.array([[q]]), np.array([[v if v else 1.0]]), np.zeros(1))
+    rates = _rates(motion)
+    pair = max(rates, key=lambda name: float(rates[name][0]))
+    coordinate, rate = (float(x) for x in motion.coordinate(pair)[0, :2])
+    poses: dict[str, tuple[float, float, float]] = {}
+    for link in motion.model.links[1:]:
+        x, y, angle = motion.pose(link)[0]
+        poses[link] = float(x), float(y), float(angle)
+    for lead in known:
+        if lead.compiled.mechanism.drives[0].pair == pair:
+            table = lead.curve.table
+            turns = TURN * np.floor((coordinate - table.low) / TURN) if _rotary(lead.compiled) else 0.0
+            place = coordinate if table.periodic else coordinate - turns
+            if (table.periodic or place <= table.high) and _is_at(lead.compiled, place, poses):
+                return lead, place, rate if v else 0.0
+    mechanism = replace(
+        compiled.mechanism, drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
+    )
+    found = compile_mechanism(mechanism)
+    if not _is_at(found, coordinate, poses):
+        raise MechanismError(
+            Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
+        )
+    return Lead(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
+
+
+def _rotary(compiled: Compiled) -> bool:
+    model = compiled.model
+    return model.joints[model.joint_index[compiled.mechanism.drives[0].pair]].coordinate == "angle"
+
+
+def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:
+    """Whether a chart has all links where they are stated, when its coordinate is q."""
+    at = motion_at(compiled, np.array([[q]]), np.ones((1, 1)), np.zeros(1))
+    for link, pose in poses.items():
+        found = at.pose(link)[0]
+        if (
+            not np.abs(found[:2] - pose[:2]).max() <= 1e-9 * at.model.size
+            or not abs(np.exp(1j * (found[2] - pose[2])) - 1.0) <= 1e-9
+        ):
+            return False
+    return True
