@@ -75,7 +75,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve,
 
 
 def _share(compiled: Compiled, q: Array) -> Array:
-    """How much of the motion the chart's own coordinate does (n,): its rate over that of the pair that moves most; 0 out of reach."""
+    """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
     motion = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
     rates = _rates(motion)
     own = rates[compiled.mechanism.drives[0].pair]
