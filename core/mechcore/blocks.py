@@ -209,8 +209,11 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
     for i, g in enumerate(block.angles):
         if g in state.angle:
-            state.angle[g] = np.array(state.angle[g])
-            state.angle[g][patch.frames] = values[:, i]
+            whole = np.array(state.angle[g])
+            known = np.flatnonzero(np.isfinite(whole))
+            rough = np.interp(patch.frames, known, whole[known]) if len(known) else values[:, i]
+            whole[patch.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
+            state.angle[g] = whole
         e = np.exp(1j * values[:, i])
         for spin in model.angles.spins_of[g]:
             rot, delta = np.array(state.rot[spin]), state.delta[spin]

@@ -20,7 +20,7 @@ from . import blocks as bl
 from .blocks import State
 from .laws import ConstantSpeed, Law
 from .model import Block, Model
-from .patching import FAR, smooth
+from .patching import FAR, TAIL, smooth
 from .positions import initial_state
 
 __all__ = ["Change", "Changes", "Gap", "find_changes", "flat_instants", "needs_span", "passages"]
@@ -32,7 +32,6 @@ FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
 MISS = 1e-14  # below minus this the closed forms give up: the links miss each other
 WINDOW = 4  # samples on each side from which the instant is located
 FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
-TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 

@@ -24,7 +24,7 @@ from .positions import initial_state
 if TYPE_CHECKING:
     from .changes import Change, Changes
 
-__all__ = ["FAR", "NEAR", "make_patches", "smooth"]
+__all__ = ["FAR", "NEAR", "NODES", "TAIL", "make_patches", "smooth", "tail_of", "unknowns_of"]
 
 Array = Any
 NEAR = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
@@ -32,6 +32,7 @@ FAR = 22
 NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
 DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
+TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
@@ -60,6 +61,11 @@ def smooth(model: Model, block: Block, state: State, time: Array, instant: float
     tail = float(np.max(np.abs(coefficients[-2:]) / scale))
     at_samples = chebyshev.chebvander(away[near], DEGREE) @ coefficients
     return tail, Patch(near, at_samples, at_samples, at_samples)
+
+
+def tail_of(values: Array) -> float:
+    """How large the last terms still are of the polynomials through values (nodes, unknowns)."""
+    return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
 
 
 @dataclass

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from .changes import TWO_MODES, flat_instants
-from .continuation import follow
+from .laws import ConstantSpeed
 from .motion import Motion
-from .solve import STEP, TURN, Compiled, solve_motion
+from .solve import TURN, Compiled, solve_motion
+from .tracking import STEP, walk
 
 __all__ = ["reachable_ranges"]
 
@@ -28,12 +29,13 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
     half = 0.5 * TURN if rotary else 5.0 * model.size
     if compiled.assembly.starts:
-        others = list(compiled.start[1:])
         step = STEP["angle"] if rotary else STEP["slide"] * model.size
-        rates = [1.0] + [0.0] * len(others)
         full = half * (2.0 if rotary else 1.0)
-        track = follow(model, compiled.assembly, lambda p: ([p, *others], rates), q0, q0 - full, q0 + full, step)
-        low, high = track.ends
+        lead = (ConstantSpeed(0.0, 1.0),)  # the parameter is the first drive's position
+        course = walk(model, compiled.assembly, lead, q0, q0 - full, q0 + full, step, step / 12.0, others=compiled.start[1:])
+        low, high = course.track.ends
+        low = max([low, *(end for _, end, _ in course.gaps if end < q0)])
+        high = min([high, *(start for start, _, _ in course.gaps if start > q0)])
         return [(q0 - half, q0 + half)] if rotary and high - low >= 2.0 * half else [(low, high)]
 
     def solved(q: Array) -> Motion:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import ArrayLike
 from . import blocks as bl
 from .assembly import Assembly, assemble
 from .changes import Changes, find_changes, needs_span, passages
-from .continuation import Track, follow
 from .errors import Fault, MechanismError
 from .laws import ConstantSpeed
 from .memory import keep_freed_memory
@@ -23,13 +23,13 @@ from .patching import make_patches
 from .positions import initial_state, place_all
 from .spec import Mechanism
 from .structure import gruebler
+from .tracking import Course, course_of, way_of
 
 __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
 Array = Any
 TURN = 2.0 * np.pi
 MOST_BETWEEN = 20_000  # positions that are looked at between frames that are far apart
-STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a walk: angle, or part of the mechanism's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,7 @@ class Compiled:
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
+    courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
 
     @property
     def mechanism(self) -> Mechanism:
@@ -99,36 +100,39 @@ def solve_motion(
             q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
         values.append((q, v, a))
     positions = [v[0] for v in values]
-    starts = None
-    parameter, track = None, None
-    if compiled.assembly.starts:
-        track, parameter = _track(compiled, time, positions)
-        starts = track.starts(parameter)
-        if parameter is not positions[0] and len(positions) == 1:
-            _add_turns(model, track, starts, positions[0], compiled.start[0])
+    constants = compiled.assembly.constants
+    solved, starts, parameter, course = model, None, None, None
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
-    if changes is None and drives is None and len(time) and model.mechanism.drives and needs_span(model):
+    if compiled.assembly.starts:
+        course = _course(compiled, time, positions, given=drives is not None)
+        solved, changes = course.model, course.changes
+        parameter = time if course.by_time else positions[0]
+        starts = course.starts(parameter)
+    elif changes is None and drives is None and len(time) and model.mechanism.drives and needs_span(model):
         changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
     if changes is not None and changes.found:
         law_time, scale = _law_time(compiled, changes, time, values, given=drives is not None)
         if law_time is not None:
             modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
-            patches = make_patches(model, changes, compiled.assembly.modes, law_time, scale)
+            own = None if course is None else partial(_own_starts, course)
+            patches = make_patches(solved, changes, compiled.assembly.modes, law_time, scale, constants, own)
             if drives is None and changes.by_drive:
                 passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
             elif drives is None:
                 passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
-    state = place_all(model, positions, modes, starts, patches, compiled.assembly.constants)
+    state = place_all(solved, positions, modes, starts, patches, constants)
     again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
     motion = Motion(model, time, values, state, patches, passed, again)
     if strict and drives is None and changes is None:
         _check_between(compiled, motion)
     if strict and (patches or not _all_placed(model, motion)):
-        faults = _faults(compiled, motion, track, parameter)
+        faults = _faults(compiled, motion, course, parameter)
         if faults:
             raise MechanismError(faults)
+    if strict and course is not None and course.gaps and drives is None and len(time):
+        _check_gaps_on(compiled, course, time, parameter)
     if strict and drives is None and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
     return motion
@@ -139,6 +143,46 @@ def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
     for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
         motion = solve_motion(compiled, np.linspace(gap.start, gap.end, 101), strict=False)
         faults = _faults(compiled, motion, None, None)
+        if faults:
+            raise MechanismError(faults)
+
+
+def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, given: bool) -> Course:
+    """The walk that the frames need: one that has been made already, if it covers them."""
+    for course in compiled.courses:
+        if not (course.by_time and given):
+            wanted = time if course.by_time else positions[0]
+            one = len(positions) == 1 and not course.by_time and not course.track.singular
+            if (one or course.by_time) and bool(np.all(course.reached(wanted))):
+                return course
+    course = course_of(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
+    compiled.courses[:] = [course, *compiled.courses[:3]]
+    return course
+
+
+def _own_starts(course: Course, law_time: Array) -> dict[str, Array]:
+    """Newton starts at times of the laws that lead along a walk."""
+    return course.starts(law_time if course.by_time else law_time + course.start)
+
+
+def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: Array) -> None:
+    """No stretch of a walk between the frames, however short, may be one that cannot be assembled."""
+    low, high = float(np.min(parameter)), float(np.max(parameter))
+    if not course.by_time:
+        low, high, _ = way_of(compiled.mechanism.drives[0].law, float(np.min(time)), float(np.max(time)))
+    for start, end, _ in course.gaps:
+        period = course.period
+        shift = 0.0 if period is None else period * np.ceil((low - end) / period)
+        if start + shift >= high or end + shift <= low:
+            continue
+        inside = np.linspace(start + shift, end + shift, 101)
+        if course.by_time:
+            motion = solve_motion(compiled, inside, strict=False)
+        else:
+            pair = compiled.mechanism.drives[0].pair
+            given = {pair: (inside, np.ones_like(inside), np.zeros_like(inside))}
+            motion = solve_motion(compiled, np.zeros(len(inside)), drives=given, strict=False)
+        faults = _faults(compiled, motion, course, inside)
         if faults:
             raise MechanismError(faults)
 
@@ -167,62 +211,12 @@ def _law_time(
     return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))
 
 
-def _track(compiled: Compiled, time: Array, positions: Sequence[Array]) -> tuple[Track, Array]:
-    """Walk the general groups over what the frames need. With one drive its position is the parameter, else time is."""
-    model = compiled.model
-    drives = model.mechanism.drives
-    if len(drives) == 1:
-        q0 = compiled.start[0]
-        kind = model.joints[model.joint_index[drives[0].pair]].coordinate
-        step = STEP[kind] * (1.0 if kind == "angle" else model.size)
-        q = positions[0]
-        low, high = min(q0, float(np.min(q))), max(q0, float(np.max(q)))
-        if kind == "angle" and high - low > 1.01 * TURN:
-            turn = follow(model, compiled.assembly, lambda p: ([p], [1.0]), q0, q0, q0 + TURN, step)
-            if turn.ends[1] == q0 + TURN and _closes(compiled, turn, q0):
-                return turn, q0 + np.mod(q - q0, TURN)
-        return follow(model, compiled.assembly, lambda p: ([p], [1.0]), q0, low, high, step), q
-    span = float(np.max(time)) if len(time) else 0.0
-    laws = [d.law for d in drives]
-
-    def at(p: float) -> tuple[list[float], list[float]]:
-        found = [law(p) for law in laws]
-        return [float(f[0]) for f in found], [float(f[1]) for f in found]
-
-    step = min((law.duration for law in laws), default=1.0) / 60.0
-    return follow(model, compiled.assembly, at, 0.0, min(0.0, float(np.min(time))), max(span, 1e-9), step), time
-
-
-def _add_turns(model: Model, track: Track, starts: dict[str, Array], q: Array, q0: float) -> None:
-    """A track of one turn of the drive stands for all: add the whole turns that angles gain with every turn of the drive."""
-    turns = np.floor((q - q0) / TURN)
-    angles = {block.name: len(block.angles) for block in model.blocks if block.kind == "general"}
-    for name, spline in track.splines.items():
-        gain = np.round((spline(q0 + TURN) - spline(q0)) / TURN) * TURN
-        if name in angles:
-            gain[angles[name] :] = 0.0
-            starts[name] = starts[name] + turns[:, None] * gain
-        else:
-            starts[name] = starts[name] + turns * gain
-
-
-def _closes(compiled: Compiled, turn: Track, q0: float) -> bool:
-    """Whether the groups are back where they were after one turn of the drive."""
-    for block in compiled.model.blocks:
-        if block.kind == "general":
-            a, b = turn.splines[block.name](q0), turn.splines[block.name](q0 + TURN)
-            n = len(block.angles)
-            away = np.abs(np.exp(1j * a[:n]) - np.exp(1j * b[:n])).max(initial=0.0)
-            if max(away, np.abs(a[n:] - b[n:]).max(initial=0.0) / compiled.model.size) > 1e-8:
-                return False
-    return True
-
-
-def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: Array | None) -> list[Fault]:
+def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Array | None) -> list[Fault]:
     """What keeps frames from being assembled: the first group in solving order that fails, per range of the drive."""
     model = compiled.model
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
+    followed = set() if course is None else {b.name for b in course.model.blocks if b.kind == "general"}
     for block in model.blocks:
         if block.redundant or motion.patches:  # where a branch was interpolated, too, the contours have to close
             miss = np.zeros(motion.frames)
@@ -231,14 +225,14 @@ def _faults(compiled: Compiled, motion: Motion, track: Track | None, parameter: 
             bad = ~(miss <= 1e-9 * model.size) & ~failed
         else:
             bad = ~_placed(model, block, motion) & ~failed
-            if block.kind == "general" and track is not None and parameter is not None:
-                edge = 1e-9 * max(1.0, abs(track.ends[1]))
-                bad |= ((parameter < track.ends[0] - edge) | (parameter > track.ends[1] + edge)) & ~failed
+            if block.name in followed and course is not None and parameter is not None:
+                bad |= ~course.reached(parameter) & ~failed
             miss = bl.gap(model, block, motion.state) if bad.any() and block.kind != "general" else np.zeros(motion.frames)
             if bad.any() and block.kind == "general":
                 miss = _least_miss(compiled, block, motion, np.flatnonzero(bad))
         if bad.any():
-            faults.append(_out_of_reach(compiled, block, motion, bad, np.broadcast_to(miss, motion.frames)))
+            loose = course is not None and block.name in course.track.loose
+            faults.append(_out_of_reach(compiled, block, motion, bad, np.broadcast_to(miss, motion.frames), loose=loose))
             failed |= bad
     return faults
 
@@ -289,7 +283,7 @@ def _closest(model: Model, block: Block, state: Any) -> float:
     return float(np.nanmin(state.newton[block.name].miss))
 
 
-def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: Array) -> Fault:
+def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: Array, *, loose: bool) -> Fault:
     model = compiled.model
     drive = model.mechanism.drives[0]
     pair = drive.pair
@@ -306,6 +300,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     words = f"cannot be assembled for positions of drive {pair} {shown}"
     if worst > 0:
         words += f": its links miss each other by up to {1e3 * worst:.6g} mm."
+    elif loose:
+        words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
         words += ": the group reaches a limit of its motion on this branch."
     remedy = "Change a length by more than that"
