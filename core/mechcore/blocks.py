@@ -471,6 +471,12 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
 
 def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
     """The columns as real matrices (..., 2 contours + relations, unknowns)."""
+    if cols.pair is not None:
+        shape = np.broadcast_shapes(*(np.shape(c) for c in cols.pair))
+        matrix = np.empty((*shape, 2, 2))
+        for k, c in enumerate(cols.pair):  # turned back by a right angle: i c is the column
+            matrix[..., 0, k], matrix[..., 1, k] = -np.imag(c), np.real(c)
+        return matrix, shape
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if c is not None))
     width = len(cols.table[0] if cols.table else cols.ties[0])
     matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.ties), width))

@@ -19,7 +19,7 @@ from .changes import TWO_MODES, Change, Changes, flat_instants, needs_span
 from .continuation import Track, follow
 from .laws import ConstantSpeed, Law
 from .model import Block, Model
-from .patching import FAR, NODES, TAIL, tail_of, unknowns_of
+from .patching import FAR, NODES, TAIL, make_patches, tail_of, unknowns_of
 from .positions import place_all
 
 __all__ = ["STEP", "Course", "course_of", "walk", "way_of"]
@@ -204,12 +204,12 @@ def walk(
         if not flat:
             break
         model, assembly = _followed(model, assembly, flat)
-    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time)
     edge = 1e-9 * max(1.0, abs(low), abs(high))
     if track.ends[0] > low + edge:
         gaps.append((low, track.ends[0], -1))
     if track.ends[1] < high - edge:
         gaps.append((track.ends[1], high, -1))
+    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time)
     found = [c for p, name in track.passed for c in [_change(course, p, name, rest, sample)] if c is not None]
     if not found:
         return course
