@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from .laws import laws
+
 if TYPE_CHECKING:
     from .run import Run
     from .scene import Scene
@@ -237,6 +239,9 @@ def export(
                     print(path)
         except ex.ExportError as e:
             fail(str(e), 1)
+
+
+app.command()(laws)
 
 
 def main() -> None:

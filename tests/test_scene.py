@@ -384,7 +384,7 @@ def lengths() -> st.SearchStrategy[Any]:
 
 @st.composite
 def drives(draw: Any) -> dict[str, Any]:
-    kind = draw(st.sampled_from(["speed", "zones", "oscillation", "segments", "table"]))
+    kind = draw(st.sampled_from(["speed", "zones", "oscillation", "segments", "table", "program"]))
     if kind == "speed":
         return {"speed": draw(POSITIVE), "start": draw(NUMBERS)}
     if kind == "zones":
@@ -394,6 +394,9 @@ def drives(draw: Any) -> dict[str, Any]:
     rows = draw(st.lists(st.tuples(st.floats(0.1, 5.0), st.floats(-9.0, 9.0)), min_size=2, max_size=6))
     if kind == "segments":
         return {"start": 10, "segments": [{"duration": h, "to": [q, 0, 1]} for h, q in rows]}
+    if kind == "program":
+        segments = [{"over": h, "to": q + 30.0, "law": "3-4-5"} if k % 2 else {"over": h} for k, (h, q) in enumerate(rows)]
+        return {"program": {"speed": "30 rpm", "phase": 5, "segments": segments}}
     times = np.cumsum([h for h, _ in rows])
     return {"table": {"time": times, "position": [q + 20.0 * k for k, (_, q) in enumerate(rows)]}}
 

@@ -164,7 +164,9 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
             if first < t < last and not np.any(np.abs(edges - t) < step):  # a start or stop has been reported already
                 where = _words(motion, drive.pair, float(drive.law(t)[0]))
-                yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}")
+                shock = getattr(drive.law, "shock", None)  # programs know what jumps there
+                what = f": {shock(float(t))}" if shock is not None and shock(float(t)) else ""
+                yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}{what}")
 
 
 def _singular(motion: Motion) -> Iterator[Event]:

@@ -41,15 +41,19 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
     pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items()]
-    drives = []
-    for key, pair in document.pairs.items():
-        if pair.drive is not None:
-            path = f"pairs.{key}.drive"
-            drawn = drawn_angle(pair, placement) if pair.coordinate == "angle" else 0.0
-            law = law_of(pair.drive, pair.coordinate, convert, path, drawn=drawn, cycles=document.run.cycles)
-            if law is not None:
-                _check_length(pair, law, convert, path)
-                drives.append(Drive(pair=key, law=law))
+    laws: dict[str, Law] = {}
+    masters: dict[str, Law] = {}
+    driven = {key: pair.drive for key, pair in document.pairs.items() if pair.drive is not None}
+    for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
+        pair, path = document.pairs[key], f"pairs.{key}.drive"
+        drawn = drawn_angle(pair, placement) if pair.coordinate == "angle" else 0.0
+        law = law_of(driven[key], pair.coordinate, convert, path, drawn=drawn, cycles=document.run.cycles, masters=masters)
+        if law is not None:
+            _check_length(pair, law, convert, path)
+            laws[key] = law
+            if pair.coordinate == "angle" and driven[key].program is None:
+                masters[key] = law
+    drives = [Drive(pair=key, law=laws[key]) for key in driven if key in laws]
     loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += convert.faults

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import accumulate, pairwise
 
 from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, TableLaw, polynomial_through, zones
 
 from .convert import SMALLEST, Converter
 from .motions import DriveDocument
+from .programs import program_law
 from .units import magnitude
 
 __all__ = ["law_of"]
@@ -47,13 +49,26 @@ class _Coordinate:
         return position, velocity, acceleration
 
 
-def law_of(drive: DriveDocument, sort: str, convert: Converter, path: str, *, drawn: float = 0.0, cycles: int = 1) -> Law | None:
+def law_of(
+    drive: DriveDocument,
+    sort: str,
+    convert: Converter,
+    path: str,
+    *,
+    drawn: float = 0.0,
+    cycles: int = 1,
+    masters: Mapping[str, Law] | None = None,
+) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
-    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts.
+    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``masters``
+    are the laws of the driven revolute pairs that a program may follow.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
+    if drive.program is not None:
+        start = _start(drive, coordinate, drawn)
+        return None if math.isnan(start) else program_law(drive.program, start, coordinate.position, convert, path, masters or {})
     make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[drive.law]
     law = make(drive, coordinate, drawn, cycles)
     return law if len(convert.faults) == before else None

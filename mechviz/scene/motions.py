@@ -19,6 +19,7 @@ from .fields import (
     Time,
     fault,
 )
+from .programs import ProgramDocument
 from .tables import Table, one_of, refuse
 from .units import magnitude
 
@@ -101,7 +102,7 @@ class DriveTable(Table):
 
 
 class DriveDocument(Table):
-    """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments or table."""
+    """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments, table or program."""
 
     speed: Rate | None = None
     """Constant speed, or the steady speed of the zones; its sign is the direction."""
@@ -119,21 +120,23 @@ class DriveDocument(Table):
     """Polynomial segments one after the other."""
     table: DriveTable | None = None
     """Positions at given times."""
+    program: ProgramDocument | None = None
+    """Rises, dwells and returns over a master angle."""
 
     @property
-    def law(self) -> Literal["speed", "zones", "oscillation", "segments", "table"]:
+    def law(self) -> Literal["speed", "zones", "oscillation", "segments", "table", "program"]:
         """The law that is given."""
         return self._laws()[0]
 
     def _laws(self) -> list[Any]:
-        laws = [law for law in ("zones", "speed", "oscillation", "segments", "table") if getattr(self, law) is not None]
+        laws = [law for law in ("zones", "speed", "oscillation", "segments", "table", "program") if getattr(self, law) is not None]
         return [law for law in laws if law != "speed"] if "zones" in laws else laws
 
     @model_validator(mode="after")
     def _one_law(self) -> DriveDocument:
         laws = self._laws()
         if not laws:
-            raise fault("the drive has no law of motion.", "Give speed, oscillation, segments or table.")
+            raise fault("the drive has no law of motion.", "Give speed, oscillation, segments, table or program.")
         if len(laws) > 1:
             raise fault(f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion.")
         found = []
@@ -141,13 +144,13 @@ class DriveDocument(Table):
             found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
         if self.speed is not None and magnitude(self.speed) == 0.0:
             found.append(("speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'."))
-        allowed = {"speed": ("start", "travel", "range"), "zones": ("start",), "segments": ("start",)}.get(self.law, ())
+        allowed = {"speed": ("start", "travel", "range"), "oscillation": (), "table": ()}.get(self.law, ("start",))
         for key in ("start", "travel", "range"):
             if getattr(self, key) is not None and key not in allowed:
                 found.append((key, f"{key} does not go with {self.law}.", f"Leave out {key}."))
         if self.law == "speed" and self.range is not None and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
-        if isinstance(self.start, list) and self.law in ("speed", "zones"):
+        if isinstance(self.start, list) and self.law in ("speed", "zones", "program"):
             found.append(
                 (
                     "start",

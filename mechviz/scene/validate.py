@@ -22,6 +22,7 @@ from .fields import describe
 from .load_documents import CompressorDocument, DiagramDocument, FourStrokeDocument
 from .motions import DriveDocument, DriveTable, OscillationDocument, SegmentDocument, ZonesDocument
 from .pairs import KINDS, PairDocument
+from .programs import ProgramDocument, ProgramSegment
 from .tables import Table
 
 __all__ = ["Reading", "read_document"]
@@ -39,6 +40,8 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
     ("pairs", "*", "drive", "oscillation"): OscillationDocument,
     ("pairs", "*", "drive", "segments", "*"): SegmentDocument,
     ("pairs", "*", "drive", "table"): DriveTable,
+    ("pairs", "*", "drive", "program"): ProgramDocument,
+    ("pairs", "*", "drive", "program", "segments", "*"): ProgramSegment,
     ("sketch", "*"): Pose,
     ("loads", "*"): LoadDocument,
     ("loads", "*", "table"): FactorTable,

@@ -1,4 +1,4 @@
-"""Laws of motion: a coordinate as a function of time with its exact first and second derivatives.
+"""Drives: a coordinate as a function of time with its exact first and second derivatives.
 
 A law is called with an array of times and returns three arrays. ``duration`` is the time that one cycle takes; laws that
 repeat are continued beyond it by adding ``advance`` (one turn, or nothing) for every cycle. At a time where the acceleration

@@ -1,0 +1,64 @@
+"""Laws of motion.
+
+``timed``: drives, a coordinate as a function of time (constant speed, zones, oscillation, segments, tables).
+``curve``: ``MotionCurve``, a coordinate as a piecewise analytic function of a master angle, exact derivatives of any order;
+``catalogue``: the rise laws of the literature (``rise("cycloidal")``), all normalised 0 -> 1 over 0 -> 1;
+``harmonics``: families behind them (sine-constant-cosine acceleration, sums of harmonics); ``conditions``: polynomials and
+B-splines from boundary conditions, measured tables smoothed, laws given by acceleration or velocity;
+``program``: rises, dwells and returns over a turn, and drives that follow a master angle (several axes on one master);
+``factors``: jumps, extremes and the peak factors Cv, Ca, Cj; ``optimal``: laws of least peak acceleration, jerk or force.
+"""
+
+from .catalogue import RISES, rise
+from .conditions import (
+    Condition,
+    Smoothing,
+    from_acceleration,
+    from_velocity,
+    measured_table,
+    polynomial_law,
+    spline_law,
+)
+from .curve import MotionCurve
+from .factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
+from .harmonics import acceleration_zones, harmonic_sum, scca
+from .optimal import Optimum, least_peak
+from .program import Follow, Segment, constant_breadth, program
+from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Table, TableLaw, polynomial_through, zones
+
+__all__ = [
+    "RISES",
+    "Condition",
+    "ConstantSpeed",
+    "Extreme",
+    "Follow",
+    "Jump",
+    "Law",
+    "MotionCurve",
+    "Optimum",
+    "Oscillation",
+    "PeakFactors",
+    "Piecewise",
+    "Segment",
+    "Smoothing",
+    "Table",
+    "TableLaw",
+    "acceleration_zones",
+    "constant_breadth",
+    "extremes",
+    "from_acceleration",
+    "from_velocity",
+    "harmonic_sum",
+    "jumps",
+    "least_peak",
+    "measured_table",
+    "peak",
+    "peak_factors",
+    "polynomial_law",
+    "polynomial_through",
+    "program",
+    "rise",
+    "scca",
+    "spline_law",
+    "zones",
+]

@@ -1,0 +1,118 @@
+"""The rise laws of the literature by name, all normalised: 0 -> 1 over 0 -> 1."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import Fault, MechanismError
+from .curve import MotionCurve
+from .harmonics import acceleration_zones, harmonic_sum, scca
+
+__all__ = ["RISES", "Rise", "rise"]
+
+
+@dataclass(frozen=True)
+class Rise:
+    """An entry of the catalogue: how the law is made, its parameters with their defaults, one line about it."""
+
+    make: Callable[..., MotionCurve]
+    about: str
+    parameters: dict[str, float]
+
+
+def _poly(*coefficients: float) -> MotionCurve:
+    return MotionCurve.of((0.0, 1.0), [coefficients])
+
+
+def _share(value: float, name: str, law: str) -> float:
+    if not 0.0 < value < 1.0:
+        raise MechanismError(Fault(f"{law}.{name}", f"{value:g} is no share of the range.", "Give a number between 0 and 1."))
+    return value
+
+
+def _parabolic(skew: float) -> MotionCurve:
+    x = _share(skew, "skew", "parabolic")
+    return MotionCurve.of((0.0, x, 1.0), [(0.0, 0.0, 1.0 / x), (x, 2.0, -1.0 / (1.0 - x))])
+
+
+def _trapezoidal_velocity(run_up: float, braking: float) -> MotionCurve:
+    a, b = _share(run_up, "run_up", "trapezoidal-velocity"), _share(braking, "braking", "trapezoidal-velocity")
+    if a + b > 1.0 + 1e-12:
+        raise MechanismError(
+            Fault(
+                "trapezoidal-velocity",
+                f"run_up {a:g} and braking {b:g} together exceed the range.",
+                "Give shares that add up to less than 1.",
+            )
+        )
+    return acceleration_zones((0.0, a, 0.0, max(1.0 - a - b, 0.0), 0.0, b, 0.0))
+
+
+def _modified_constant_velocity(coast: float) -> MotionCurve:
+    """Neklutin: sine over a quarter of each end, cosine over the rest; half of the range at constant velocity is MCV50."""
+    end = 0.5 * (1.0 - _share(coast, "coast", "modified-constant-velocity"))
+    return acceleration_zones((0.25 * end, 0.0, 0.75 * end, coast, 0.75 * end, 0.0, 0.25 * end))
+
+
+def _freudenstein_135() -> MotionCurve:
+    m = 1125.0 / 1192.0 / (2.0 * np.pi)
+    return harmonic_sum(1.0, {2: -m, 6: -m / 54.0, 10: -m / 1250.0}, {})
+
+
+RISES: dict[str, Rise] = {
+    "constant-velocity": Rise(lambda: _poly(0.0, 1.0), "s = x: velocity steps at both ends", {}),
+    "parabolic": Rise(_parabolic, "constant acceleration, then deceleration; skew: share of the acceleration", {"skew": 0.5}),
+    "harmonic": Rise(lambda: harmonic_sum(0.0, {}, {1: 0.5}), "simple harmonic, (1 - cos pi x)/2", {}),
+    "double-harmonic": Rise(
+        lambda: harmonic_sum(0.0, {}, {1: 0.5, 2: -0.125}), "acceleration zero at the start, steps at the end (rise-return)", {}
+    ),
+    "triple-harmonic": Rise(
+        lambda: harmonic_sum(0.0, {}, {1: 9.0 / 16.0, 3: -1.0 / 16.0}),
+        "three harmonics cos k pi x with no acceleration at either end (the second vanishes)",
+        {},
+    ),
+    "cycloidal": Rise(lambda: harmonic_sum(1.0, {2: -0.5 / np.pi}, {}), "x - sin(2 pi x)/(2 pi)", {}),
+    "modified-trapezoid": Rise(lambda: scca(0.25, 0.5, 0.25), "least peak acceleration with finite jerk among the common laws", {}),
+    "modified-sine": Rise(lambda: scca(0.25, 0.0, 0.75), "low peak velocity and torque", {}),
+    "modified-constant-velocity": Rise(
+        _modified_constant_velocity, "constant velocity over the share coast (0.5: MCV50)", {"coast": 0.5}
+    ),
+    "scca": Rise(
+        scca, "sine-constant-cosine acceleration, shares b, c, d of the range", {"sine": 0.25, "constant": 0.5, "cosine": 0.25}
+    ),
+    "3-4-5": Rise(lambda: _poly(0, 0, 0, 10, -15, 6), "polynomial with velocity and acceleration zero at the ends", {}),
+    "4-5-6-7": Rise(lambda: _poly(0, 0, 0, 0, 35, -84, 70, -20), "polynomial with jerk zero at the ends too", {}),
+    "5-6-7-8-9": Rise(
+        lambda: _poly(0, 0, 0, 0, 0, 126, -420, 540, -315, 70), "polynomial with the fourth derivative zero at the ends too", {}
+    ),
+    "gutman": Rise(
+        lambda: harmonic_sum(1.0, {2: -15.0 / (32.0 * np.pi), 6: -1.0 / (96.0 * np.pi)}, {}),
+        "Gutman 1-3 harmonic: first terms of the parabolic law's series",
+        {},
+    ),
+    "freudenstein": Rise(
+        lambda: harmonic_sum(1.0, {2: -27.0 / (56.0 * np.pi), 6: -1.0 / (168.0 * np.pi)}, {}), "Freudenstein 1-3 harmonic", {}
+    ),
+    "freudenstein-1-3-5": Rise(_freudenstein_135, "Freudenstein 1-3-5 harmonic", {}),
+    "trapezoidal-velocity": Rise(
+        _trapezoidal_velocity, "uniform run-up, constant velocity, uniform braking", {"run_up": 0.25, "braking": 0.25}
+    ),
+}
+
+
+def rise(name: str, **parameters: float) -> MotionCurve:
+    """A law of the catalogue, 0 -> 1 over 0 -> 1. Raises ``MechanismError`` for an unknown name or parameter."""
+    entry = RISES.get(name)
+    if entry is None:
+        near = difflib.get_close_matches(name, RISES, 1, 0.5)
+        hint = f"Did you mean '{near[0]}'?" if near else f"Known are {', '.join(RISES)}."
+        raise MechanismError(Fault("law", f"'{name}' is no law of motion.", hint))
+    for key in parameters:
+        if key not in entry.parameters:
+            known = ", ".join(entry.parameters) or "none"
+            raise MechanismError(Fault(f"law.{key}", f"'{name}' has no parameter '{key}'.", f"Its parameters: {known}."))
+    return entry.make(**{**entry.parameters, **parameters})

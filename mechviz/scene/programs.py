@@ -1,0 +1,115 @@
+"""Drives that follow a master angle by a program of rises, dwells and returns: the document and the law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, model_validator
+
+from mechcore.errors import MechanismError
+from mechcore.laws import ConstantSpeed, Follow, Law, MotionCurve, Segment, program, rise
+
+from .fields import Angle, Coordinate, Flag, Number, Quantity, Rate, Text
+from .tables import Table, one_of, refuse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .convert import Converter
+
+__all__ = ["ProgramDocument", "ProgramSegment", "program_law"]
+
+Turn = Annotated[float | str, Quantity(("angle",), "above zero")]
+
+
+class ProgramSegment(Table):
+    """A rise, return or dwell over a range of the master angle."""
+
+    over: Turn
+    """Range of the master angle."""
+    to: Coordinate | None = None
+    """Position at its end; without it a dwell."""
+    law: Text = "cycloidal"
+    """Law of motion, one of those that `mechviz laws` lists."""
+    parameters: dict[Text, Number] = Field(default_factory=dict)
+    """Parameters of the law, such as { skew = 0.4 }."""
+    mirrored: Flag = False
+    """Run the law with acceleration and deceleration exchanged."""
+
+    @model_validator(mode="after")
+    def _known_law(self) -> ProgramSegment:
+        try:
+            self.shape()
+        except MechanismError as error:
+            refuse([("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults])
+        if self.to is None and "law" in self.model_fields_set:
+            refuse([("law", "a law for a dwell, which says no end.", "Add to = ..., or leave out the law.")])
+        return self
+
+    def shape(self) -> MotionCurve:
+        """The law, 0 -> 1 over 0 -> 1. Raises ``MechanismError`` for an unknown one."""
+        return rise(self.law, **self.parameters)
+
+
+class ProgramDocument(Table):
+    """A motion program over a master angle; several drives may follow one master."""
+
+    speed: Rate | None = None
+    """Speed of a master shaft of its own. Give this or master."""
+    master: Text | None = None
+    """The driven revolute pair whose angle is the master. Give this or speed."""
+    phase: Angle = 0.0
+    """Added to the master angle: the program runs earlier by this much."""
+    segments: Annotated[list[ProgramSegment], Field(min_length=1)]
+    """Segments one after the other; the program repeats after their total range."""
+
+    @model_validator(mode="after")
+    def _one_master(self) -> ProgramDocument:
+        refuse(one_of(self, ("speed", "master"), "the program"))
+        if all(segment.to is None for segment in self.segments):
+            refuse([("segments", "all segments are dwells: nothing moves.", "Give one of them an end, to = ...")])
+        return self
+
+
+def program_law(
+    given: ProgramDocument,
+    start: float,
+    position: Callable[[float | str, str], float],
+    convert: Converter,
+    path: str,
+    masters: Mapping[str, Law],
+) -> Law | None:
+    """The law of a drive with a program, None where a fault was noted. ``position`` turns coordinates into SI."""
+    before = len(convert.faults)
+    master: Law | None
+    if given.master is not None:
+        master = masters.get(given.master)
+        if master is None:
+            convert.note(
+                f"{path}.program.master",
+                f"'{given.master}' is no driven revolute pair with a law of its own.",
+                f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
+            )
+    else:
+        assert given.speed is not None
+        speed = convert.si(given.speed, "angular speed", f"{path}.program.speed")
+        if speed == 0.0:
+            convert.note(f"{path}.program.speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'.")
+        master = ConstantSpeed(start=0.0, speed=speed)
+    segments = [
+        Segment(
+            over=convert.si(s.over, "angle", f"{path}.program.segments[{k}].over"),
+            to=None if s.to is None else position(s.to, f"program.segments[{k}].to"),
+            law=s.shape(),
+            mirrored=s.mirrored,
+        )
+        for k, s in enumerate(given.segments)
+    ]
+    phase = convert.si(given.phase, "angle", f"{path}.program.phase")
+    if len(convert.faults) > before or master is None:
+        return None
+    if all(segment.to in (None, start) for segment in segments):
+        convert.note(f"{path}.program.segments", "all of them end where the motion starts: nothing moves.", "Give another end.")
+        return None
+    return Follow(curve=program(segments, start), master=master, phase=phase)
