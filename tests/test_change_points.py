@@ -297,3 +297,38 @@ def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monk
     compiled = compile_mechanism(misses_by(-1e-3))
     monkeypatch.setattr(blocks, "flatness", None)
     solve_motion(compiled, np.linspace(0.0, TURN, 8))
+
+
+@pytest.mark.parametrize("mode", ["left", "right"])
+def test_kite_on_both_branches_for_a_thousand_turns(mode):
+    """Frame and crank 2, the others 3: D lies on the line of symmetry through A, at half the crank's angle."""
+    m = four_bar(E=(2.0, 0.0), AB=2.0, BD=3.0, DE=3.0, start=0.5, mode=mode)
+    t = np.sort(np.concatenate([np.linspace(0.0, 1000 * TURN, 20_001), np.arange(1, 1001) * TURN - 0.5]))
+    motion = solve_motion(compile_mechanism(m), t)
+    half = 0.5 * (t + 0.5)
+    far = 1.0 if motion.point("coupler", "D")[0] @ [np.cos(half[0]), np.sin(half[0])] > 0 else -1.0
+    assert far == (1.0 if mode == "left" else -1.0)
+    along = 2.0 * np.cos(half) + far * np.sqrt(9.0 - 4.0 * np.sin(half) ** 2)
+    d = along * np.exp(1j * half)
+    np.testing.assert_allclose(motion.point("coupler", "D"), np.stack([d.real, d.imag], axis=-1), atol=1e-9)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert len(motion.changes) == 1000
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e3, 0.0), (1.0, 1e4), (1e-3, 0.0)])
+@pytest.mark.parametrize("mode", ["left", "right"])
+def test_change_points_at_every_scale_and_far_from_the_origin(scale, shift, mode):
+    t = np.linspace(0.0, 2 * TURN, 361)
+    base = solve_motion(compile_mechanism(parallelogram(mode)), t)
+    m = parallelogram(mode)
+    links = tuple(
+        replace(k, points={n: (scale * x + (k.name == "frame") * shift, scale * y - (k.name == "frame") * shift)
+                           for n, (x, y) in k.points.items()}) for k in m.links
+    )  # fmt: skip
+    motion = solve_motion(compile_mechanism(replace(m, links=links)), t)
+    assert len(motion.changes) == 4
+    tolerance = 1e-8 if shift else 1e-11  # 10 km away a micrometre has nine digits left
+    np.testing.assert_allclose(motion.velocity("rocker")[:, 2], base.velocity("rocker")[:, 2], atol=tolerance)
+    np.testing.assert_allclose(
+        motion.point("coupler", "D") - [shift, -shift], scale * base.point("coupler", "D"), atol=tolerance * scale
+    )

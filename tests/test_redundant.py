@@ -124,3 +124,33 @@ def test_links_without_length_are_named():
     short = tuple(replace(x, points={"B": (0.1, 0.0), "D": (0.1, 0.0)}) if x.name == "coupler" else x for x in m.links)
     with pytest.raises(MechanismError, match=r"links\.coupler: it has no length: its pins B and D"):
         compile_mechanism(replace(m, links=short))
+
+
+def test_coincident_points_of_a_crank_are_named():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    none = tuple(replace(x, points={"A": (0.0, 0.0), "B": (0.0, 0.0)}) if x.name == "crank" else x for x in m.links)
+    with pytest.raises(MechanismError, match=r"links\.crank: it has no length: its pins A and B are at the same point"):
+        compile_mechanism(replace(m, links=none))
+
+
+def test_impossible_input_has_its_own_message_each():
+    """No two kinds of impossible input share their words."""
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    apart = four_bar(E=(1.0, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    none = tuple(replace(x, points={"B": (0.1, 0.0), "D": (0.1, 0.0)}) if x.name == "coupler" else x for x in m.links)
+    both = replace(m, drives=(*m.drives, Drive(pair="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
+    wrong = drawn({**POINTS, "H": (2.1, 0.81)}, LINKS, "AEG", drive="A", law=ConstantSpeed(0.0, 1.0))
+    cases = {
+        "cannot be assembled at the start": apart,
+        "it has no length": replace(m, links=none),
+        "drives contradict each other": both,
+        "redundant constraint does not close": wrong,
+        "a freedom that no drive takes": replace(m, drives=()),
+    }
+    said = []
+    for words, mechanism in cases.items():
+        with pytest.raises(MechanismError) as e:
+            solve_motion(compile_mechanism(mechanism), np.linspace(0.0, 1.0, 21))
+        assert words in str(e.value)
+        said.append(str(e.value))
+    assert all(sum(words in text for text in said) == 1 for words in cases)

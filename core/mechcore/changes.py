@@ -23,7 +23,7 @@ from .model import Block, Model
 from .patching import FAR, TAIL, smooth
 from .positions import initial_state
 
-__all__ = ["Change", "Changes", "Gap", "find_changes", "flat_instants", "needs_span", "passages"]
+__all__ = ["Change", "Changes", "Gap", "find_changes", "flat_instants", "needs_span", "passages", "rounding_of"]
 
 Array = Any
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
@@ -194,14 +194,14 @@ def _sampled(
     speed = float(still.max(initial=0.0))
     found: list[Change] = []
     gaps: list[Gap] = []
-    resolved = True
+    resolved, rounding = True, rounding_of(model)
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Array = 1.0
             own: list[Change] = []
             if block.kind in TWO_MODES:
-                instants, missing = flat_instants(model, block, state, time, blurred)
+                instants, missing = flat_instants(model, block, state, time, blurred, rounding)
                 if by_drive and missing:
                     return None, True
                 gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
@@ -242,8 +242,17 @@ def _smoothed(
     return c, best < TAIL
 
 
+def rounding_of(model: Model) -> float:
+    """What lengths are uncertain by, relative to the size, because points far from their origin keep fewer digits.
+
+    At an origin 10 km away no drawing says to better than 2e-12 m whether a parallelogram is one.
+    """
+    far = max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
+    return float(8.0 * np.finfo(float).eps * far / model.size)
+
+
 def flat_instants(
-    model: Model, block: Block, state: State, time: Array, blurred: Array
+    model: Model, block: Block, state: State, time: Array, blurred: Array, rounding: float
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, float]]]:
     """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through; and
     stretches of time in which its links miss each other.
@@ -254,11 +263,12 @@ def flat_instants(
     out: list[tuple[float, bool]] = []
     gaps: list[tuple[float, float]] = []
     step = float(time[1] - time[0])
+    flat, miss = max(FLAT, rounding), max(MISS, rounding)
     for height in bl.flatness(model, block, state):
         h = np.broadcast_to(height, time.shape)
-        gaps += _below(time, h)
+        gaps += _below(time, h, max(BLUR, rounding))
         inner = h[1:-1]
-        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -BLUR)
+        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
         for k in np.flatnonzero(low) + 1:
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
             x = (time[a:b] - time[k]) / step
@@ -274,18 +284,18 @@ def flat_instants(
                     break
                 at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
             least, rough = float(fit(at)), bool(blurred[a:b].any())
-            if (-BLUR if rough else -MISS) <= least <= (BLUR if rough else FLAT):
+            if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
                 near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
-            elif least < 0.0 and h[k] > -MISS and float(curve(at)) > 0.0:
+            elif least < 0.0 and h[k] > -miss and float(curve(at)) > 0.0:
                 half = np.sqrt(-2.0 * least / float(curve(at)))
                 gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
     return out, gaps
 
 
-def _below(time: Array, h: Array) -> list[tuple[float, float]]:
+def _below(time: Array, h: Array, rounding: float) -> list[tuple[float, float]]:
     """Stretches of samples below zero, their ends between samples by straight lines."""
-    below = h < -BLUR
+    below = h < -rounding
     if not below.any():
         return []
     edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))

@@ -221,8 +221,8 @@ def build_model(mechanism: Mechanism) -> Model:
     joints = tuple(parts.joints)
     joint_index = {j.name: i for i, j in enumerate(joints)}
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
-    decided = {k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links}
-    decided |= {k for r in parts.relations for k, _ in r.angles}
+    turned = [k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links]
+    decided = {k for k in turned if turned.count(k) > 1} | {k for r in parts.relations for k, _ in r.angles}
     _check_lengths(joints, ends, names, decided)
     undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
     if undrivable:
@@ -301,7 +301,7 @@ def _check(m: Mechanism) -> None:
 def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]) -> None:
     """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length.
 
-    Shafts and wheels are such links too; their angle is ``decided`` by a drive, a gear or a belt.
+    Shafts and wheels are such links too: their angle is ``decided``, and passed on, by gears, belts or drives at both ends.
     """
     pins: dict[int, list[tuple[str, complex]]] = {}
     others: set[int] = set()

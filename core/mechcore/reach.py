@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .changes import TWO_MODES, flat_instants
+from .changes import TWO_MODES, flat_instants, rounding_of
 from .laws import ConstantSpeed
 from .motion import Motion
 from .solve import TURN, Compiled, solve_motion
@@ -54,7 +54,7 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     state = solved(grid).state
     for block in model.blocks:
         if block.kind in TWO_MODES:  # gaps that are narrower than the grid
-            for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool))[1]:
+            for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
                 grid = np.union1d(grid, np.clip([start, 0.5 * (start + end), end], q0 - half, q0 + half))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])

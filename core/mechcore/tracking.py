@@ -15,7 +15,7 @@ import numpy as np
 
 from . import blocks as bl
 from .assembly import Assembly
-from .changes import TWO_MODES, Change, Changes, flat_instants, needs_span
+from .changes import TWO_MODES, Change, Changes, flat_instants, needs_span, rounding_of
 from .continuation import Track, follow
 from .laws import ConstantSpeed, Law
 from .model import Block, Model
@@ -249,7 +249,7 @@ def _flat_on(
     flat, gaps = set(), []
     for i in two:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            instants, missing = flat_instants(model, model.blocks[i], state, p, rough)
+            instants, missing = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
             ends = [min(float(np.broadcast_to(h, p.shape)[k]) for h in bl.flatness(model, model.blocks[i], state)) for k in (0, -1)]
         if any(flips for _, flips in instants) or (track.singular and min(ends) < STUCK):
             flat.add(i)
