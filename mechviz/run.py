@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.plan import Plan, make_plan
+from mechcore.studies import StudyResults
+from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -35,6 +37,7 @@ class Run:
     forces: Forces | None
     plan: Plan
     stages: tuple[Stage, ...]
+    studies: StudyResults = field(default_factory=StudyResults)
 
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
@@ -90,6 +93,10 @@ def run_scene(
             forces = solve_forces(motion)
         with stage("energy and power balance"):
             _ = forces.energy, forces.power_balance
+    studies = StudyResults()
+    if mechanism.studies.items():
+        with stage("studies"):
+            studies = compute_studies(motion, forces)
     with stage("closure and condition"):
         _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
-    return Run(scene=scene, compiled=compiled, motion=motion, forces=forces, plan=plan, stages=tuple(stages))
+    return Run(scene=scene, compiled=compiled, motion=motion, forces=forces, plan=plan, stages=tuple(stages), studies=studies)

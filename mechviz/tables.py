@@ -16,7 +16,7 @@ from .vectors import centre_name, point_name
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["JointInfo", "Table", "joints_of", "links_with_mass", "pair_unit", "tables"]
+__all__ = ["Columns", "JointInfo", "Table", "joints_of", "links_with_mass", "pair_unit", "tables"]
 
 Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
@@ -74,7 +74,18 @@ def pair_unit(motion: Motion, pair: str) -> str:
 
 def tables(run: Run) -> list[Table]:
     """All tables of a run; what the scene does not call for is not there."""
-    return [*_links(run), *_points(run), *_joints(run), *_drives(run), *_loads(run), *_answers(run), *_health(run)]
+    from .study_tables import study_tables
+
+    return [
+        *_links(run),
+        *_points(run),
+        *_joints(run),
+        *_drives(run),
+        *_loads(run),
+        *_answers(run),
+        *_health(run),
+        *study_tables(run),
+    ]
 
 
 def _links(run: Run) -> Iterator[Table]:

@@ -89,6 +89,8 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
     for name in mechanism.answers:
         step(f"answer {name}", "velocities" in wanted, ANSWERS[name], "velocities are not asked for")
+    for name, what in mechanism.studies.items():
+        step(name, "velocities" in wanted, what, "velocities are not asked for")
     names = (*mechanism.effects, *(f"load {e.name}" for e in loads)) if do_forces else ()
     return Plan(computed=tuple(computed), skipped=tuple(skipped), effects=names)
 

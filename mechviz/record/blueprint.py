@@ -12,6 +12,7 @@ from mechcore.events import Event
 from ..tables import pair_unit
 from .paths import entity
 from .plots import Output, main_outputs
+from .polygons import OVERLAYS
 
 if TYPE_CHECKING:
     from ..run import Run
@@ -25,10 +26,11 @@ TILT = 0.06  # how far the eye stands above the plane's normal: the layers show,
 PICTURE = 1.5  # width of the 3D view over its height, about
 
 
-def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[Event]) -> Any:
+def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[Event], polygons: Sequence[Any] = ()) -> Any:
     """The blueprint of a run (`rerun.blueprint.Blueprint`).
 
-    ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and around the mechanism with its "motion" arrows.
+    ``polygons``: views of graphical constructions. ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and
+    around the mechanism with its "motion" arrows.
     """
     import rerun.blueprint as rrb
 
@@ -36,7 +38,11 @@ def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[
     mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
     plots = _plots(run)
     left = rrb.Vertical(mechanism, _below(run, events), row_shares=[3, 1])
-    body = rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]) if plots else left
+    if polygons:  # the drawings beside the mechanism, the plots below them in tabs
+        right = [*polygons[:2], rrb.Tabs(*polygons[2:], *plots, active_tab=0)]
+        body = rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[1, 1])
+    else:
+        body = rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]) if plots else left
     return rrb.Blueprint(
         body,
         rrb.TimePanel(
@@ -84,7 +90,7 @@ def _picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
     position, target = _eye(bounds)
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ mechanism/**", *(f"+ {path}/**" for path in vectors)],
+        contents=["+ mechanism/**", *(f"+ {path}/**" for path in (*vectors, *OVERLAYS)), "- polygons/funicular/forces/**"],
         name=name,
         background=list(BACKGROUND),
         line_grid=rrb.LineGrid3D(visible=False),

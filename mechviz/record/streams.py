@@ -189,7 +189,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
     yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
     enlarged = magnification(size)
     if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
-        for root in ("mechanism", "vectors"):
+        for root in ("mechanism", "vectors", "polygons"):
             yield Static(root, rr.Transform3D(scale=enlarged))
     for name, solid in solids.links.items():
         if not len(solid.faces):

@@ -12,16 +12,18 @@ import numpy as np
 
 from mechcore.events import Event, find_events
 
+from ..drawings import drawings_of
 from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import links_with_mass, tables
 from ..vectors import Scales
 from .arrows import extent, shapes
-from .blueprint import make_blueprint
+from .blueprint import BACKGROUND, make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
 from .paths import entity
 from .plots import plot_streams, plot_styles
+from .polygons import polygon_shapes, polygon_streams, polygon_views
 from .stream_file import Part, recording_file
 from .streams import (
     Stream,
@@ -111,9 +113,12 @@ def write_recording(
             "motion": extent(motion, scales, solids.bounds, solids.size),
         }
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
-        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events)
-        streams += plot_streams(run, every)
+        drawings = drawings_of(run, solids.size)
+        polygons = polygon_views(run, drawings, enlarged, BACKGROUND)
+        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, polygons)
+        streams += [*plot_streams(run, every), *polygon_streams(run, drawings, solids, every)]
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
+        statics += polygon_shapes(run, drawings, solids)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
             _describe(part.stream, run, solids, scales, stages, every, complete=False)

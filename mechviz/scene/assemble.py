@@ -16,6 +16,7 @@ from .pair_specs import drawn_angle, modes_of, pair_spec
 from .pairs import PairDocument
 from .placement import place_links
 from .references import check_references, resolve_trace
+from .studies import needs_inertia, studies_of
 from .validate import Reading
 
 __all__ = ["assemble"]
@@ -36,7 +37,8 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         points = placement.points.get(key)
         if points:
             settled = key == document.frame or key in reading.broken["links"]  # nothing is missing, or it is not known
-            effects = () if settled else tuple(document.effects)
+            needed = [*document.effects, *(["inertia"] if needs_inertia(document, key) else [])]
+            effects = () if settled else tuple(dict.fromkeys(needed))
             mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=key not in parallel)
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
@@ -55,6 +57,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
                 masters[key] = law
     drives = [Drive(pair=key, law=laws[key]) for key in driven if key in laws]
     loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
+    studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += convert.faults
     if faults or reading.faults:
@@ -71,6 +74,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         loads=tuple(loads),
         effects=tuple(document.effects),
         answers=tuple(document.answers),
+        studies=studies,
         gravity=gravity,
         modes=modes_of(document),
         sketch={key: pose for key, pose in placement.poses.items() if key != document.frame},

@@ -53,11 +53,12 @@ class SceneBuilder:
         name: str,
         points: Mapping[str, Sequence[Value]] | Sequence[str] | None = None,
         *,
-        mass: Value | None = None,
+        mass: Value | Mapping[str, Any] | None = None,
         centre: Sequence[Value] | str | None = None,
         inertia: Value | None = None,
         shape: str | None = None,
         gravity: Sequence[Value] | None = None,
+        lumps: Sequence[Mapping[str, Any]] = (),
         **more_points: Sequence[Value],
     ) -> SceneBuilder:
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
@@ -66,7 +67,7 @@ class SceneBuilder:
             self._faults.append(
                 Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way.")
             )
-        body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity}
+        body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity, "lumps": list(lumps)}
         return self._add("links", name, {"points": places, **body})
 
     def revolute(
@@ -261,6 +262,36 @@ class SceneBuilder:
         """Answers to record: "transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"."""
         self._data["answers"].extend(names)
         return self
+
+    def plan(self, *names: str) -> SceneBuilder:
+        """Graphical constructions to draw: "velocity", "acceleration", "force"."""
+        self._data.setdefault("plans", []).extend(names)
+        return self
+
+    def polodes(self, *links: str) -> SceneBuilder:
+        """Links whose polodes are drawn."""
+        self._data.setdefault("polodes", []).extend(links)
+        return self
+
+    def reduce(self, *places: str) -> SceneBuilder:
+        """Links, or points such as "rocker.D", to which the whole mechanism is reduced."""
+        self._data.setdefault("reduced", []).extend(places)
+        return self
+
+    def shaking(self, *, about: Sequence[Value] = (0.0, 0.0), counterweights: Mapping[str, Any] | None = None) -> SceneBuilder:
+        """Shaking force and moment on the frame; ``counterweights={"radius": ..., "fraction": ...}`` also balanced."""
+        self._data["shaking"] = {"about": about, "counterweights": counterweights}
+        return self
+
+    def system(
+        self, name: str, *, on: str, loads: Sequence[str] = (), at: str | None = None, pole: Sequence[Value] | None = None
+    ) -> SceneBuilder:
+        """The loads on a link as a force system, reduced and drawn."""
+        return self._add("systems", name, {"on": on, "loads": list(loads), "at": at, "pole": pole})
+
+    def substitute(self, link: str, *masses: Mapping[str, Any], solution: int = 1) -> SceneBuilder:
+        """Substitute masses of a link, such as ``{"at": "B"}, {"at": "C"}, {"y": 0.2}``; what is not given is found."""
+        return self._add("substitutes", link, {"masses": list(masses), "solution": solution})
 
     def gravity(self, x: Value, y: Value) -> SceneBuilder:
         """Acceleration of gravity [m/s^2]."""

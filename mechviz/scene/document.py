@@ -12,11 +12,11 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mechcore.spec import ANSWERS, EFFECTS
 
+from .bodies import LumpDocument, MassDocument, MassEntry
 from .fields import (
     Angle,
     GravityVector,
     Inertia,
-    Mass,
     Name,
     Point,
     Text,
@@ -26,6 +26,7 @@ from .fields import (
 )
 from .load_documents import LoadDocument
 from .pairs import PairDocument
+from .studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
 from .tables import Table, refuse
 
 __all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
@@ -92,8 +93,8 @@ class LinkDocument(Table):
 
     points: Points
     """Named points: a table of coordinates in the link's own frame, or a list of names that the sketch places."""
-    mass: Mass | None = None
-    """Mass. It acts only where `effects` names inertia or gravity."""
+    mass: MassEntry | None = None
+    """Mass, or a table that derives mass, centre and inertia from a shape. It acts only where something needs it."""
     centre: Centre | None = None
     """Centre of mass: coordinates in the link's frame, or the name of one of its points."""
     inertia: Inertia | None = None
@@ -102,12 +103,18 @@ class LinkDocument(Table):
     """Acceleration of gravity for this link alone, where it differs from the scene's."""
     shape: Literal["bar", "point"] | None = None
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
+    lumps: list[LumpDocument] = Field(default=[])
+    """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:
         found = []
         if isinstance(self.points, list) and len(set(self.points)) < len(self.points):
             found.append(("points", "a point is listed twice.", "Name each point once."))
+        if isinstance(self.mass, MassDocument):
+            for key in ("shape", "inertia") if self.mass.solid else ("shape", "centre", "inertia"):
+                if getattr(self, key) is not None:
+                    found.append((key, f"stands beside a mass with a shape, which decides the {key}.", f"Leave out {key}."))
         for key in ("centre", "inertia"):
             if self.shape and getattr(self, key) is not None:
                 found.append(
@@ -160,6 +167,14 @@ class SceneDocument(Table):
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
     answers: list[AnswerName] = Field(default=[])
     """Answers about the geometry of the motion, recorded with events where they become extreme."""
+    plans: list[PlanName] = Field(default=[])
+    """Graphical constructions to draw."""
+    polodes: list[Text] = Field(default=[])
+    """Links whose fixed and moving polodes are drawn."""
+    reduced: list[Text] = Field(default=[])
+    """Links, or points such as "rocker.D", to which the mass of the whole mechanism and the forces on it are reduced."""
+    shaking: ShakingDocument | None = None
+    """Shaking force and moment on the frame."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     links: dict[Name, LinkDocument] = Field(default={})
@@ -170,3 +185,7 @@ class SceneDocument(Table):
     """A rough start position: world coordinates of points, or poses of links."""
     loads: dict[Name, LoadDocument] = Field(default={})
     """Forces, torques, springs, dampers, drag, gas pressure by name."""
+    systems: dict[Name, SystemDocument] = Field(default={})
+    """Force systems by name: the loads on a link, reduced and drawn."""
+    substitutes: dict[Name, SubstituteDocument] = Field(default={})
+    """Substitute masses, by the name of the link that they replace."""

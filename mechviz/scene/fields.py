@@ -24,9 +24,11 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "Argument", "Coefficient", "Condition", "Coordinate", "Direction", "Distance", "Duration", "Extent", "Flag", "Force",
+    "Angle", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration", "Extent",
+    "Flag", "Force",
     "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Period", "Point",
-    "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "Size", "Speed", "Stiffness", "Text", "Time", "Torque",
+    "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",
+    "Time", "Torque",
     "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
@@ -128,6 +130,8 @@ Length = Annotated[float | str, Quantity(("length",))]
 Size = Annotated[float | str, Quantity(("length",), "above zero")]
 Angle = Annotated[float | str, Quantity(("angle",))]
 Mass = Annotated[float | str, Quantity(("mass",), "zero")]
+SignedMass = Annotated[float | str, Quantity(("mass",))]
+Density = Annotated[float | str, Quantity(("density",), "above zero")]
 Time = Annotated[float | str, Quantity(("time",))]
 Duration = Annotated[float | str, Quantity(("time",), "above zero")]
 Force = Annotated[float | str, Quantity(("force",))]

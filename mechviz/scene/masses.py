@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from mechcore.reduction import Body, combine
+
+from .bodies import MassDocument, body_of, lumps_of
 from .convert import Converter
 from .document import LinkDocument, SceneDocument
 from .faults import did_you_mean, listing
@@ -40,6 +43,17 @@ def mass_properties(
     What one of the effects needs and the scene does not say is a fault; what nothing needs stays zero.
     """
     path = f"links.{name}"
+    if isinstance(link.mass, MassDocument):
+        stated = _stated_centre(name, link, points, convert)
+        body = body_of(link.mass, points, stated, convert, f"{path}.mass")
+        return _with_lumps(body, link, points, convert, path)
+    if link.lumps and link.mass is None:
+        return _with_lumps(Body(0.0), link, points, convert, path)
+    if link.lumps:
+        bare = link.model_copy(update={"lumps": []})
+        return _with_lumps(
+            Body(*mass_properties(name, bare, points, effects, convert, can_turn=can_turn)), link, points, convert, path
+        )
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
     inertia = 0.0 if link.inertia is None else convert.si(link.inertia, "inertia", f"{path}.inertia")
     places = list(points.values())
@@ -49,16 +63,9 @@ def mass_properties(
     if link.shape == "point":
         return mass, places[0], 0.0
     counts = mass > 0.0 and bool(effects)
-    if isinstance(link.centre, str):
-        if link.centre not in points:
-            convert.note(
-                f"{path}.centre",
-                f"link '{name}' has no point '{link.centre}'.",
-                did_you_mean(link.centre, points, what="Points"),
-            )
-        centre = points.get(link.centre, (0.0, 0.0))
-    elif link.centre is not None:
-        centre = convert.vector(link.centre, "length", f"{path}.centre")
+    given = _stated_centre(name, link, points, convert)
+    if given is not None:
+        centre = given
     else:
         centre = places[0] if len(places) == 1 else (0.0, 0.0)
         if counts and len(places) > 1:
@@ -74,3 +81,21 @@ def mass_properties(
             'Add inertia = "... kg m^2", or shape = "bar" or "point".',
         )
     return mass, centre, inertia
+
+
+def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter) -> Vec2 | None:
+    """The centre that a scene states, by coordinates or by the name of a point."""
+    path = f"links.{name}.centre"
+    if isinstance(link.centre, str):
+        if link.centre not in points:
+            convert.note(path, f"link '{name}' has no point '{link.centre}'.", did_you_mean(link.centre, points, what="Points"))
+        return points.get(link.centre, (0.0, 0.0))
+    return None if link.centre is None else convert.vector(link.centre, "length", path)
+
+
+def _with_lumps(
+    body: Body, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter, path: str
+) -> tuple[float, Vec2, float]:
+    """A body with the link's point masses."""
+    whole = combine([body, *lumps_of(link.lumps, points, convert, f"{path}.lumps")]) if link.lumps else body
+    return whole.mass, whole.centre, whole.inertia

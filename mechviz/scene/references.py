@@ -9,6 +9,7 @@ from mechcore.errors import Fault
 from .document import Pose
 from .faults import did_you_mean, listing
 from .pairs import PairDocument
+from .studies import check_studies
 from .validate import Reading
 
 __all__ = ["check_references", "known_link", "known_point", "link_names", "point_names", "points_of_pair", "resolve_trace"]
@@ -53,7 +54,9 @@ def check_references(reading: Reading) -> Iterator[Fault]:
         for k, name in enumerate(names):
             if name in names[:k]:
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
-    if document.effects and not reading.broken["links"] and all(link.mass is None for link in document.links.values()):
+    whole = not reading.broken["links"]
+    yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, whole)
+    if document.effects and whole and all(link.mass is None and not link.lumps for link in document.links.values()):
         remedy = "Give the moving links a mass, or leave out the effects."
         yield Fault("effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy)
 

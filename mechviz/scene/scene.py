@@ -11,6 +11,7 @@ from mechcore.errors import Fault
 from mechcore.spec import Mechanism
 
 from .assemble import assemble
+from .bodies import FOLDER
 from .document import SceneDocument
 from .faults import SceneError, in_file_order
 from .reading import find_scene, parse_toml, read_text
@@ -81,7 +82,11 @@ def load(source: str | Path) -> Scene:
     """Read a scene: a name from the gallery, or the path of a TOML file. SceneError reports every fault at once."""
     path = find_scene(source)
     text = read_text(path)
-    return _scene(parse_toml(text, path.name), path.stem, text=text, source=path.name)
+    token = FOLDER.set(path.parent)
+    try:
+        return _scene(parse_toml(text, path.name), path.stem, text=text, source=path.name)
+    finally:
+        FOLDER.reset(token)
 
 
 def loads(text: str, name: str = "scene") -> Scene:

@@ -88,6 +88,7 @@ KINDS: Mapping[str, Kind] = {
     "force": Kind("a force", "N", "{force}", "150 N"),
     "torque": Kind("a torque", "N*m", "{torque}", "5 N m"),
     "inertia": Kind("a moment of inertia", "kg*m**2", "{inertia}", "0.001 kg m^2"),
+    "density": Kind("a density", "kg/m**3", "kg/m**3", "7850 kg/m^3"),  # never kg/mm^3 by the way
     "frequency": Kind("a frequency", "1/s", "1/({time})", "2 Hz"),
     "linear speed": Kind("a linear speed", "m/s", "({length})/({time})", "20 mm/s"),
     "angular speed": Kind("an angular speed", "rad/s", "({angle})/({time})", "60 rpm"),

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from mechcore.errors import Fault
 
+from .bodies import BossDocument, HoleDocument, LumpDocument, MassDocument
 from .document import LinkDocument, LoadDocument, Pose, RunDocument, SceneDocument, UnitsDocument
 from .factors import FactorPolynomial, FactorTable
 from .faults import closest, listing
@@ -23,6 +24,7 @@ from .load_documents import CompressorDocument, DiagramDocument, FourStrokeDocum
 from .motions import DriveDocument, DriveTable, OscillationDocument, SegmentDocument, ZonesDocument
 from .pairs import KINDS, PairDocument
 from .programs import ProgramDocument, ProgramSegment
+from .studies import CounterweightsDocument, ShakingDocument, SubstituteDocument, SubstituteMassDocument, SystemDocument
 from .tables import Table
 
 __all__ = ["Reading", "read_document"]
@@ -49,8 +51,17 @@ _TABLES: Mapping[tuple[str, ...], type[Table]] = {
     ("loads", "*", "compressor"): CompressorDocument,
     ("loads", "*", "four_stroke"): FourStrokeDocument,
     ("loads", "*", "diagram"): DiagramDocument,
+    ("links", "*", "mass"): MassDocument,
+    ("links", "*", "mass", "holes", "*"): HoleDocument,
+    ("links", "*", "mass", "bosses", "*"): BossDocument,
+    ("links", "*", "lumps", "*"): LumpDocument,
+    ("shaking",): ShakingDocument,
+    ("shaking", "counterweights"): CounterweightsDocument,
+    ("systems", "*"): SystemDocument,
+    ("substitutes", "*"): SubstituteDocument,
+    ("substitutes", "*", "masses", "*"): SubstituteMassDocument,
 }
-_SECTIONS = ("links", "pairs", "sketch", "loads")
+_SECTIONS = ("links", "pairs", "sketch", "loads", "systems", "substitutes")
 _SEPARABLE = {  # faulty parts without which the rest of the item still means the same
     ("pairs", "drive"), ("pairs", "side"), ("pairs", "assembly"), ("pairs", "branch"), ("pairs", "along"),
     ("pairs", "guide"), ("pairs", "angle"), ("pairs", "pressure_angle"), ("pairs", "crossed"),
@@ -85,6 +96,8 @@ _SYNONYMS = {
     "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
     "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
     "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
+    "rho": "density", "material": "density", "diagrams": "plans", "polygons": "plans", "centrodes": "polodes",
+    "counterweight": "lumps", "balance": "counterweights", "point_masses": "lumps",
 }  # fmt: skip
 
 

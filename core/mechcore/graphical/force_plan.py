@@ -9,6 +9,7 @@ of each of its links.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,34 @@ from ..model import Model
 from ..structure import groups
 from .plans import Edge, Plan, frames_of
 
-__all__ = ["force_plans"]
+__all__ = ["Acting", "acting_on", "force_plans"]
 
 Array = Any
 NAMES = {"inertia": "B", "gravity": "G"}
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """A load as one link feels it: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
+
+    name: str
+    label: str  # short, for drawings
+    kind: str
+    force: Array
+    moment: Array
+    place: Array
+
+
+def acting_on(forces: Forces, link: int) -> list[Acting]:
+    """All loads on a link, inertia and gravity included; of loads between two links the part that acts on this one."""
+    motion = forces.motion
+    out = []
+    for w in forces.applied:
+        label = f"{NAMES[w.kind]} {motion.model.links[link]}" if w.kind in NAMES else w.name
+        for k, arm, sign in ((w.link, w.arm, 1.0), (w.other, w.other_arm, -1.0)):
+            if k == link:
+                out.append(Acting(w.name, label, w.kind, sign * w.force, sign * w.moment, motion.origins[k] + arm))
+    return out
 
 
 def force_plans(forces: Forces) -> tuple[Plan, ...]:
@@ -44,11 +69,10 @@ def _group(forces: Forces, own: list[int], name: str) -> Plan:
         sides += _reaction(forces, c, ends, own)
     mark = 0
     for k in own:
-        for w in forces.applied:
-            value = frames_of(w.force, n)
-            if w.link == k and np.any(np.abs(value) > 0.0):
-                kind = w.kind if w.kind in NAMES else "load"
-                sides.append((kind, f"{NAMES[w.kind]} {model.links[k]}" if w.kind in NAMES else w.name, value))
+        for load in acting_on(forces, k):
+            value = frames_of(load.force, n)
+            if np.any(np.abs(value) > 0.0):
+                sides.append((load.kind if load.kind in NAMES else "load", load.label, value))
         if k == own[0]:
             mark = len(sides)
     for c in outer:
@@ -102,10 +126,8 @@ def _reaction(forces: Forces, pair: str, ends: dict[str, tuple[int, ...]], own: 
         return whole
     unit = arm / length
     moment: Array = np.zeros(forces.motion.frames)
-    for w in forces.applied:
-        if w.link == link:
-            at = forces.motion.of_point(link, w.local)
-            moment = moment + w.moment + cross(at - place[inner[0]], w.force)
+    for load in acting_on(forces, link):
+        moment = moment + load.moment + cross(load.place - place[inner[0]], load.force)
     for c in here:  # couples that pins transmit, by friction for instance
         moment = moment + _wrench(forces, c)[1] * (1.0 if ends[c][1] == link else -1.0)
     across = -moment / length * 1j * unit

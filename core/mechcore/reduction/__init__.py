@@ -2,7 +2,7 @@
 
 from .areas import Area, area_of, circle, plate, stadium
 from .bodies import SOLIDS, Body, combine, solid
-from .inertia import inertia_of_points, inertia_wrench, percussion_centre, single_resultant
+from .inertia import acceleration_field, inertia_of_points, inertia_wrench, percussion_centre, single_resultant
 from .reduced import Reduced, reduce_mechanism
 from .shaking import Shaking, shaking
 from .substitute import PointMass, StaticReplacement, Substitution, static_replacement, substitute_masses
@@ -18,6 +18,7 @@ __all__ = [
     "Shaking",
     "StaticReplacement",
     "Substitution",
+    "acceleration_field",
     "area_of",
     "circle",
     "combine",

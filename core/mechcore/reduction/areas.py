@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import Fault, MechanismError
 from .bodies import Body, combine
 
-__all__ = ["Area", "area_of", "circle", "plate", "stadium"]
+__all__ = ["Area", "area_of", "circle", "plate", "rounded_hull", "stadium"]
 
 Vec2 = tuple[float, float]
 
@@ -91,3 +92,39 @@ def plate(outer: Area, surface_density: float, *, holes: Iterable[Area] = (), bo
     """A plate with holes through it, and bosses on it, each with a surface density of its own [kg/m^2]."""
     parts = [outer.body(surface_density), *(h.body(-surface_density) for h in holes)]
     return combine([*parts, *(area.body(extra) for area, extra in bosses)])
+
+
+def rounded_hull(points: Sequence[Vec2], radius: float) -> Area:
+    """The smallest convex outline around circles of one radius about points: a plate with round ends, or a rounded polygon."""
+    z = sorted({complex(*p) for p in points}, key=lambda c: (c.real, c.imag))
+    if radius <= 0.0:
+        raise MechanismError(Fault("plate", f"a radius of {radius:g} m at its ends.", "Give a positive width."))
+    corners = _hull(z)
+    if len(corners) == 1:
+        return circle((corners[0].real, corners[0].imag), radius)
+    vertices, bulges = [], []
+    n = len(corners)
+    for i, at in enumerate(corners):
+        before, after = at - corners[i - 1], corners[(i + 1) % n] - at
+        turn = math.atan2((before.conjugate() * after).imag, (before.conjugate() * after).real) % (2.0 * math.pi)
+        for side, bulge in ((before, math.tan(0.25 * turn)), (after, 0.0)):
+            place = at - 1j * side / abs(side) * radius  # to the right of the way round
+            vertices.append((place.real, place.imag))
+            bulges.append(bulge)
+    return area_of(vertices, bulges)
+
+
+def _hull(z: list[complex]) -> list[complex]:
+    """Corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
+    if len(z) < 3:
+        return z
+
+    def half(places: Sequence[complex]) -> list[complex]:
+        out: list[complex] = []
+        for p in places:
+            while len(out) > 1 and ((out[-1] - out[-2]).conjugate() * (p - out[-1])).imag <= 0.0:
+                out.pop()
+            out.append(p)
+        return out[:-1]
+
+    return half(z) + half(z[::-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,16 +54,17 @@ def _rms(values: Real) -> float:
     return float(np.sqrt(np.nanmean(used**2)))
 
 
-def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0)) -> Shaking:
+def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tuple[float, complex, float]] | None = None) -> Shaking:
     """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
 
-    Equal to what all pairs on the frame and the drives together exert on it under inertia alone.
+    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all pairs on the
+    frame and the drives together exert on it under inertia alone.
     """
     model = motion.model
     o = complex(*np.asarray(about, float))
     force: Array = np.zeros(motion.frames, complex)
     moment: Array = np.zeros(motion.frames)
-    for k, (mass, centre, inertia) in enumerate(model.masses):
+    for k, (mass, centre, inertia) in enumerate(masses or model.masses):
         if k and (mass or inertia):
             single = -mass * motion.of_point(k, centre, 2)
             force = force + single

@@ -1,0 +1,196 @@
+"""Graphical constructions as drawings to scale: arrows with colours and labels in metres of a drawing plane, over all frames.
+
+Pure functions of a `Run`; the recorder and the viewer draw what they find here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.graphical import Edge, Plan
+
+if TYPE_CHECKING:
+    from .run import Run
+
+__all__ = ["COLORS", "Drawing", "Ink", "Mark", "draw_funicular", "draw_plans", "draw_shaking", "drawings_of"]
+
+Array = NDArray[np.complex128]
+Color = tuple[int, int, int]
+
+COLORS: Mapping[str, Color] = {
+    "absolute": (84, 168, 255),
+    "relative": (255, 190, 84),
+    "normal": (255, 190, 84),
+    "tangential": (126, 224, 130),
+    "coriolis": (255, 110, 170),
+    "sliding": (190, 150, 255),
+    "reaction": (255, 72, 84),
+    "reaction normal": (255, 72, 84),
+    "reaction tangential": (255, 140, 150),
+    "inner": (150, 160, 178),
+    "load": (255, 158, 40),
+    "inertia": (208, 112, 246),
+    "gravity": (214, 178, 130),
+    "resultant": (255, 255, 255),
+    "ray": (120, 150, 178),
+    "string": (120, 200, 230),
+    "line": (120, 96, 60),
+    "before": (255, 110, 96),
+    "after": (96, 222, 132),
+}
+"""Colours on a dark ground."""
+
+FILL = 1.0  # size of a drawing in sizes of the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Ink:
+    """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head."""
+
+    label: str
+    color: Color
+    start: Array
+    vector: Array
+    plain: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A named point (F,) of the drawing plane [m]."""
+
+    label: str
+    at: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Arrows and points, their size ``bounds`` (2, 2) [m] over the run, and the scale: units of the quantity per metre."""
+
+    name: str
+    title: str
+    inks: tuple[Ink, ...]
+    marks: tuple[Mark, ...]
+    per_metre: float
+    unit: str
+    closing: NDArray[np.float64] | None = None
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        ends = [z for ink in self.inks for z in (ink.start, ink.start + ink.vector)] + [m.at for m in self.marks]
+        z = np.concatenate(ends) if ends else np.zeros(1, complex)
+        z = z[np.isfinite(z)]
+        if not len(z):
+            z = np.zeros(1, complex)
+        return np.array([[z.real.min(), z.imag.min()], [z.real.max(), z.imag.max()]])
+
+
+def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
+    """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
+    studies = run.studies
+    found = {name: draw_plans(name, plans, size) for name, plans in studies.plans.items()}
+    if studies.systems:
+        found["funicular/forces"] = draw_funicular(run, size)
+    if studies.shaking is not None:
+        found["shaking"] = draw_shaking(run, size)
+    return found
+
+
+def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
+    """Plans side by side in one scale, so that the whole is about as large as the mechanism (``size`` [m])."""
+    shown = [_worth_drawing(plan.edges) for plan in plans]
+    boxes = [_box(edges) for edges in shown]
+    widths = [float((high - low).real) for low, high in boxes]
+    heights = [float((high - low).imag) for low, high in boxes]
+    rows = _rows(widths, heights)
+    gap = 0.12 * max([*widths, *heights, 1e-300])
+    inks: list[Ink] = []
+    marks: list[Mark] = []
+    whole = max(
+        max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
+    )
+    per_metre = whole / (FILL * size) if whole > 0.0 else 1.0
+    y = 0.0
+    for row in rows:
+        x = 0.0
+        top = max(heights[i] for i in row)
+        for i in row:
+            low, _ = boxes[i]
+            shift = complex(x, y - top) - low
+            inks += [Ink(pretty(e.name), COLORS[e.kind], (e.start + shift) / per_metre, e.vector / per_metre) for e in shown[i]]
+            for label, at in plans[i].images.items():
+                marks.append(Mark(plans[i].name if label == "start" else label, (at + shift) / per_metre))
+            x += widths[i] + gap
+        y -= top + gap
+    closing = np.max([plan.closing for plan in plans], axis=0) if plans else None
+    unit = plans[0].unit if plans else "1"
+    title = f"{name.capitalize()} plan: 1 m of the drawing = {per_metre:.4g} {unit.replace('^2', '²')}"
+    return Drawing(name, title, tuple(inks), tuple(marks), per_metre, unit, closing)
+
+
+def draw_funicular(run: Run, size: float) -> Drawing:
+    """Force polygons with poles and rays of all force systems."""
+    plans = [s.drawing.polygon() for s in run.studies.systems.values()]
+    drawing = draw_plans("funicular", plans, size)
+    inks = tuple(Ink(i.label, i.color, i.start, i.vector, plain=i.color == COLORS["ray"]) for i in drawing.inks)
+    title = f"Force polygon with pole and rays: 1 m of the drawing = {drawing.per_metre:.4g} N"
+    closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
+    return Drawing("funicular/forces", title, inks, drawing.marks, drawing.per_metre, "N", closing)
+
+
+def draw_shaking(run: Run, size: float) -> Drawing:
+    """The shaking force as an arrow from the origin of its polar plot, without and with counterweights."""
+    found = [("before", run.studies.shaking), ("after", run.studies.balanced)]
+    forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in found if s is not None]
+    largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in forces)
+    per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0
+    names = {"before": "shaking force", "after": "with counterweights"}
+    zero = np.zeros(run.motion.frames, complex)
+    inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
+    title = f"Shaking force, polar: 1 m of the drawing = {per_metre:.4g} N"
+    return Drawing("shaking", title, inks, (), per_metre, "N")
+
+
+def pretty(name: str) -> str:
+    """``a_CB^n`` as it is written by hand, as far as plain text can."""
+    return name.replace("^n", "ⁿ").replace("^t", "ᵗ").replace("^c", "ᶜ").replace("^r", "ʳ")
+
+
+def _worth_drawing(edges: Sequence[Edge]) -> list[Edge]:
+    """Sides without those that vanish all the time and those that repeat another one."""
+    largest = max((float(np.nanmax(np.abs(e.vector), initial=0.0)) for e in edges), default=0.0)
+    kept: list[Edge] = []
+    for e in edges:
+        if not np.nanmax(np.abs(e.vector), initial=0.0) > 1e-9 * largest:
+            continue
+        same = [
+            k for k in kept if np.nanmax(np.abs(k.start - e.start) + np.abs(k.vector - e.vector), initial=0.0) <= 1e-9 * largest
+        ]
+        if not same:
+            kept.append(e)
+    return kept
+
+
+def _box(edges: Sequence[Edge]) -> tuple[complex, complex]:
+    ends = [z for e in edges for z in (e.start, e.end)]
+    z = np.concatenate(ends) if ends else np.zeros(1, complex)
+    z = z[np.isfinite(z)]
+    if not len(z):
+        return 0j, 0j
+    return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
+
+
+def _rows(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
+    """Which polygons stand beside each other: the number of columns that makes the whole most nearly square."""
+    n = len(widths)
+    best, least = [list(range(n))], np.inf
+    for columns in range(1, n + 1):
+        rows = [list(range(i, min(i + columns, n))) for i in range(0, n, columns)]
+        side = max(max(sum(widths[i] for i in row) for row in rows), sum(max(heights[i] for i in row) for row in rows))
+        if side < least:
+            best, least = rows, side
+    return best
