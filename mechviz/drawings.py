@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.graphical import Edge, Plan
+from mechcore.graphical import Edge, Funicular, Plan
 
 if TYPE_CHECKING:
     from .run import Run
@@ -39,24 +39,26 @@ COLORS: Mapping[str, Color] = {
     "resultant": (255, 255, 255),
     "ray": (120, 150, 178),
     "string": (120, 200, 230),
-    "line": (120, 96, 60),
+    "line": (214, 170, 104),
     "before": (255, 110, 96),
     "after": (96, 222, 132),
 }
 """Colours on a dark ground."""
 
+INSIDE = 0.9  # of the frames, on each side, for which a view has room
 FILL = 1.0  # size of a drawing in sizes of the mechanism
 
 
 @dataclass(frozen=True, eq=False)
 class Ink:
-    """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head."""
+    """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head; ``fine``: a thin arrow."""
 
     label: str
     color: Color
     start: Array
     vector: Array
     plain: bool = False
+    fine: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +83,17 @@ class Drawing:
 
     @property
     def bounds(self) -> NDArray[np.float64]:
+        """Box (2, 2) [m] that holds the drawing in nine of ten frames on every side: peaks may run out of it."""
         ends = [z for ink in self.inks for z in (ink.start, ink.start + ink.vector)] + [m.at for m in self.marks]
-        z = np.concatenate(ends) if ends else np.zeros(1, complex)
-        z = z[np.isfinite(z)]
-        if not len(z):
-            z = np.zeros(1, complex)
-        return np.array([[z.real.min(), z.imag.min()], [z.real.max(), z.imag.max()]])
+        if not ends:
+            return np.zeros((2, 2))
+        z = np.array(ends)
+        z = z[:, np.isfinite(z).all(axis=0)]
+        if not z.size:
+            return np.zeros((2, 2))
+        low = [np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)]
+        high = [np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)]
+        return np.array([low, high])
 
 
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
@@ -121,14 +128,20 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
         for i in row:
             low, _ = boxes[i]
             shift = complex(x, y - top) - low
-            inks += [Ink(pretty(e.name), COLORS[e.kind], (e.start + shift) / per_metre, e.vector / per_metre) for e in shown[i]]
+            for e in shown[i]:
+                start, vector, fine = (
+                    (e.start + shift) / per_metre,
+                    e.vector / per_metre,
+                    e.kind == "absolute" and name != "velocity",
+                )
+                inks.append(Ink(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
             for label, at in plans[i].images.items():
                 marks.append(Mark(plans[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
         y -= top + gap
     closing = np.max([plan.closing for plan in plans], axis=0) if plans else None
     unit = plans[0].unit if plans else "1"
-    title = f"{name.capitalize()} plan: 1 m of the drawing = {per_metre:.4g} {unit.replace('^2', '²')}"
+    title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
     return Drawing(name, title, tuple(inks), tuple(marks), per_metre, unit, closing)
 
 
@@ -136,10 +149,16 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     """Force polygons with poles and rays of all force systems."""
     plans = [s.drawing.polygon() for s in run.studies.systems.values()]
     drawing = draw_plans("funicular", plans, size)
-    inks = tuple(Ink(i.label, i.color, i.start, i.vector, plain=i.color == COLORS["ray"]) for i in drawing.inks)
-    title = f"Force polygon with pole and rays: 1 m of the drawing = {drawing.per_metre:.4g} N"
+    systems = run.studies.systems.values()
+    drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
+    aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
+    inks: list[Ink] = []
+    for i in drawing.inks:  # where all forces are parallel the resultant stands beside them
+        shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
+        inks.append(Ink(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
+    title = f"Force polygon with pole and rays: 1 m of the drawing = {amount(drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
-    return Drawing("funicular/forces", title, inks, drawing.marks, drawing.per_metre, "N", closing)
+    return Drawing("funicular/forces", title, tuple(inks), drawing.marks, drawing.per_metre, "N", closing)
 
 
 def draw_shaking(run: Run, size: float) -> Drawing:
@@ -151,8 +170,24 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
     inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
-    title = f"Shaking force, polar: 1 m of the drawing = {per_metre:.4g} N"
+    title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
     return Drawing("shaking", title, inks, (), per_metre, "N")
+
+
+def _aside(f: Funicular) -> complex:
+    """The direction away from the pole where all forces are parallel in every frame, else zero."""
+    across = np.abs(np.imag(f.forces * np.conj(f.forces[:, :1])))
+    if np.any(across > 1e-9 * np.abs(f.forces).max(initial=0.0) ** 2):
+        return 0j
+    away = complex((f.corners.mean(axis=1) - f.pole)[0])
+    return away / abs(away) if away else 0j
+
+
+def amount(value: float, unit: str) -> str:
+    """A scale for people: 48.7 kN, 12.4 m/s."""
+    if unit == "N" and value >= 1e4:
+        return f"{value / 1e3:.4g} kN"
+    return f"{value:.4g} {unit.replace('^2', '²')}"
 
 
 def pretty(name: str) -> str:

@@ -35,6 +35,9 @@ def test_the_gallery_has_what_it_promises():
         "ten-link", "five-bar", "planetary-gear", "gear-train", "geared-slider-cranks", "rack-and-pinion", "belt-drive",
         "rolling-wheel", "slotted-lever", "excavator-arm", "parallelogram", "antiparallelogram", "kite", "piston-driven-crank",
         "double-parallelogram", "two-guides", "near-flat-four-bar", "eight-bar", "stephenson-six-bar", "micro-gripper",
+        "plans-four-bar", "coriolis-lever",
+        "polodes-four-bar", "cardan-circles", "four-forces", "parallel-forces", "substitute-masses", "reduced-inertia",
+        "shaking-four-bar", "shaking-engine",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES

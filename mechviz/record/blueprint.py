@@ -11,7 +11,7 @@ from mechcore.events import Event
 
 from ..tables import pair_unit
 from .paths import entity
-from .plots import Output, main_outputs
+from .plots import Output, main_outputs, study_outputs
 from .polygons import OVERLAYS
 
 if TYPE_CHECKING:
@@ -38,9 +38,14 @@ def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[
     mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
     plots = _plots(run)
     left = rrb.Vertical(mechanism, _below(run, events), row_shares=[3, 1])
-    if polygons:  # the drawings beside the mechanism, the plots below them in tabs
-        right = [*polygons[:2], rrb.Tabs(*polygons[2:], *plots, active_tab=0)]
-        body = rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[1, 1])
+    if polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
+        flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
+        below = list(_below(run, events).contents)
+        pages = [*polygons, rrb.Tabs(*flat, active_tab=0)] if len(polygons) % 2 and len(polygons) > 1 and flat else [*polygons]
+        low = rrb.Tabs(*(below if pages[-1] not in polygons else [*flat, *below]), active_tab=0)
+        columns: list[Any] = [rrb.Vertical(mechanism, low, row_shares=[9, 4])]
+        columns += [rrb.Vertical(*pages[i : i + 2]) for i in range(0, len(pages), 2)]
+        body = rrb.Horizontal(*columns, column_shares=[10, *(9 if len(columns) == 2 else 8 for _ in columns[1:])])
     else:
         body = rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]) if plots else left
     return rrb.Blueprint(
@@ -113,11 +118,12 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _plots(run: Run) -> list[Any]:
     outputs = [_plot(output) for output in main_outputs(run)]
+    asked = [_plot(output) for output in study_outputs(run)]
     if run.forces is None:
-        return outputs
+        return [*asked, *outputs]
     import rerun.blueprint as rrb
 
-    views = _efforts(run)
+    views = [*asked, *_efforts(run)]
     views.append(_plot(Output("Joint reactions, magnitude [N]", ((entity("plots", "reactions"), ()),))))
     if outputs:
         views.append(rrb.Tabs(*outputs, active_tab=0) if len(outputs) > 1 else outputs[0])

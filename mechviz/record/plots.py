@@ -16,7 +16,7 @@ from .streams import Index, Static, Stream
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["Output", "main_outputs", "plot_streams", "plot_styles"]
+__all__ = ["Output", "main_outputs", "plot_streams", "plot_styles", "study_outputs"]
 
 PALETTE = (
     (92, 172, 255),
@@ -67,6 +67,19 @@ def main_outputs(run: Run) -> list[Output]:
         Output(f"Point {kind} [{u}]", tuple((entity("data", "points", p, kind), (True, True)) for p in points))
         for kind, u in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s²"))
     ]
+
+
+def study_outputs(run: Run) -> list[Output]:
+    """Plots of what a scene asks for beside motion and forces: reduced masses with their derivatives, shaking forces."""
+    found = []
+    for name, r in run.studies.reduced.items():
+        what = "Reduced moment of inertia [kg m²]" if r.point is None else "Reduced mass [kg]"
+        path = entity("data", "reduced", name)
+        found.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),)))
+    if run.studies.shaking is not None:
+        paths = [("data", "shaking"), *([("data", "shaking", "balanced")] if run.studies.balanced is not None else [])]
+        found.append(Output("Shaking moment [N m]", tuple((entity(*p), (False, False, True)) for p in paths)))
+    return found
 
 
 def plot_streams(run: Run, every: int) -> Iterator[Stream]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.reduction.systems import KINDS
+
 from ..drawings import COLORS, Drawing
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from ..meshes import Solids
     from ..run import Run
 
-__all__ = ["OVERLAYS", "polygon_shapes", "polygon_streams", "polygon_views"]
+__all__ = ["OVERLAYS", "overlay_box", "polygon_shapes", "polygon_streams", "polygon_views"]
 
 Array = NDArray[np.complex128]
 OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes")
@@ -49,7 +51,7 @@ def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, ever
     z_top = solids.z_top + 0.01 * solids.size
     if run.studies.systems:
         yield Stream("/polygons/funicular", _strips(_strings(run, solids.size), z_top), every)
-        yield Stream("/polygons/funicular/resultant", _strips(_resultant_lines(run, solids), z_top), every)
+        yield Stream("/polygons/funicular/resultant", _arrows(_resultants(run, solids.size), z_top), every)
     for name, found in run.studies.substitutes.items():
         places = found.places @ np.array([1.0, 1.0j])
 
@@ -73,7 +75,12 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
         path = entity("polygons", *name.split("/"))
         arrows, lines = [i for i in drawing.inks if not i.plain], [i for i in drawing.inks if i.plain]
         labels = [i.label for i in arrows]
-        style = {"colors": [i.color for i in arrows], "labels": labels, "show_labels": True, "radii": [0.0055 * size] * len(arrows)}
+        style = {
+            "colors": [i.color for i in arrows],
+            "labels": labels,
+            "show_labels": True,
+            "radii": [(0.003 if i.fine else 0.0055) * size for i in arrows],
+        }
         yield Static(path, rr.Arrows3D.from_fields(**style))
         if lines:
             style = {"colors": [i.color for i in lines], "labels": [i.label for i in lines], "show_labels": True}
@@ -97,13 +104,16 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
         radii = [0.0028 * size] * count
         yield Static("/polygons/funicular", rr.LineStrips3D.from_fields(colors=colors, labels=names, show_labels=True, radii=radii))
         many = len(run.studies.systems)
-        labels = ["R" if many == 1 else f"R {name}" for name in run.studies.systems]
-        style = {"colors": [(255, 255, 255)] * many, "labels": labels, "show_labels": True, "radii": [0.005 * size] * many}
-        yield Static("/polygons/funicular/resultant", rr.LineStrips3D.from_fields(**style))
+        labels = [
+            "" if not np.any(s.drawing.kind == KINDS[2]) else "R" if many == 1 else f"R {name}"
+            for name, s in run.studies.systems.items()
+        ]
+        style = {"colors": [(255, 255, 255)] * many, "labels": labels, "show_labels": True, "radii": [0.007 * size] * many}
+        yield Static("/polygons/funicular/resultant", rr.Arrows3D.from_fields(**style))
     z_top = solids.z_top + 0.006 * size
     for name, found in run.studies.polodes.items():
-        fixed = _pieces(found.fixed, solids, name, run, fixed=True, z=z_top)
-        moving = _pieces(found.moving, solids, name, run, fixed=False, z=z_top)
+        fixed = _pieces(found.fixed, solids, name, run, z=z_top)
+        moving = _pieces(found.moving, solids, name, run, z=z_top)
         yield Static(entity("polygons", "polodes", name), rr.LineStrips3D(fixed, colors=[FIXED], radii=[0.0032 * size]))
         # under the link's own transform: it moves with it and rolls on the fixed one
         path = entity("mechanism", "links", name, "polode")
@@ -123,10 +133,11 @@ def polygon_views(run: Run, drawings: dict[str, Drawing], enlarged: float, backg
     import rerun.blueprint as rrb
 
     views = []
+    aspect = 0.93 if len(drawings) == 1 else 1.9 if len(drawings) == 2 else 1.2  # of the views in the blueprint, about
     for name, drawing in drawings.items():
         low, high = enlarged * drawing.bounds
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        away = 1.25 * max(half[1], half[0] / 1.4, 1e-6) / np.tan(0.5 * np.radians(55.0))
+        away = 1.16 * max(half[1], half[0] / aspect, 1e-6) / np.tan(0.5 * np.radians(55.0))
         eye = rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
             position=(float(middle[0]), float(middle[1]), float(away)),
@@ -144,6 +155,28 @@ def polygon_views(run: Run, drawings: dict[str, Drawing], enlarged: float, backg
             )
         )
     return views
+
+
+def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
+    """The box (2, 3) [m] around the mechanism with what is drawn on it: strings, resultants, polodes, substitute masses."""
+    low, high = (np.array(b, float) for b in solids.bounds)
+    size = solids.size
+    spots: list[NDArray[np.float64]] = []
+    for body in run.studies.substitutes.values():
+        spots.append(body.places.reshape(-1, 2))
+        spots.append((body.places + body.forces / _substitute_scale(run, size)).reshape(-1, 2))
+    if run.studies.systems:
+        z = np.concatenate([strip.reshape(-1) for strip in _strings(run, size)])
+        spots.append(np.column_stack([z.real, z.imag]))
+        spots += [np.column_stack([w.real, w.imag]) for a, v in _resultants(run, size) for w in (a, a + v)]
+    for name in run.studies.polodes:
+        spots += [p[:, :2].astype(float) for p in _pieces(run.studies.polodes[name].fixed, solids, name, run, z=0.0)]
+    for xy in spots:
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        if len(xy):
+            low[:2] = np.minimum(low[:2], np.maximum(xy.min(axis=0), low[:2] - size))
+            high[:2] = np.maximum(high[:2], np.minimum(xy.max(axis=0), high[:2] + size))
+    return np.array([low, high])
 
 
 def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
@@ -205,18 +238,15 @@ def _outer(knot: Array, ray: Array, meeting: Array, size: float) -> Array:
     return np.stack([knot + low * ray, knot + high * ray], axis=1)
 
 
-def _resultant_lines(run: Run, solids: Solids) -> list[Array]:
-    """The line of the resultant through the place where the outer strings meet; a point where there is none."""
+def _resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
+    """Arrows of the resultants through the places where the outer strings meet, the largest 0.4 of the mechanism long; nothing
+    where there is no single force, or far outside the picture."""
+    drawings = [s.drawing for s in run.studies.systems.values()]
+    largest = max(float(np.abs(d.resultant).max(initial=0.0)) for d in drawings) or 1.0
     out = []
-    for s in run.studies.systems.values():
-        d = s.drawing
-        r = d.resultant
-        with np.errstate(invalid="ignore", divide="ignore"):
-            unit = np.nan_to_num(r / np.abs(r))
-        near = np.isfinite(d.meeting) & (np.abs(d.meeting - d.points[:, 0]) < 4.0 * solids.size)
-        at = np.where(near, np.nan_to_num(d.meeting), d.points[:, 0])
-        half = np.where(near, 0.35 * solids.size, 0.0)
-        out.append(np.stack([at - half * unit, at + half * unit], axis=1))
+    for d in drawings:
+        near = np.isfinite(d.meeting) & (np.abs(d.meeting - d.points[:, 0]) < 4.0 * size)
+        out.append((np.where(near, d.meeting, np.nan), np.where(near, d.resultant * (0.4 * size / largest), 0.0)))
     return out
 
 
@@ -226,7 +256,7 @@ def _substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def _pieces(way: NDArray[np.float64], solids: Solids, link: str, run: Run, *, fixed: bool, z: float) -> list[NDArray[np.float32]]:
+def _pieces(way: NDArray[np.float64], solids: Solids, link: str, run: Run, *, z: float) -> list[NDArray[np.float32]]:
     """A polode as strips, cut where it runs far out of the picture or jumps through infinity."""
     low, high = np.asarray(solids.bounds)[:, :2]
     room = REACH * solids.size

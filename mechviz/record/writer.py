@@ -23,7 +23,7 @@ from .describe import notes, properties, scene_text
 from .events import peak_events
 from .paths import entity
 from .plots import plot_streams, plot_styles
-from .polygons import polygon_shapes, polygon_streams, polygon_views
+from .polygons import overlay_box, polygon_shapes, polygon_streams, polygon_views
 from .stream_file import Part, recording_file
 from .streams import (
     Stream,
@@ -112,6 +112,8 @@ def write_recording(
             "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
             "motion": extent(motion, scales, solids.bounds, solids.size),
         }
+        drawn = overlay_box(run, solids)
+        bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
         drawings = drawings_of(run, solids.size)
         polygons = polygon_views(run, drawings, enlarged, BACKGROUND)
