@@ -139,8 +139,11 @@ def check(
 
 
 @app.command()
-def plan(scene: SceneArg) -> None:
-    """Print what will be computed for a scene, what not, and why."""
+def plan(
+    scene: SceneArg,
+    cost: Annotated[bool, typer.Option("--cost", help="also measure what each stage and effect costs")] = False,
+) -> None:
+    """Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs."""
     from mechcore.plan import make_plan
 
     from .report import plan_lines
@@ -149,6 +152,47 @@ def plan(scene: SceneArg) -> None:
         loaded = load_scene(scene)
         print(loaded.title)
         print("\n".join(plan_lines(make_plan(loaded.mechanism))))
+        if cost:
+            from .cost import cost_lines, measure
+
+            print("\n".join(cost_lines(measure(loaded), loaded.frames + 1)))
+
+
+@app.command()
+def forces(
+    scene: SceneArg,
+    csv: Annotated[Path | None, typer.Option("--csv", help="also write the table (CSV)")] = None,
+    fluctuation: Annotated[
+        float | None,
+        typer.Option("--flywheel", metavar="DELTA", help="flywheel for a coefficient of fluctuation such as 0.02"),
+    ] = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Print who supplies power and who absorbs it: every force with its classes and its work over the run.
+
+    Place: external forces come from outside, internal ones act between two links. Power: driving forces supply at every instant,
+    resisting ones absorb, alternating ones do both. Use: useful resistance is what the machine is there for, harmful is loss.
+    Supplied and absorbed works are equal: inertia and gravity only lend energy over a cycle.
+    """
+    from mechcore.flywheel import flywheel
+
+    from .files import OutputError
+    from .power_report import flywheel_lines, force_lines, power_csv
+
+    with clear_errors(scene):
+        run = solve(load_scene(scene), frames, cycles)
+        if run.forces is None:
+            fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
+        print(run.scene.title)
+        print("\n".join(force_lines(run.forces)))
+        if fluctuation is not None:
+            print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation))))
+        if csv is not None:
+            try:
+                print(power_csv(run.forces, csv))
+            except OutputError as e:
+                fail(str(e), 1)
 
 
 @app.command()

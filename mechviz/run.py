@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.plan import Plan, make_plan
+from mechcore.plan import OUTPUTS, Plan, make_plan
 from mechcore.studies import StudyResults
 from mechcore.studies import compute as compute_studies
 
@@ -63,15 +63,19 @@ def run_scene(
     frames: int | None = None,
     cycles: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    outputs: Iterable[str] = OUTPUTS,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
+
+    Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
     The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
     """
     stages: list[Stage] = []
     scene = with_run(scene, frames, cycles)
     mechanism = scene.mechanism
-    plan = make_plan(mechanism)
+    wanted = set(outputs)
+    plan = make_plan(mechanism, wanted)
 
     def stage(name: str) -> AbstractContextManager[None]:
         progress(name)
@@ -83,20 +87,24 @@ def run_scene(
     with stage("positions"):
         motion = solve_motion(compiled, times)
         _ = motion.origins
-    with stage("velocities"):
-        _ = motion.origin_velocities
-    with stage("accelerations"):
-        _ = motion.origin_accelerations
+    if plan.has("velocities"):
+        with stage("velocities"):
+            _ = motion.origin_velocities
+    if plan.has("accelerations"):
+        with stage("accelerations"):
+            _ = motion.origin_accelerations
     forces = None
     if plan.has("reactions and drive efforts"):
         with stage("reactions and drive efforts"):
             forces = solve_forces(motion)
+    if forces is not None and plan.has("energy and power balance"):
         with stage("energy and power balance"):
             _ = forces.energy, forces.power_balance
     studies = StudyResults()
-    if mechanism.studies.items():
+    if mechanism.studies.items() and {"accelerations", "forces"} <= wanted:
         with stage("studies"):
             studies = compute_studies(motion, forces)
-    with stage("closure and condition"):
-        _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
+    if plan.has("closure and condition"):
+        with stage("closure and condition"):
+            _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
     return Run(scene=scene, compiled=compiled, motion=motion, forces=forces, plan=plan, stages=tuple(stages), studies=studies)

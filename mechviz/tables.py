@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore import Motion, answers
+from mechcore.powers import power_table
 
 from .vectors import centre_name, point_name
 
@@ -177,6 +178,10 @@ def _loads(run: Run) -> Iterator[Table]:
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
         yield Table(("data", "loads", *parts), f"{name}.load", columns, load.values)
+    powers = power_table(run.forces)
+    if powers.items:
+        names: Columns = tuple((i.label, "W") for i in powers.items)
+        yield Table(("data", "power"), "power", names, np.column_stack([i.power for i in powers.items]))
     energies: Columns = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
     yield Table(("data", "energy"), "energy", energies, run.forces.energy)
 

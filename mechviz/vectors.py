@@ -131,6 +131,8 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
     for pair in motion.mechanism.pairs:
         found.append(Moment("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, 2]))
     largest = max((_peak(m.value) for m in found), default=0.0)
+    pull = max((_peak(forces.reaction(pair.name)[:, :2]) for pair in motion.mechanism.pairs), default=0.0)
+    largest = max(largest, pull * motion.model.size)  # where forces balance, all moments may be nothing
     found = [m for m in found if _peak(m.value) > 1e-9 * largest]  # the rest is round-off
     return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
 

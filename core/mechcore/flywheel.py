@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .errors import Fault, MechanismError
 from .kinetostatics import Forces
+from .loads import Force, GasPressure, Load, Torque
 
 __all__ = ["Flywheel", "flywheel", "flywheel_of_torque"]
 
@@ -33,11 +34,12 @@ class Flywheel:
     slowest: float
 
 
-def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, smooth: bool = True) -> Flywheel:
+def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, smooth: bool | None = None) -> Flywheel:
     """The flywheel on a drive (the first, if not named) that turns at constant speed over one or more whole cycles.
 
-    ``smooth``: the torque is a cubic spline through the frames, else straight lines (for torques that jump). Raises
-    `MechanismError` where the drive does not turn at constant speed or the fluctuation is not positive.
+    ``smooth``: the torque is a cubic spline through the frames, else straight lines (for torques that jump); not said: straight
+    lines where gas presses on a piston or a table is not smooth. Raises `MechanismError` where the drive does not turn at constant
+    speed or the fluctuation is not positive.
     """
     motion = forces.motion
     pairs = [d.pair for d in motion.mechanism.drives]
@@ -52,7 +54,15 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
         raise MechanismError(
             Fault("flywheel", f"the drive of '{pair}' does not run at constant speed.", "Give it a constant speed.")
         )
+    if smooth is None:
+        smooth = not any(_jumps(load) for load in motion.mechanism.loads)
     return flywheel_of_torque(position, forces.effort(pair), omega, fluctuation, smooth=smooth)
+
+
+def _jumps(load: Load) -> bool:
+    """Whether a load may jump or have a kink."""
+    factor = load.factor if isinstance(load, Force | Torque) else None
+    return isinstance(load, GasPressure) or (factor is not None and not getattr(factor.function, "smooth", True))
 
 
 def flywheel_of_torque(position: Real, torque: Real, omega: float, fluctuation: float, *, smooth: bool = True) -> Flywheel:

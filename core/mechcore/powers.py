@@ -40,6 +40,11 @@ class Classed:
     supplied: float
     absorbed: float
 
+    @property
+    def label(self) -> str:
+        """The name, with what it is where the name alone is a pair's."""
+        return f"{self.kind} {self.name}" if self.kind in ("drive", "friction") else self.name
+
 
 @dataclass(frozen=True, eq=False)
 class PowerTable:
@@ -93,6 +98,8 @@ def power_table(forces: Forces) -> PowerTable:
     for w in forces.applied:
         power = np.broadcast_to(np.asarray(power_of(motion, w), float), (motion.frames,))
         rows.append((w.name, w.kind, w.cause, _place(w), power))
+    if forces.friction is not None:
+        rows += [(pair, "friction", "dry friction", "internal", -forces.friction.losses(pair)) for pair in forces.friction.pairs]
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
         items=tuple(

@@ -6,6 +6,9 @@ import json
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from mechcore.powers import power_table
+
+from ..power_report import power_markdown
 from ..tables import joints_of
 from ..vectors import Scales
 
@@ -68,6 +71,7 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "mps_per_metre": scales.mps_per_metre,
         "mps2_per_metre": scales.mps2_per_metre,
         "wall_seconds": wall_seconds,
+        "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
         "complete": complete,
     }
 
@@ -88,6 +92,8 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
         (scales.mps_per_metre, "m/s of velocity per metre of an arrow"),
         (scales.mps2_per_metre, "m/s² of acceleration per metre of an arrow"),
     ]
+    if run.forces is not None:
+        lines += ["", *power_markdown(power_table(run.forces))]
     lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
     lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
     if every > 1:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..linkers import Linker
 from ..tables import Table, joints_of, pair_unit
 from ..vectors import Scales, Vector, point_name
 from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
@@ -23,6 +24,8 @@ __all__ = [
     "Stream",
     "Timelines",
     "arrow_streams",
+    "linker_streams",
+    "linker_styles",
     "magnification",
     "mechanism_streams",
     "picture_stride",
@@ -34,6 +37,13 @@ Real = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SMALLEST_DRAWN = 0.05  # [m]
+
+LINKER_COLORS = {
+    "spring": (196, 214, 236),
+    "torsion spring": (196, 214, 236),
+    "damper": (168, 176, 188),
+    "gas spring": (176, 190, 200),
+}
 
 PICTURES_A_CYCLE = 720
 """Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
@@ -174,6 +184,37 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
             return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
 
         yield Stream(entity(*arc.path), bend, every)
+
+
+def linker_streams(linkers: list[Linker], solids: Solids, every: int) -> Iterator[Stream]:
+    """Springs, dampers and gas springs as lines that deform with the motion."""
+    import rerun as rr
+
+    z = solids.z_top + 0.004 * solids.size
+    for linker in linkers:
+
+        def bend(frames: Index, linker: Linker = linker) -> Any:
+            lines = [_strips_in_space(line, z) for line in linker.strips(frames)]
+            strips = [line[k] for k in range(len(frames)) for line in lines]
+            return rr.LineStrips3D.columns(strips=strips).partition(np.full(len(frames), len(lines)))
+
+        yield Stream(entity("mechanism", "springs", linker.name), bend, every)
+
+
+def linker_styles(linkers: list[Linker], size: float) -> Iterator[Static]:
+    """How springs, dampers and gas springs look."""
+    import rerun as rr
+
+    for linker in linkers:
+        style = rr.LineStrips3D.from_fields(colors=[LINKER_COLORS[linker.kind]], radii=[0.0042 * size])
+        yield Static(entity("mechanism", "springs", linker.name), style)
+
+
+def _strips_in_space(lines: Real, z: float) -> NDArray[np.float32]:
+    """Polylines (n, points, 2) of the plane -> (n, points, 3) float32."""
+    out = np.full((*lines.shape[:2], 3), z, np.float32)
+    out[..., :2] = lines
+    return out
 
 
 def magnification(size: float) -> float:

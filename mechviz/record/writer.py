@@ -13,6 +13,7 @@ import numpy as np
 from mechcore.events import Event, find_events
 
 from ..drawings import drawings_of
+from ..linkers import find_linkers
 from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import links_with_mass, tables
@@ -29,6 +30,8 @@ from .streams import (
     Stream,
     Timelines,
     arrow_streams,
+    linker_streams,
+    linker_styles,
     magnification,
     mechanism_streams,
     picture_stride,
@@ -106,6 +109,8 @@ def write_recording(
         all_tables = tables(run)
         streams = [*mechanism_streams(run, solids), *table_streams(all_tables)]
         streams += arrow_streams(arrows, arcs, scales, solids, every)
+        linkers = list(find_linkers(run, solids.size))
+        streams += linker_streams(linkers, solids, every)
     with stopwatch(stages, "blueprint"):
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
@@ -121,6 +126,7 @@ def write_recording(
         streams += [*plot_streams(run, every), *polygon_streams(run, drawings, solids, every)]
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
         statics += polygon_shapes(run, drawings, solids)
+        statics += linker_styles(linkers, solids.size)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
             _describe(part.stream, run, solids, scales, stages, every, complete=False)

@@ -8,11 +8,13 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..linkers import find_linkers
 from ..meshes import build_solids
 from ..run import Run
 from ..vectors import find_moments, find_scales, find_vectors
 from .arrows3d import ArrowNodes
 from .camera import FittedCameras, set_first_view
+from .linkers3d import LinkerNodes
 from .marks3d import JointNames, Paths
 from .solids3d import SolidNodes
 from .stage import set_stage
@@ -40,6 +42,7 @@ class Scene3D:
             self._links = SolidNodes(server, motion, solids)
             self.arrows = ArrowNodes(server, vectors, moments, self.scales, solids.size, solids.z_top + 0.02 * solids.size)
             self._paths = Paths(server, motion, solids.size, solids.z_top)
+            self._linkers = LinkerNodes(server, list(find_linkers(run, solids.size)), solids.z_top + 0.01 * solids.size)
             self._names = JointNames(server, motion, solids.size, solids.z_top + 0.04 * solids.size)
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
@@ -48,6 +51,7 @@ class Scene3D:
         set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             **({"Paths": self._paths.switch} if len(self._paths) else {}),
+            **({"Springs and dampers": self._linkers.switch} if len(self._linkers) else {}),
             "Joint names": self._names.switch,
             "Grid": lambda on: setattr(grid, "visible", on),
         }
@@ -60,6 +64,7 @@ class Scene3D:
         self._links.show(frame)
         self.arrows.show(frame)
         self._paths.show(frame)
+        self._linkers.show(frame)
         self._names.show(frame)
 
     def switch_mark(self, name: str, on: bool) -> None:
