@@ -2,8 +2,8 @@
 
     python benchmarks/effects.py [frames]
 
-Nothing is compiled or planned in the jobs: each solves the motion with accelerations, and the forces where the plan calls for them. The price of the
-reactions, which any effect brings along, is that of a mere constant force.
+Nothing is compiled or planned in the jobs: each solves the motion with accelerations, and the forces where the plan calls for them.
+The price of the reactions, which any effect brings along, is that of a mere constant force.
 """
 
 from __future__ import annotations
