@@ -119,6 +119,7 @@ class Friction:
     bearing: Literal["slider", "guide"] = "slider"
     lever: float = 0.0  # [m]
     exact: bool = False
+    static: float = 0.0  # coefficient of sticking, in forward dynamics; 0: the same as that of sliding
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solve import Compiled
-from .reduced import reduce
+from .reduced import free_of, reduce
 
-__all__ = ["Chart"]
+__all__ = ["Chart", "differences"]
 
 Array = NDArray[np.float64]
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
@@ -25,7 +25,7 @@ class Chart:
 
     def __init__(self, compiled: Compiled, held: frozenset[int] = frozenset()):
         self.compiled = compiled
-        count = len(compiled.mechanism.drives)
+        count = len(free_of(compiled))
         self.held = np.array(sorted(held), int)
         self.free = np.array([i for i in range(count) if i not in held], int)
 
@@ -49,14 +49,19 @@ class Chart:
 
     def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
-        n, f = q.shape
-        many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
-        step_q = STEP * np.maximum(1.0, np.abs(q).max(axis=0))
-        step_v = STEP * np.maximum(1.0, np.abs(v).max(axis=0))
-        for k in range(f):
-            many_q[k * n : (k + 1) * n, k] += step_q[k]
-            many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
-        changed = self(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
-        by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
-        by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
-        return by_q, by_v
+        return differences(self, q, v, t, a)
+
+
+def differences(system: Any, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences, all in one call."""
+    n, f = q.shape
+    many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
+    step_q = STEP * np.maximum(1.0, np.abs(q).max(axis=0))
+    step_v = STEP * np.maximum(1.0, np.abs(v).max(axis=0))
+    for k in range(f):
+        many_q[k * n : (k + 1) * n, k] += step_q[k]
+        many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
+    changed = system(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
+    by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
+    by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
+    return by_q, by_v

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ..effects import effects_of, power_of
 from ..motion import Motion
 from ..solve import Compiled, solve_motion
+from .free import Free
 
-__all__ = ["ReducedEquations", "motion_at", "reduce", "tangents", "with_rates"]
+__all__ = ["ReducedEquations", "free_of", "motion_at", "moving", "reduce", "reduced_equations", "tangents", "with_rates"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -41,17 +42,32 @@ class ReducedEquations:
         return np.asarray(np.linalg.solve(self.inertia, rhs[..., None])[..., 0], float)
 
 
-def motion_at(compiled: Compiled, q: Real, v: Real, t: Real) -> Motion:
-    """The mechanism at free coordinates (n, f) with rates (n, f), times (n,), and q'' = 0."""
+def free_of(compiled: Compiled) -> list[int]:
+    """The drives that are free coordinates; the others follow their laws in time."""
+    return [i for i, d in enumerate(compiled.mechanism.drives) if isinstance(d.law, Free)]
+
+
+def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = None) -> Motion:
+    """The mechanism at free coordinates (n, f) with rates (n, f), second rates (n, f) or none, at times (n,).
+
+    Drives that are prescribed follow their laws.
+    """
     none = np.zeros(len(t))
-    drives = {d.pair: (q[:, i], v[:, i], none) for i, d in enumerate(compiled.mechanism.drives)}
+    drives, k = {}, 0
+    for d in compiled.mechanism.drives:
+        if isinstance(d.law, Free):
+            drives[d.pair] = (q[:, k], v[:, k], none if a is None else a[:, k])
+            k += 1
+        else:
+            drives[d.pair] = d.law(t)
     return solve_motion(compiled, t, drives=drives, strict=False)
 
 
-def with_rates(motion: Motion, rates: Sequence[Array]) -> Motion:
-    """The same positions with other rates (n,) of the free coordinates and q'' = 0; nothing but the velocities is solved anew."""
+def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] | None = None) -> Motion:
+    """The same positions with other rates (n,) of all drives, and second rates or none; only velocities are solved anew."""
     none = np.zeros(motion.frames)
-    drives = [(d[0], r, none) for d, r in zip(motion.drives, rates, strict=True)]
+    second = [none] * len(rates) if second is None else second
+    drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
     m = Motion(motion.model, motion.time, drives, motion.state, motion.patches and _scaled(motion, rates))
     m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins)
     return m
@@ -67,23 +83,32 @@ def _scaled(motion: Motion, rates: Sequence[Array]) -> Any:
     }
 
 
-def tangents(motion: Motion) -> list[Motion]:
-    """The same positions with the unit rate of one free coordinate each."""
-    f, one, none = len(motion.drives), np.ones(motion.frames), np.zeros(motion.frames)
-    return [with_rates(motion, [one if k == i else none for k in range(f)]) for i in range(f)]
+def tangents(motion: Motion, free: Sequence[int]) -> list[Motion]:
+    """The same positions with the unit rate of one free coordinate each, all else standing still."""
+    one, none = np.ones(motion.frames), np.zeros(motion.frames)
+    return [with_rates(motion, [one if k == i else none for k in range(len(motion.drives))]) for i in free]
+
+
+def moving(compiled: Compiled, q: Real, v: Real, t: Real) -> tuple[Motion, list[Motion]]:
+    """The motion with q'' = 0, and its `tangents`."""
+    free = free_of(compiled)
+    if len(free) == len(compiled.mechanism.drives) == 1:  # through change points: interpolated at a unit rate, then scaled
+        unit = motion_at(compiled, q, np.ones_like(v), t)
+        return with_rates(unit, [v[:, 0]]), [unit]
+    motion = motion_at(compiled, q, v, t)
+    return motion, tangents(motion, free)
 
 
 def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> ReducedEquations:
-    """ReducedEquations equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
-    f = q.shape[1]
-    if f == 1:
-        units = [motion_at(compiled, q, np.ones_like(v), t)]
-        motion = with_rates(units[0], [v[:, 0]])
-    else:
-        motion = motion_at(compiled, q, v, t)
-        units = tangents(motion)
-    model = motion.model
-    inertia, bias = np.zeros((len(t), f, f)), np.zeros((len(t), f))
+    """Reduced equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
+    motion, units = moving(compiled, q, v, t)
+    return reduced_equations(motion, units)
+
+
+def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquations:
+    """Reduced equations of motion from the motion with q'' = 0 and its tangents."""
+    model, f, n = motion.model, len(units), motion.frames
+    inertia, bias = np.zeros((n, f, f)), np.zeros((n, f))
     for k in range(1, len(model.links)):
         mass, centre, moment = model.masses[k]
         if not (mass or moment):
@@ -98,9 +123,9 @@ def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> ReducedEquations:
                 inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * spins[i] * spins[j]
     for i in range(f):
         inertia[:, : i + 1, i] = inertia[:, i, : i + 1]
-    force = np.zeros((len(t), f))
-    for effect in effects_of(compiled.mechanism):
-        if "accelerations" not in effect.needs:
+    force = np.zeros((n, f))
+    for effect in effects_of(model.mechanism):
+        if "accelerations" not in effect.needs and "reactions" not in effect.needs:
             for w in effect.wrenches(motion):
                 for i, unit in enumerate(units):
                     force[:, i] += power_of(unit, w)

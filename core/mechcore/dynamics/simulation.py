@@ -17,18 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import Fault, MechanismError
 from ..kinetostatics import Forces, solve_forces
 from ..motion import Motion
-from ..solve import Compiled, compile_mechanism, solve_motion
+from ..solve import Compiled, compile_mechanism
 from ..spec import Mechanism
 from .chart import Chart
 from .charts import Lead, best_chart, curve_around
 from .collocation import Window
 from .curve import TURN, Curve
 from .energy import by_energy
+from .dry import Phases, braking_elements
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .integrate import Solution, integrate
 from .joined import JoinedMotion, join_forces, join_motions
-from .reduced import ReducedEquations, motion_at, reduce
+from .reduced import ReducedEquations, free_of, motion_at, reduce
 
 __all__ = ["Method", "Simulation", "simulate"]
 
@@ -38,6 +39,11 @@ MOST_HAPPENINGS = 100_000
 _STEPS = np.linspace(0.0, 1.0, 16)
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+
+
+def _in_order(t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+    """The arguments of `motion_at`."""
+    return q, v, t, a
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +63,7 @@ class Piece:
 
     def motion(self, t: Array) -> Motion:
         """The mechanism's motion at times (n,) within the piece."""
-        q, v, a = self(t)
-        drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
-        return solve_motion(self.compiled, t, drives=drives)
+        return motion_at(self.compiled, *_in_order(t, *self(t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,7 @@ class Simulation:
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         t = np.atleast_1d(np.asarray(t, float))
-        out = np.empty((3, len(t), len(self.compiled.mechanism.drives)))
+        out = np.empty((3, len(t), len(free_of(self.compiled))))
         for piece, rows in self._rows(t):
             if piece.compiled is self.compiled:
                 out[:, rows] = piece(t[rows])
@@ -130,9 +134,7 @@ class Simulation:
         t = np.atleast_1d(np.asarray(t, float))
         parts = self._rows(t)
         if len({id(piece.compiled) for piece, _ in parts}) == 1 and parts[0][0].compiled is self.compiled:
-            q, v, a = self(t)
-            drives = {d.pair: (q[:, i], v[:, i], a[:, i]) for i, d in enumerate(self.compiled.mechanism.drives)}
-            return solve_motion(self.compiled, t, drives=drives)
+            return motion_at(self.compiled, *_in_order(t, *self(t)))
         return join_motions(t, [(rows, piece.motion(t[rows])) for piece, rows in parts])
 
     def forces(self, motion: Motion) -> Forces:
@@ -201,12 +203,12 @@ def simulate(
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance)
-    drives = compiled.mechanism.drives
+    drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     system: Any = Chart(compiled)
     leads: tuple[float, float] | None = None
-    if len(drives) == 1:
+    if len(compiled.mechanism.drives) == 1 and not braking_elements(compiled, q, v):
         system, leads = curve_around(compiled, q[0], min(1e-12, tolerance))
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=min(1e-12, tolerance))
@@ -233,11 +235,11 @@ def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
     mechanism = compiled.mechanism
     if "inertia" not in mechanism.effects:
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
-    for d in mechanism.drives:
-        if not isinstance(d.law, Free):
-            faults.append(Fault(f"pairs.{d.pair}.drive", "is prescribed; forward dynamics wants it free.", "Give it a free start."))
+    free = [d for d in mechanism.drives if isinstance(d.law, Free)]
+    if not free:
+        faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
     if not faults:
-        q = np.array([[float(d.law(0.0)[0]) for d in mechanism.drives]])
+        q = np.array([[float(d.law(0.0)[0]) for d in free]])
         inertia = reduce(compiled, q, np.zeros_like(q), np.zeros(1)).inertia[0]
         values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
         if values[0] <= 1e-14 * values[-1]:
@@ -275,12 +277,14 @@ class _Run:
         self.happenings: list[Happening] = []
         self.lost: list[tuple[float, float]] = []
         self.evaluations = 0
+        self.phases: Phases | None = None  # of dry friction
         self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
 
     def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
         self.compiled, self.system = compiled, system
-        drives, model = compiled.mechanism.drives, compiled.model
+        drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+        model = compiled.model
         self.coordinates = {d.pair: i for i, d in enumerate(drives)}
         angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
         self.scale = np.array([1.0 if a else model.size for a in angle])
@@ -304,6 +308,10 @@ class _Run:
                         "Start on the other side, or move the stop.",
                     )
                 )
+        elements = braking_elements(self.compiled, q, v)
+        if elements:
+            self.phases = Phases(self.compiled, elements)
+            self._settle(0.0, q, v)
         t = 0.0
         while t < self.duration * (1.0 - 1e-13):
             t, q, v, ended = self._piece(t, q, v)
@@ -330,7 +338,8 @@ class _Run:
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
         v = self._touching(t, q, v)
-        system = Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
+        system = self._system()
+        dry = [] if self.phases is None or self.resting else self.phases.gauges()
         first: list[tuple[float, Any]] = []
 
         def after(window: Window) -> float | None:
@@ -349,6 +358,10 @@ class _Run:
                 at = first_zero(pull, window, t + 1e-12 * self.duration, None)
                 if at is not None:
                     first.append((at, ("release", i)))
+            for gauge, rising, loose in dry:
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
+                if at is not None:
+                    first.append((at, ("dry", loose)))
             for border in self.borders:
                 at = first_zero(border, window, t, True)
                 if at is not None:
@@ -378,6 +391,8 @@ class _Run:
                     self.known.append(lead)
                 self._lead(lead.compiled, lead.curve, lead.well)
                 q, v = np.array([place]), np.array([rate])
+            elif kind == "dry":
+                v = self._settle(time, q, v, k)
             elif kind == "release":
                 stop = self.resting.pop(k)
                 self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
@@ -409,9 +424,24 @@ class _Run:
                     v = self._rest(t, stop, v)
         return v
 
+    def _system(self) -> Any:
+        """The equations of motion of the present piece."""
+        if self.resting:
+            return Chart(self.compiled, frozenset(self.resting))
+        return self.system if self.phases is None else self.phases.system()
+
+    def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
+        """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
+        assert self.phases is not None
+        for i, word in self.phases.decide(t, q, v, loose):
+            pair = self.phases.names[i]
+            kind = "stick" if word == "stick" else "slip"
+            text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
+            self.happenings.append(Happening(t, kind, pair, text))
+        return self.phases.at_rest(t, q, v)
+
     def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:
-        system = Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
-        return np.asarray(system(q[None], v[None], np.array([t]))[0])
+        return np.asarray(self._system()(q[None], v[None], np.array([t]))[0])
 
     def _rest(self, t: float, stop: Stop, v: Array) -> Array:
         i = self.coordinates.get(stop.pair, 0)

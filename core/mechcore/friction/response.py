@@ -13,7 +13,7 @@ from ..kinetostatics import transmit
 from ..motion import Motion
 from .elements import Element
 
-__all__ = ["Response", "respond", "system"]
+__all__ = ["Response", "pick", "respond", "system"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -52,11 +52,11 @@ def respond(
             one[i] = 1.0
             element.load(motion, own_force, own_moment, one)
         together = transmit(motion, own_force, own_moment, flanks)
-        units += [_pick(together, i, (len(some), motion.frames)) for i in range(len(some))]
+        units += [pick(together, i, (len(some), motion.frames)) for i in range(len(some))]
     return Response(base, units)
 
 
-def _pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
+def pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
     """The part of one element of what several transmit side by side."""
     transmitted, contacts, multipliers = together
 

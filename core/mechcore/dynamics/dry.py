@@ -1,0 +1,263 @@
+"""Dry friction in forward dynamics: accelerations, normal loads and friction that depend on each other, solved together.
+
+While the signs of the relative speeds stay, friction at element i is lambda_i = -sign_i factor_i g_i with the normal load
+g_i = |a_i + K_i g|, as in kinetostatics (`mechcore.friction`); only that the free coordinates answer to friction by acceleration:
+a unit of friction comes with the inertia forces of the acceleration that it causes, and so needs no drive. An element that sticks
+has no relative acceleration; the friction that this takes is linear in the others and is eliminated. It sticks as long as that is
+within its limit: the law is set-valued, nothing is smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..closed_forms import cross
+from ..effects import sum_up, wrenches
+from ..errors import Fault, MechanismError
+from ..friction.elements import Element, elements_of, relative_rate
+from ..friction.fixedpoint import solve_normal_loads
+from ..friction.response import Response, pick, system
+from ..kinetostatics import transmit
+from ..motion import Motion
+from ..solve import Compiled
+from .chart import differences
+from .reduced import free_of, moving, reduced_equations, with_rates
+
+__all__ = ["Dry", "DrySystem", "Phases", "braking_elements"]
+
+Array = NDArray[np.float64]
+REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
+
+
+@dataclass(frozen=True, eq=False)
+class Dry:
+    """What friction does: accelerations (n, f); friction ``value``, the ``limit`` up to which it sticks, relative ``rate`` and
+    ``second`` rate of every element (n, e)."""
+
+    acceleration: Array
+    value: Array
+    limit: Array
+    rate: Array
+    second: Array
+
+
+class Phases:
+    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`."""
+
+    def __init__(self, compiled: Compiled, elements: Sequence[Element]):
+        self.compiled = compiled
+        self.names = [e.pair for e in elements]
+        self.signs = np.zeros(len(elements))
+
+    def system(self) -> DrySystem:
+        return DrySystem(self.compiled, self.signs.copy())
+
+    def decide(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> list[tuple[int, str]]:
+        """Choose the signs for what follows; element and word ("stick", "slip +", "slip -") of each that has changed.
+
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0).
+        """
+        before = self.signs.copy()
+        row = q[None], v[None], np.array([t])
+        found = DrySystem(self.compiled, np.zeros(len(before))).solve(*row)
+        rate = found.rate[0]
+        still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
+        self.signs = np.where(still, 0.0, np.sign(rate))
+        if len(q) == 1 and still.all():
+            self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
+        elif still.any():
+            if loose is not None and still[loose[0]]:
+                self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
+            for _ in range(2 * len(before) + 2):
+                found = self.system().solve(*row)
+                over = still & (self.signs == 0.0) & (np.abs(found.value[0]) > found.limit[0] * (1.0 + 1e-12))
+                if not over.any():
+                    break
+                worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
+                self.signs[worst] = -np.sign(found.value[0, worst])
+        words = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
+        return [(i, words[float(s)]) for i, s in enumerate(self.signs) if s != before[i]]
+
+    def at_rest(self, t: float, q: Array, v: Array) -> Array:
+        """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
+        stuck = np.flatnonzero(self.signs == 0.0)
+        if not len(stuck):
+            return v
+        if len(v) == 1:
+            return np.zeros(1)
+        motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
+        elements = elements_of(motion)
+        tau = np.stack([_rates_of(units, elements[i])[0] for i in stuck])
+        inertia = reduced_equations(motion, units).inertia[0]
+        answer = np.linalg.solve(inertia, tau.T)
+        return np.asarray(v - answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+
+    def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
+        """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
+        for way in (1.0, -1.0):
+            signs = self.directions(row, way)
+            if way * float(DrySystem(self.compiled, signs, breaking=True)(*row)[0, 0]) > 0.0:
+                return signs
+        return np.zeros(len(self.signs))
+
+    def directions(self, row: tuple[Array, Array, Array], way: float) -> Array:
+        """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
+        q, v, t = row
+        motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
+        return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
+
+    def gauges(self) -> list[tuple[Any, bool, tuple[int, float] | None]]:
+        """What ends the phase: gauge, the way in which it has to pass zero, and what then comes loose, as `decide` wants it."""
+        system = self.system()
+        out: list[tuple[Any, bool, tuple[int, float] | None]] = []
+        for i, s in enumerate(self.signs):
+            if s != 0.0:
+                out.append((lambda q, v, t, i=i: self._rate(i, q, v, t), bool(s < 0), None))
+        if not np.any(self.signs == 0.0):
+            return out
+        if not np.any(self.signs) and len(free_of(self.compiled)) == 1:
+            for way in (1.0, -1.0):
+                out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
+            return out
+        for i in np.flatnonzero(self.signs == 0.0):
+
+            def margin(q: Array, v: Array, t: Array, i: int = int(i)) -> Array:
+                found = system.solve(q, v, t)
+                return np.asarray(found.limit[:, i] - np.abs(found.value[:, i]))
+
+            out.append((margin, False, (int(i), 0.0)))
+        return out
+
+    def _rate(self, i: int, q: Array, v: Array, t: Array) -> Array:
+        motion = moving(self.compiled, q, v, t)[0]
+        e = elements_of(motion)[i]
+        return np.asarray(e.rate)
+
+    def _free(self, way: float, q: Array, v: Array, t: Array) -> Array:
+        signs = self.directions((q, v, t), way)
+        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, v, t)[:, 0])
+
+
+def braking_elements(compiled: Compiled, q: Array, v: Array) -> list[Element]:
+    """The elements of a mechanism, in the order in which signs are given; [] where it has no friction."""
+    if "friction" not in compiled.mechanism.effects:
+        return []
+    return elements_of(moving(compiled, q[None], v[None], np.zeros(1))[0])
+
+
+class DrySystem:
+    """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
+
+    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose.
+    """
+
+    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False):
+        self.compiled = compiled
+        self.signs = signs
+        self.breaking = breaking
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+        return self.solve(q, v, t).acceleration
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+        """Derivatives of the accelerations by position and speed (n, f, f) each."""
+        return differences(self, q, v, t, a)
+
+    def solve(self, q: Array, v: Array, t: Array) -> Dry:
+        """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""
+        motion, units = moving(self.compiled, q, v, t)
+        n = motion.frames
+        r = reduced_equations(motion, units)
+        first = r.acceleration()
+        second = [d[2] for d in motion.drives]
+        for place, i in enumerate(free_of(self.compiled)):
+            second[i] = first[:, place]
+        loaded = with_rates(motion, [d[1] for d in motion.drives], second)
+        elements = [replace(e, sign=np.full(n, s)) for e, s in zip(elements_of(loaded), self.signs, strict=True)]
+        if self.breaking:
+            elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
+        tau = np.stack([_rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
+        answers = np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0]  # (n, e, f): acceleration per unit of friction
+        response = _respond(loaded, units, elements, answers)
+        stuck = np.flatnonzero(self.signs == 0.0)
+        # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
+        plain = [replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)]
+        a, k, norms = system(loaded, plain, response)
+        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.joint, e.links) for e in elements], axis=1)
+        rate = np.stack([e.rate for e in elements], axis=1)
+        value = np.zeros((n, len(elements)))
+        slide = np.flatnonzero(self.signs != 0.0)
+        braking = np.array([-s * e.factor for s, e in zip(self.signs, elements, strict=True)])
+        coupling = np.einsum("nif,njf->nij", tau, answers)  # relative acceleration at i per unit of friction at j
+        if len(stuck):
+            inner = coupling[:, stuck[:, None], stuck]
+            need = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
+            alpha = -np.einsum("nij,nj->ni", need, bias[:, stuck])
+            beta = -np.einsum("nij,njk->nik", need, coupling[:, stuck[:, None], slide] * braking[slide])
+            sub_a = a[:, slide] + np.einsum("nixs,ns->nix", k[:, slide][..., stuck], alpha)
+            sub_k = k[:, slide][..., slide] + np.einsum("nixs,nsj->nixj", k[:, slide][..., stuck], beta)
+        else:
+            sub_a, sub_k = a, k
+        if len(slide):
+            solution = solve_normal_loads(sub_a, sub_k, norms[slide])
+            if solution.jammed.any():
+                self._refuse(elements, slide, solution.share[solution.jammed][0], float(t[np.argmax(solution.jammed)]))
+            value[:, slide] = braking[slide] * solution.loads
+        if len(stuck):
+            value[:, stuck] = alpha + np.einsum("nij,nj->ni", beta, solution.loads) if len(slide) else alpha
+        parts = a + np.einsum("nixj,nj->nix", k, np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))))
+        size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
+        limit = size * np.array([e.factor * (1.0 if self.breaking else _sticking(e)) for e in elements])
+        acceleration = first + np.einsum("njf,nj->nf", answers, value)
+        return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
+
+    def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:
+        worst = elements[slide[int(np.argmax(share))]]
+        raise MechanismError(
+            Fault(
+                f"pairs.{worst.pair}.friction",
+                f"at t = {t:.6g} s no acceleration is in balance with the friction that it causes (it jams in motion, Painleve).",
+                "Lower the coefficient, or lengthen the bearing.",
+            )
+        )
+
+
+def _sticking(e: Element) -> float:
+    """Limit of sticking friction over that of sliding friction."""
+    f = e.friction
+    return max(1.0, f.static / f.coefficient) if f.static and f.coefficient else 1.0
+
+
+def _rates_of(units: Sequence[Motion], e: Element) -> Array:
+    return np.stack([relative_rate(u, u.speeds, e.what, e.joint, e.links) for u in units], axis=-1)
+
+
+def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Array) -> Response:
+    """What pairs transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
+    model, n, e = motion.model, motion.frames, len(elements)
+    base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
+    force: list[Any] = [0j] * len(model.links)
+    moment: list[Any] = [0.0] * len(model.links)
+    for i, element in enumerate(elements):
+        one = np.zeros((e, 1))
+        one[i] = 1.0
+        element.load(motion, force, moment, one)
+    for k in range(1, len(model.links)):
+        mass, centre, inertia = model.masses[k]
+        if not (mass or inertia):
+            continue
+        spin = model.angles.spin[k]
+        a: Any = 0j
+        alpha: Any = 0.0
+        for f, unit in enumerate(units):
+            a = a + answers[:, :, f].T * unit.of_point(k, centre, 1)
+            alpha = alpha + answers[:, :, f].T * unit.speeds.spin[spin]
+        force[k] = force[k] - mass * a
+        moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
+    together = transmit(motion, force, moment, base[2])
+    return Response(base, [pick(together, i, (e, n)) for i in range(e)])
