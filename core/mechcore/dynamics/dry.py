@@ -17,18 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..closed_forms import cross
-from ..effects import sum_up, wrenches
+from ..effects import Wrench, sum_up, wrenches
 from ..errors import Fault, MechanismError
 from ..friction.elements import Element, elements_of, relative_rate
 from ..friction.fixedpoint import solve_normal_loads
 from ..friction.response import Response, pick, system
-from ..kinetostatics import transmit
+from ..friction.result import FrictionResult
+from ..kinetostatics import Forces, transmit
 from ..motion import Motion
 from ..solve import Compiled
 from .chart import differences
 from .reduced import free_of, moving, reduced_equations, with_rates
 
-__all__ = ["Dry", "DrySystem", "Phases", "braking_elements"]
+__all__ = ["Dry", "DrySystem", "Phases", "braking_elements", "forces_with"]
 
 Array = NDArray[np.float64]
 REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
@@ -44,6 +45,41 @@ class Dry:
     limit: Array
     rate: Array
     second: Array
+
+
+class GivenFriction(FrictionResult):
+    """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
+    wrenches."""
+
+    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry):
+        self.motion = motion
+        self.elements = tuple(elements)
+        self.jammed = np.zeros(motion.frames, bool)
+        self.reached = np.ones(motion.frames)
+        self._applied = tuple(applied)
+        self._found = found
+
+    def value(self, i: int) -> Array:
+        return self._found.value[:, i]
+
+    def normal_load(self, pair: str) -> Array:
+        i = self._elements_of(pair)[0]
+        e = self.elements[i]
+        return np.asarray(self._found.limit[:, i] / (e.factor * _sticking(e)) if e.factor else np.full(self.motion.frames, np.nan))
+
+    def losses(self, pair: str) -> Array:
+        return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
+
+
+def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array) -> Forces:
+    """Reactions of a piece of motion, with the friction that the piece has, sticking included."""
+    found = system.solve(q, v, motion.time)
+    applied = wrenches(motion)
+    force, moment = sum_up(applied, len(motion.model.links))
+    elements = [replace(e, sign=np.full(motion.frames, s)) for e, s in zip(elements_of(motion), system.signs, strict=True)]
+    for i, e in enumerate(elements):
+        e.load(motion, force, moment, found.value[:, i])
+    return Forces(motion, applied, *transmit(motion, force, moment)[:2], GivenFriction(motion, applied, elements, found))
 
 
 class Phases:
@@ -70,6 +106,9 @@ class Phases:
         self.signs = np.where(still, 0.0, np.sign(rate))
         if len(q) == 1 and still.all():
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
+        elif len(q) == 1 and still.any():  # the mechanism moves: a pair that turns back there does not stick
+            self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
+            self.signs = np.where(still, np.sign(self.system().solve(*row).second[0]), self.signs)
         elif still.any():
             if loose is not None and still[loose[0]]:
                 self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
@@ -124,13 +163,13 @@ class Phases:
             for way in (1.0, -1.0):
                 out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
             return out
-        for i in np.flatnonzero(self.signs == 0.0):
+        for stuck in np.flatnonzero(self.signs == 0.0):
 
-            def margin(q: Array, v: Array, t: Array, i: int = int(i)) -> Array:
+            def margin(q: Array, v: Array, t: Array, i: int = int(stuck)) -> Array:
                 found = system.solve(q, v, t)
                 return np.asarray(found.limit[:, i] - np.abs(found.value[:, i]))
 
-            out.append((margin, False, (int(i), 0.0)))
+            out.append((margin, False, (int(stuck), 0.0)))
         return out
 
     def _rate(self, i: int, q: Array, v: Array, t: Array) -> Array:
@@ -182,11 +221,13 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
         tau = np.stack([_rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers = np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0]  # (n, e, f): acceleration per unit of friction
+        answers = np.asarray(np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0], float)  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
-        plain = [replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)]
+        plain = [
+            replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)
+        ]
         a, k, norms = system(loaded, plain, response)
         bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.joint, e.links) for e in elements], axis=1)
         rate = np.stack([e.rate for e in elements], axis=1)
@@ -210,7 +251,11 @@ class DrySystem:
             value[:, slide] = braking[slide] * solution.loads
         if len(stuck):
             value[:, stuck] = alpha + np.einsum("nij,nj->ni", beta, solution.loads) if len(slide) else alpha
-        parts = a + np.einsum("nixj,nj->nix", k, np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))))
+        parts = a + np.einsum(
+            "nixj,nj->nix",
+            k,
+            np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))),
+        )
         size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
         limit = size * np.array([e.factor * (1.0 if self.breaking else _sticking(e)) for e in elements])
         acceleration = first + np.einsum("njf,nj->nf", answers, value)

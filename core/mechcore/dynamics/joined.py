@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kinetostatics import Forces, LoadResult, solve_forces
+from ..kinetostatics import Forces, LoadResult
 from ..motion import Motion
 
-__all__ = ["JoinedForces", "JoinedMotion", "join_forces", "join_motions"]
+__all__ = ["JoinedForces", "JoinedMotion"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -21,7 +21,7 @@ TURN = 2.0 * np.pi
 class JoinedMotion:
     """Results of a `Motion` by name, whose frames come from several motions of the same mechanism."""
 
-    def __init__(self, time: Array, parts: Sequence[tuple[Array, Motion]]):
+    def __init__(self, time: Array, parts: Sequence[tuple[Any, Motion]]):
         self.time = time
         self.parts = tuple(parts)
         self.model = parts[0][1].model
@@ -101,9 +101,9 @@ class JoinedMotion:
 class JoinedForces:
     """Results of `Forces` by name, whose frames come from several motions of the same mechanism."""
 
-    def __init__(self, motion: JoinedMotion):
+    def __init__(self, motion: JoinedMotion, parts: Sequence[tuple[Any, Forces]]):
         self.motion = motion
-        self.parts = [(rows, solve_forces(m)) for rows, m in motion.parts]
+        self.parts = tuple(parts)
 
     def _join(self, value: Callable[[Forces], Array]) -> Array:
         first = [(rows, value(f)) for rows, f in self.parts]
@@ -118,6 +118,23 @@ class JoinedForces:
 
     def position(self, pair: str) -> Array:
         return self._join(lambda f: f.position(pair))
+
+    def effort(self, pair: str) -> Array:
+        """What the drive or the hold of a pair exerts, zero where the pair is not led (F,)."""
+        return self._join(lambda f: f.effort(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
+
+    def wrench(self, pair: str) -> Array:
+        return self._join(lambda f: f.wrench(pair) if _leads(f, pair) else np.zeros((f.motion.frames, 3)))
+
+    def power(self, pair: str) -> Array:
+        return self._join(lambda f: f.power(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
+
+    def friction(self, pair: str) -> Array:
+        """Friction on the pair's second link: Fx, Fy [N], couple [N m] (F, 3); zero where the scene names none."""
+        return self._join(lambda f: np.zeros((f.motion.frames, 3)) if f.friction is None else f.friction.applied(pair))
+
+    def power_by_cause(self, causes: Sequence[str]) -> Array:
+        return self._join(lambda f: f.power_by_cause(causes))
 
     def inertia(self, link: str) -> Array:
         return self._join(lambda f: f.inertia(link))
@@ -149,11 +166,5 @@ class JoinedForces:
         return self._join(lambda f: f.power_balance)
 
 
-def join_motions(time: Array, parts: Sequence[tuple[Array, Motion]]) -> Any:
-    """One motion out of several, each with the places of its frames in ``time``."""
-    return JoinedMotion(time, parts)
-
-
-def join_forces(motion: JoinedMotion) -> Any:
-    """Forces of a joined motion, each part by the kinetostatic core in its own chart."""
-    return JoinedForces(motion)
+def _leads(forces: Forces, pair: str) -> bool:
+    return any(d.pair == pair for d in forces.motion.mechanism.drives)

@@ -14,8 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..effects import power_of, wrenches
 from ..errors import Fault, MechanismError
-from ..kinetostatics import Forces, solve_forces
+from ..kinetostatics import solve_forces
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Mechanism
@@ -23,13 +24,13 @@ from .chart import Chart
 from .charts import Lead, best_chart, curve_around
 from .collocation import Window
 from .curve import TURN, Curve
+from .dry import DrySystem, Phases, braking_elements, forces_with
 from .energy import by_energy
-from .dry import Phases, braking_elements
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .integrate import Solution, integrate
-from .joined import JoinedMotion, join_forces, join_motions
-from .reduced import ReducedEquations, free_of, motion_at, reduce
+from .joined import JoinedForces, JoinedMotion
+from .reduced import free_of, motion_at, reduce
 
 __all__ = ["Method", "Simulation", "simulate"]
 
@@ -129,18 +130,29 @@ class Simulation:
             last = float(angle[-1])
         return out
 
-    def motion(self, t: ArrayLike) -> Motion:
-        """The mechanism's motion at times (F,) [s]: the same kind of result as for prescribed drives."""
+    def motion(self, t: ArrayLike) -> Any:
+        """The mechanism's motion at times (F,) [s]: a `Motion`, or what stands for one where charts or phases change."""
         t = np.atleast_1d(np.asarray(t, float))
         parts = self._rows(t)
-        if len({id(piece.compiled) for piece, _ in parts}) == 1 and parts[0][0].compiled is self.compiled:
+        if all(piece.compiled is self.compiled and not isinstance(piece.system, DrySystem) for piece, _ in parts):
             return motion_at(self.compiled, *_in_order(t, *self(t)))
-        return join_motions(t, [(rows, piece.motion(t[rows])) for piece, rows in parts])
+        return JoinedMotion(t, [(rows, piece.motion(t[rows])) for piece, rows in parts])
 
-    def forces(self, motion: Motion) -> Forces:
-        """All joint reactions, by the kinetostatic core; the free coordinates' efforts are zero to rounding, or hold what is
-        held."""
-        return join_forces(motion) if isinstance(motion, JoinedMotion) else solve_forces(motion)
+    def forces(self, motion: Any) -> Any:
+        """All joint reactions of a motion of this simulation, by the kinetostatic core: a `Forces`, or what stands for one.
+
+        The free coordinates' efforts are zero to rounding, or hold what rests on a stop.
+        """
+        if not isinstance(motion, JoinedMotion):
+            return solve_forces(motion)
+        parts = []
+        for (piece, rows), (_, part) in zip(self._rows(motion.time), motion.parts, strict=True):
+            if isinstance(piece.system, DrySystem):
+                q, v, _ = piece.way(motion.time[rows])
+                parts.append((rows, forces_with(part, piece.system, q, v)))
+            else:
+                parts.append((rows, solve_forces(part)))
+        return JoinedForces(motion, parts)
 
     def work(self, t: ArrayLike) -> Array:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
@@ -149,24 +161,41 @@ class Simulation:
         edges = np.unique(np.concatenate([self._borders(), t[(t > 0) & (t < self.duration)], [0.0, self.duration]]))
         widths = np.diff(edges)
         x = (edges[:-1, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
-        power = self._by_piece(x, lambda r, v: np.sum(r.force * v, axis=1)).reshape(len(widths), -1)
+        power = self._power(x).reshape(len(widths), -1)
         gained = np.concatenate([[0.0], np.cumsum(0.5 * widths * (power @ weights))])
         total = np.interp(t, edges, gained)
         for time, energy in self.lost:
             total = total - np.where(t > time, energy, 0.0)
         return np.asarray(total)
 
+    def _power(self, t: Array) -> Array:
+        """Power of all loads, prescribed drives and friction (n,) [W]."""
+        out = np.empty(len(t))
+        prescribed = [d.pair for d in self.compiled.mechanism.drives if not isinstance(d.law, Free)]
+        for piece, rows in self._rows(t):
+            motion = piece.motion(t[rows])
+            if prescribed or isinstance(piece.system, DrySystem):
+                part = JoinedMotion(t[rows], [(np.arange(len(rows)), motion)])
+                forces = self.forces(part).parts[0][1]
+                total = sum((forces.power(p) for p in prescribed), np.zeros(len(rows)))
+                total = total + sum((power_of(motion, w) for w in forces.applied if w.kind != "inertia"), np.zeros(len(rows)))
+                out[rows] = total if forces.friction is None else total + forces.friction.power
+            else:
+                out[rows] = sum((power_of(motion, w) for w in wrenches(motion) if w.kind != "inertia"), np.zeros(len(rows)))
+        return out
+
     def kinetic_energy(self, t: ArrayLike) -> Array:
         """Kinetic energy (n,) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
-        return self._by_piece(t, lambda r, v: 0.5 * np.einsum("ni,nij,nj->n", v, r.inertia, v))
-
-    def _by_piece(self, t: Array, value: Callable[[ReducedEquations, Array], Array]) -> Array:
-        """Something that the reduced equations and the speeds tell (n,), in each piece's own chart."""
         out = np.empty(len(t))
         for piece, rows in self._rows(t):
-            q, v, _ = piece.way(t[rows])
-            out[rows] = value(reduce(piece.compiled, q, v, t[rows]), v)
+            motion = piece.motion(t[rows])
+            total: Any = np.zeros(len(rows))
+            for k, (mass, centre, inertia) in enumerate(motion.model.masses):
+                if k and (mass or inertia):
+                    total = total + 0.5 * mass * np.abs(motion.of_point(k, centre, 1)) ** 2
+                    total = total + 0.5 * inertia * motion.speeds.spin[motion.model.angles.spin[k]] ** 2
+            out[rows] = total
         return out
 
     def drift(self, t: ArrayLike) -> Array:

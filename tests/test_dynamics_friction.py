@@ -1,0 +1,219 @@
+"""Forward dynamics with dry friction: true stick and slip, against closed forms and balances."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from dynamic_mechanisms import pendulum, slider_crank
+from mechanisms import case
+
+from mechcore import MechanismError
+from mechcore.dynamics import Free, simulate
+from mechcore.laws import ConstantSpeed
+from mechcore.loads import Factor, Force
+from mechcore.spec import Drive, Friction, Link, Mechanism, Pair, Prismatic
+
+
+def _spring(stiffness: float, link: str = "mass") -> Force:
+    return Force(
+        name=f"spring {link}",
+        link=link,
+        point="P",
+        vector=(1.0, 0.0),
+        factor=Factor(function=lambda x: -stiffness * x, of="x", point=(link, "P")),
+    )
+
+
+def _sliding(name: str, first: str, second: str, points: tuple[str, str], friction: Friction | None = None) -> Prismatic:
+    return Prismatic(name=name, links=(first, second), points=points, friction=friction)
+
+
+def oscillator(mass: float, stiffness: float, mu: float, x0: float, v0: float = 0.0) -> Mechanism:
+    """A mass on a spring, sliding on the ground."""
+    return Mechanism(
+        name="oscillator",
+        frame="frame",
+        links=(Link(name="frame", points={"G": (0.0, 0.0)}), Link(name="mass", points={"P": (0.0, 0.0)}, mass=mass)),
+        pairs=(_sliding("S", "frame", "mass", ("G", "P"), Friction(coefficient=mu)),),
+        drives=(Drive(pair="S", law=Free(x0, v0)),),
+        effects=("inertia", "gravity", "friction"),
+        loads=(_spring(stiffness),),
+    )
+
+
+def on_a_belt(i: dict[str, Any], *, start: float = 0.0) -> Mechanism:
+    """Reference case friction-stick-slip: a mass on a moving belt, held by a spring."""
+    pairs: tuple[Pair, ...] = (
+        _sliding("belt", "frame", "belt", ("G", "G")),
+        _sliding("S", "belt", "mass", ("G", "P"), Friction(coefficient=i["mu_k"], static=i["mu_s"])),
+    )
+    return Mechanism(
+        name="belt",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.0, 0.0)}),
+            Link(name="belt", points={"G": (0.0, 0.0)}),
+            Link(name="mass", points={"P": (0.0, 0.0)}, mass=i["m"]),
+        ),
+        pairs=pairs,
+        drives=(
+            Drive(pair="belt", law=ConstantSpeed(0.0, i["v_belt"], travel=1.0)),
+            Drive(pair="S", law=Free(start, 0.0)),
+        ),
+        effects=("inertia", "gravity", "friction"),
+        loads=(_spring(i["k"]),),
+    )
+
+
+def test_oscillator_loses_the_same_way_every_half_swing_and_sticks():
+    reference = case("friction", "friction-oscillator")
+    i, e = reference["inputs"], reference["expected"]
+    simulation = simulate(oscillator(i["m"], i["k"], i["mu"], i["x0"]), 2.0, tolerance=1e-10)
+    turns = [h for h in simulation.happenings if h.time > 0]
+    assert len(turns) == len(e["turning_points"]) - 1
+    for h, point in zip(turns, e["turning_points"][1:], strict=True):
+        assert h.time == pytest.approx(point["t"], abs=1e-9)
+        assert simulation([h.time])[0][0, 0] == pytest.approx(point["x"], abs=1e-10)
+    assert turns[-1].kind == "stick"
+    assert simulation([2.0])[0][0, 0] == pytest.approx(e["final_position"], abs=1e-10)
+    for s in e["samples"]:
+        q, v, _ = (x[0, 0] for x in simulation([s["t"]]))
+        assert (q, v) == pytest.approx((s["x"], s["v"]), abs=1e-9)
+    t = np.linspace(0.0, 2.0, 201)
+    assert np.abs(simulation.drift(t)).max() < 1e-9
+    forces = simulation.forces(simulation.motion(t))
+    assert np.abs(forces.power_balance).max() < 1e-9
+    held = t > e["stop_time"]
+    pull = i["k"] * e["final_position"]  # sticking friction holds the spring
+    assert forces.friction("S")[held, 0] == pytest.approx(pull, abs=1e-8)
+    assert np.abs(forces.effort("S")).max() < 1e-7
+
+
+def test_pendulum_whose_friction_depends_on_the_reaction():
+    reference = case("friction", "friction-pendulum-reaction-dependent")
+    i, e = reference["inputs"], reference["expected"]
+    body = pendulum(inertia=i["J_O"], mass=i["m"], distance=i["d"], angle=i["theta0"], g=i["g"])
+    pin = dataclasses.replace(body.pairs[0], friction=Friction(coefficient=i["mu"], radius=i["r_pin"]))
+    body = dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction"))
+    simulation = simulate(body, 30.0, tolerance=1e-10)
+    turns = [h.time for h in simulation.happenings if h.time > 0]
+    for time, angle in zip(turns, e["turning_angles"][1:], strict=False):
+        assert simulation([time])[0][0, 0] + np.pi / 2 == pytest.approx(angle, abs=1e-10)
+    for s in e["samples"]:
+        q, v, _ = (x[0, 0] for x in simulation([s["t"]]))
+        assert (q + np.pi / 2, v) == pytest.approx((s["theta"], s["omega"]), abs=1e-9)
+    assert simulation.happenings[-1].kind == "stick"
+    assert abs(simulation([30.0])[0][0, 0] + np.pi / 2) < e["stick_angle"]
+    assert np.abs(simulation.drift(np.linspace(0.0, 30.0, 100))).max() < 1e-8
+
+
+def test_stick_slip_is_periodic():
+    for e in case("friction", "friction-stick-slip")["expected"]:
+        i = e["inputs"]
+        simulation = simulate(on_a_belt(i), 6 * e["period"], tolerance=1e-10)
+        slips = [h.time for h in simulation.happenings if h.kind == "slip"]
+        sticks = [h.time for h in simulation.happenings if h.kind == "stick"]
+        assert slips[0] == pytest.approx(e["spring_force_at_slip_onset"] / i["k"] / i["v_belt"], rel=1e-9)
+        assert np.diff(slips) == pytest.approx(e["period"], abs=1e-9)
+        assert np.array(sticks[:4]) - slips[:4] == pytest.approx(e["slip_duration"], abs=1e-9)
+        t = np.linspace(0.0, simulation.duration, 400)
+        place = simulation.motion(t).point("mass", "P")[:, 0]
+        assert place.max() == pytest.approx(e["max_deflection"], rel=1e-3)
+        forces = simulation.forces(simulation.motion(t))
+        assert np.abs(forces.power_balance).max() < 1e-9
+        assert np.abs(forces.effort("S")).max() < 1e-9 * i["m"] * i["g"]  # nothing but friction and spring moves the mass
+        assert np.abs(simulation.drift(t)).max() < 1e-7
+
+
+def test_slider_crank_runs_down_and_stays():
+    """Friction in all pairs at once: the crank comes to rest; every loss is friction's; the balance holds in every frame."""
+    i = case("dynamics", "forward-slider-crank")["inputs"]
+    mechanism = slider_crank({**i, "torque": 0.0, "omega_1_0": 30.0})
+    pairs = []
+    for pair in mechanism.pairs:
+        friction = (
+            Friction(coefficient=0.15, length=0.04) if isinstance(pair, Prismatic) else Friction(coefficient=0.1, radius=0.01)
+        )
+        pairs.append(dataclasses.replace(pair, friction=friction))
+    mechanism = dataclasses.replace(mechanism, pairs=tuple(pairs), effects=("inertia", "gravity", "friction"))
+    simulation = simulate(mechanism, 6.0, tolerance=1e-8)
+    assert {h.kind for h in simulation.happenings} <= {"stick", "slip"}
+    q, v, a = (x[:, 0] for x in simulation([5.9, 6.0]))
+    assert v == pytest.approx(0.0, abs=1e-12)
+    assert a == pytest.approx(0.0, abs=1e-12)
+    assert q[0] == pytest.approx(q[1], abs=1e-12)
+    rest = next(h.time for h in reversed(simulation.happenings))
+    t = np.linspace(0.0, rest * 0.999, 300)
+    motion = simulation.motion(t)
+    forces = simulation.forces(motion)
+    assert np.abs(forces.power_balance).max() < 1e-8
+    assert np.abs(simulation.drift(t)).max() < 1e-6
+    assert forces.power_by_cause(["dry friction"]).max() <= 1e-12
+    # without friction it runs on for ever with the same energy
+    free = simulate(dataclasses.replace(mechanism, effects=("inertia", "gravity")), 6.0)
+    assert free([6.0])[0][0, 0] > 2 * q[1]
+
+
+def test_two_masses_stick_one_after_the_other():
+    """Two masses on one spring on the ground: each sticks and slips by itself; energy goes to friction alone."""
+    grip = Friction(coefficient=0.2)
+
+    def apart(x: Any) -> Any:
+        return 400.0 * (np.asarray(x) - 0.5)
+
+    link = Factor(function=apart, of="position", pair="between")
+    mechanism = Mechanism(
+        name="two",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.0, 0.0)}),
+            Link(name="first", points={"P": (0.0, 0.0)}, mass=1.0),
+            Link(name="second", points={"P": (0.0, 0.0)}, mass=2.0),
+            Link(name="rod", points={"P": (0.0, 0.0)}),
+        ),
+        pairs=(
+            _sliding("left", "frame", "first", ("G", "P"), grip),
+            _sliding("right", "frame", "second", ("G", "P"), grip),
+            _sliding("between", "first", "rod", ("P", "P")),
+            Prismatic(name="tied", links=("rod", "second"), points=("P", "P"), along=(0.0, 1.0)),
+        ),
+        drives=(Drive(pair="left", law=Free(0.0, 0.0)), Drive(pair="right", law=Free(0.6, 0.0))),
+        effects=("inertia", "gravity", "friction"),
+        loads=(
+            Force(name="pull", link="first", point="P", vector=(1.0, 0.0), factor=link),
+            Force(name="back", link="second", point="P", vector=(-1.0, 0.0), factor=link),
+        ),
+    )
+    simulation = simulate(mechanism, 3.0, tolerance=1e-9)
+    t = np.linspace(0.0, 3.0, 301)
+    q, v, _ = simulation(t)
+    assert {h.item for h in simulation.happenings if h.kind == "slip"} == {"left", "right"}
+    assert np.abs(v[-1]).max() < 1e-12
+    stretch = q[-1, 1] - q[-1, 0] - 0.5
+    assert abs(400.0 * stretch) <= 0.2 * 1.0 * 9.81 * (1 + 1e-9)  # what is left holds at the weaker grip
+    # work of friction: each mass's own weight times its own way
+    way = np.array([np.abs(np.diff(simulation(np.linspace(0.0, 3.0, 20001))[0][:, k])).sum() for k in (0, 1)])
+    stored = 0.5 * 400.0 * (0.1**2 - stretch**2)
+    assert 0.2 * 9.81 * (1.0 * way[0] + 2.0 * way[1]) == pytest.approx(stored, rel=1e-5)
+
+
+def test_jam_in_motion_is_refused_in_words():
+    """A long thin rod sliding on rough ground far beyond the limit of Painleve: no acceleration is in balance."""
+    steep = Friction(coefficient=3.0, length=0.01)
+    mechanism = Mechanism(
+        name="sleeve",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.0, 0.0)}),
+            Link(name="sleeve", points={"P": (0.0, 0.0)}, mass=1.0, centre=(0.0, 0.4), inertia=0.05),
+        ),
+        pairs=(_sliding("S", "frame", "sleeve", ("G", "P"), steep),),
+        drives=(Drive(pair="S", law=Free(0.0, 1.0)),),
+        effects=("inertia", "gravity", "friction"),
+        loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
+    )
+    with pytest.raises(MechanismError, match=r"pairs\.S\.friction"):
+        simulate(mechanism, 1.0)
