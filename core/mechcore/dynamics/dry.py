@@ -221,7 +221,9 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
         tau = np.stack([_rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers = np.asarray(np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0], float)  # (n, e, f): acceleration per unit of friction
+        answers = np.asarray(
+            np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0], float
+        )  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
