@@ -7,7 +7,8 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -41,7 +42,8 @@ CyclesOpt = Annotated[
 
 def say(text: str) -> None:
     """Talk, to stderr."""
-    print(text, file=sys.stderr, flush=True)
+    with suppress(OSError):  # nobody listens
+        print(text, file=sys.stderr, flush=True)
 
 
 def fail(text: str, code: int = 2) -> NoReturn:
@@ -57,20 +59,46 @@ def clear_errors(source: str) -> Iterator[None]:
 
     try:
         yield
+        sys.stdout.flush()
     except MechanismError as e:
         from .scene import SceneError
 
         fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
-    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit
-        from .record import interruption
-
-        note = interruption(e) or "nothing was written."
-        fail(f"interrupted: {note}", 130 if isinstance(e, KeyboardInterrupt) else 143)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(0) from None
+    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit; the writer leaves a note on both
+        note = "\n".join(getattr(e, "__notes__", ())) or "Interrupted: nothing was written."
+        fail(note, 130 if isinstance(e, KeyboardInterrupt) else 143)
     except OSError as e:
-        fail(f"{e.filename or source}: {e.strerror or e}.")
+        raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
+
+
+def refuse(error: OSError) -> int:
+    """Says which file cannot be used; gives the exit code."""
+    say(f"{error.filename}: {error.strerror or error}.")
+    return 2
+
+
+def no_output(error: OSError) -> int:
+    """Gives up on stdout, silently where its reader has left (as `head` does); gives the exit code."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        return 0
+    say(f"the output cannot be written: {(error.strerror or str(error)).lower()}.")
+    return 1
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order."""
+    before = {
+        signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
+        signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_: sys.exit(143)),
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def load_scene(source: str) -> Scene:
@@ -104,8 +132,9 @@ def scenes(names: Annotated[bool, typer.Option("--names", help="bare names only,
 
     entries = gallery()
     width = max(len(e.name) for e in entries)
-    for e in entries:
-        print(e.name if names else f"{e.name:<{width}}  {e.teaches}")
+    with clear_errors("scenes"):
+        for e in entries:
+            print(e.name if names else f"{e.name:<{width}}  {e.teaches}")
 
 
 @app.command()
@@ -120,7 +149,8 @@ def schema() -> None:
     """Print the JSON Schema of scene files, for editors."""
     from .scene import json_schema
 
-    print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    with clear_errors("schema"):
+        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
 @app.command()
@@ -207,7 +237,6 @@ def record(
     """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
     from .record import RecordingError, write_recording
 
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     with clear_errors(scene):
         loaded = load_scene(scene)
         path = output
@@ -216,7 +245,8 @@ def record(
             path = Path("recordings") / f"{loaded.name}.rrd"
         run = solve(loaded, frames, cycles)
         try:
-            with progress_bar("recording") as bar:
+            import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
+            with interruptible(), progress_bar("recording") as bar:
                 summary = write_recording(run, path, progress=bar)
         except RecordingError as e:
             fail(str(e), 1)
@@ -272,15 +302,16 @@ def export(
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         try:
-            if csv is not None:
-                ex.export_csv(run, csv)
-                print(csv)
-            if parquet is not None:
-                ex.export_parquet(run, parquet)
-                print(parquet)
-            if stl is not None:
-                for path in ex.export_stl(run, stl):
-                    print(path)
+            with interruptible():
+                if csv is not None:
+                    ex.export_csv(run, csv)
+                    print(csv)
+                if parquet is not None:
+                    ex.export_parquet(run, parquet)
+                    print(parquet)
+                if stl is not None:
+                    for path in ex.export_stl(run, stl):
+                        print(path)
         except ex.ExportError as e:
             fail(str(e), 1)
 
@@ -289,8 +320,17 @@ app.command()(laws)
 
 
 def main() -> None:
-    """Entry point of the `mechviz` command."""
-    app()
+    """The `mechviz` command, once the signals are looked after."""
+    code: str | int | None = 0
+    try:
+        try:
+            app()
+        except SystemExit as end:
+            code = end.code
+        sys.stdout.flush()
+    except OSError as error:  # help, too, may go to a full disk
+        code = no_output(error)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from mechcore.equations import contour_equations
 from mechcore.leastnorm import indeterminate
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
+from mechcore.spec import Cylinder
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
 if TYPE_CHECKING:
@@ -96,8 +97,20 @@ def _reach(compiled: Compiled) -> list[str]:
     factor, unit = (180.0 / np.pi, "°") if rotary else (1e3, " mm")
     ranges = reachable_ranges(compiled)
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
-    words = "a full turn" if full else ", ".join(f"{a * factor:.7g}{unit} to {b * factor:.7g}{unit}" for a, b in ranges)
-    return [f"reach      drive {drive.pair}: {words}"]
+    if isinstance(next(pair for pair in compiled.mechanism.pairs if pair.name == drive.pair), Cylinder):
+        ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
+    spans = [f"{_plain(a * factor)}{unit} to {_plain(b * factor)}{unit}" for a, b in ranges]
+    lines = [f"reach      drive {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}"]
+    if len(spans) > 1:  # the first one is where the run starts
+        lines.append(
+            f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"
+        )
+    return lines
+
+
+def _plain(number: float) -> str:
+    """A number without rounding noise about zero."""
+    return f"{number if abs(number) > 1e-9 else 0.0:.7g}"
 
 
 def plan_lines(plan: Plan) -> list[str]:

@@ -97,7 +97,12 @@ def test_what_is_written_reads_back_the_same():
 GAS = 's = { gas = "S", bore = 1, top = 1, stroke = 8, '
 FORCE = 's = { force = [1, 0], on = "rod", at = "C", '
 FAULTS = [
-    ('s = { sprng = ["frame.H", "crank.B"] }', "loads.s", "unknown key 'sprng'", "Did you mean 'spring'?"),
+    (
+        's = { sprng = ["frame.H", "crank.B"], stiffness = 2, free_length = 1 }',
+        "loads.s",
+        "unknown key 'sprng'",
+        "Did you mean 'spring'?",
+    ),
     ('s = { spring = ["frame.H", "crank.B"], free_length = 1 }', "loads.s", "'stiffness' is missing", 'stiffness = "2 N/mm"'),
     ('s = { spring = ["frame.H", "crank.B"], stiffness = "2 N", free_length = 1 }', "loads.s.stiffness", "a stiffness", "2 N/mm"),
     ('s = { spring = ["frame.H", "crank.B"], stiffness = -2, free_length = 1 }', "loads.s.stiffness", "negative", "positive"),
@@ -145,7 +150,12 @@ FAULTS = [
     (FORCE + "table = { speed = [0, 1], factor = [0, 1] } }", "loads.s.table", "which point", "point ="),
     (FORCE + "table = { time = [0, 1], position = [0, 1], factor = [0, 1] } }", "loads.s.table", "at once", "Keep one"),
     (FORCE + 'table = { time = [0, 1], factor = [0, 1], pair = "S" } }', "loads.s.table.pair", "not go with time", "out"),
-    (FORCE + 'polynomial = { of = "spd", coefficients = [1] } }', "loads.s.polynomial.of", "'spd' is not one", "speed"),
+    (
+        FORCE + 'polynomial = { of = "spd", point = "rod.C", coefficients = [1] } }',
+        "loads.s.polynomial.of",
+        "'spd' is not one",
+        "speed",
+    ),
     (
         FORCE + 'polynomial = { of = "position", pair = "Q", coefficients = [1] } }',
         "loads.s.polynomial.pair",

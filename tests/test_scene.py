@@ -373,7 +373,7 @@ def test_gallery_scenes_survive_writing_and_reading(name):
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e6, max_value=1e6)
 POSITIVE = st.floats(min_value=1e-6, max_value=1e6)
 NAME = st.text(st.characters(exclude_categories=["C", "Z"], exclude_characters='/\\"'), min_size=1, max_size=12).filter(
-    lambda s: not s.startswith("__") and s not in (".", "..") and s.isprintable()
+    lambda s: not s.startswith("__") and s not in (".", "..") and all(c.isalnum() or (c.isascii() and c.isprintable()) for c in s)
 )
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
 

@@ -355,7 +355,7 @@ def test_a_fault_of_a_pair_has_path_message_and_remedy(pair, path, message, reme
         ({"belt": ["a", "bb"], "radii": [5, 5]}, 1),
         ({"rack": ["a", "bar"], "slider": "G", "radius": "40 kg"}, 1),
         ({"rolling": ["frame", "b"], "at": ["P", "B"], "radius": 0}, 1),
-        ({"gear": ["a", "bb"], "teeth": [20, -3]}, 1),
+        ({"gear": ["a", "bb"], "teeth": [20, -3]}, 2),  # two slips
         ({"rack": ["aa", "bar"], "slider": "G", "radius": -1}, 2),
     ],
 )

@@ -138,8 +138,8 @@ def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[f
         return 1.0, []
     key = "side" if words[0] == "left" else "branch"
     sign = _orientation(model, block, block.name)
-    where = {w: _place_of(model, block, state, s * sign) for w, s in zip(words, (1.0, -1.0), strict=True)}
-    options = ", or ".join(f'{key} = "{w}" (there {block.name} is at {where[w]})' for w in words)
+    where = dict(zip(words, _mode_words(model, block, state, (sign, -sign)), strict=True))
+    options = ", or ".join(f'{key} = "{w}" (there {where[w]})' for w in words)
     return 1.0, [
         Fault(
             f"pairs.{block.name}",
@@ -161,6 +161,21 @@ def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tup
     return out
 
 
+def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
+    """Both modes of a block in words, by what tells them apart: the place of its pair, else displacement and angles."""
+    places = [f"{block.name} is at {_place_of(model, block, state, mode)}" for mode in modes]
+    if len(set(places)) == len(places):
+        return places
+    rows = []
+    for mode in modes:
+        found = _solution(model, block, state, mode)
+        slides = [f"{model.joints[j].name} is displaced by {1e3 * float(found['slide', j].real):.4g} mm" for j in block.slides]
+        angles = [_angle_words(model, g, float(np.angle(found["angle", g]))) for g in block.angles]
+        rows.append([*slides, *angles])
+    telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
+    return [", ".join(row[k] for k in telling) or place for row, place in zip(rows, places, strict=True)]
+
+
 def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     """Where the block's pair is in one mode, in millimetres, for a message."""
     trial = state.copy()
@@ -170,7 +185,10 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     joint = model.joints[j]
     side = 1 if joint.slide is not None and joint.guide == 0 else 0
     k = model.ends[j][side]
-    z = (joint.b if side else joint.a) * model.turn[k] * trial.rot[model.angles.spin[k]]
+    start = trial.rot[model.angles.spin[k]]
+    if start is None:
+        return "a place that other groups decide"
+    z = (joint.b if side else joint.a) * model.turn[k] * start
     while k:
         i, p = model.tree.joint[k], model.tree.parent[k]
         tree_side = 1 if model.ends[i][1] == k else 0
@@ -184,8 +202,9 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
                 return "a place that other groups decide"
             z = z + sign * vector * model.turn[link] * rot
         k = p
-    z = complex(z)
-    return f"x = {1e3 * z.real:.4g} mm, y = {1e3 * z.imag:.4g} mm"
+    noise = 1e-12 * model.size
+    x, y = (0.0 if abs(part) < noise else 1e3 * part for part in (complex(z).real, complex(z).imag))
+    return f"x = {x:.4g} mm, y = {y:.4g} mm"
 
 
 def _orientation(model: Model, block: Block, pair: str) -> float:
@@ -394,10 +413,15 @@ def _fix_relations_of_group(
 def _describe(model: Model, block: Block, x: Array) -> str:
     words = []
     for i, g in enumerate(block.angles):
-        k = model.angles.links_of[g][0]
-        angle = np.degrees(x[i] + model.angles.offset[k])
-        words.append(f"{model.links[k]} {(angle + 180) % 360 - 180:.0f}°")
+        words.append(_angle_words(model, g, float(x[i])))
     return ", ".join(words)
+
+
+def _angle_words(model: Model, group: int, angle: float) -> str:
+    """The first link of a group of parallel links and its angle; ``angle`` is the group's [rad]."""
+    k = model.angles.links_of[group][0]
+    degrees = np.degrees(angle + model.angles.offset[k])
+    return f"{model.links[k]} {(degrees + 180) % 360 - 180:.0f}°"
 
 
 def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Array:
@@ -435,8 +459,9 @@ def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list
             found: list[tuple[str, bool]] = []
             if block.kind in TWO_MODES:
                 sign = _orientation(model, block, block.name)
-                for word, s in zip(WORDS[block.kind], (sign, -sign), strict=True):
-                    found.append((f"{word}: {block.name} at {_place_of(model, block, state, s)}", s == mode))
+                signs = (sign, -sign)
+                for word, s, text in zip(WORDS[block.kind], signs, _mode_words(model, block, state, signs), strict=True):
+                    found.append((f"{word}: {text}", s == mode))
             elif block.kind == "general":
                 start = assembly.starts[block.name]
                 for x in group_modes(model, block, state):

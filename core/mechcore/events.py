@@ -82,6 +82,8 @@ def _at(motion: Motion, rows: Real, t: float) -> float:
 
 
 def _words(motion: Motion, pair: str, value: float) -> str:
+    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(pair)), initial=0.0):  # rounding
+        value = 0.0
     j = motion.model.joint_index.get(pair)
     if j is None or motion.model.joints[j].coordinate == "angle":
         return f"{np.degrees(value):.4g}°"

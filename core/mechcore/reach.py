@@ -51,11 +51,12 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
         )
 
     grid = q0 + np.linspace(-half, half, samples)
-    state = solved(grid).state
+    state, gaps = solved(grid).state, [grid]
     for block in model.blocks:
         if block.kind in TWO_MODES:  # gaps that are narrower than the grid
             for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
-                grid = np.union1d(grid, np.clip([start, 0.5 * (start + end), end], q0 - half, q0 + half))
+                gaps.append(np.clip([start, 0.5 * (start + end), end], q0 - half, q0 + half))
+    grid = np.unique(np.concatenate(gaps))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])
     before, after = grid[edges].copy(), grid[edges + 1].copy()

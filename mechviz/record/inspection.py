@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ HEALTH = (
     ("power_balance", ""),
     ("energy_drift", ""),
 )
+
+NOISE = 1e-9  # of the largest value of the same unit
 
 
 @dataclass(frozen=True)
@@ -142,13 +144,24 @@ def _peak(
 
 
 def _drive_at(rows: Rows, k: int) -> str:
-    words = {"drive_mdeg": lambda x: f"{1e-3 * x:.3f}°", "drive_um": lambda x: f"{1e-3 * x:.3f} mm"}
-    return ", ".join(words[name](int(ticks[k])) for name, ticks in rows.drives.items())
+    return ", ".join(_tick_words(name, ticks[k]) for name, ticks in rows.drives.items())
+
+
+def _tick_words(timeline: str, tick: int | np.int64) -> str:
+    """A position of a drive as its timeline counts it: in thousandths of a degree, or of a millimetre."""
+    return f"{1e-3 * int(tick):.3f}{ {'drive_mdeg': '°', 'drive_um': ' mm'}[timeline] }"
 
 
 def _drive_range(rows: Rows) -> str:
-    first, last = _drive_at(rows, 0), _drive_at(rows, len(rows.time) - 1)
-    return f"{first} to {last}" if first else ""
+    """Where each drive starts and ends, and between which positions it goes where these are not its ends."""
+    spans = []
+    for name, ticks in rows.drives.items():
+        first, last = _tick_words(name, ticks[0]), _tick_words(name, ticks[-1])
+        least, greatest = (int(value) for value in (ticks.min(), ticks.max()))
+        ends = sorted((int(ticks[0]), int(ticks[-1])))
+        between = "" if [least, greatest] == ends else f" between {_tick_words(name, least)} and {_tick_words(name, greatest)}"
+        spans.append(f"{first} to {last}{between}")
+    return ", ".join(spans)
 
 
 def format_inspection(found: Inspection) -> str:
@@ -170,7 +183,7 @@ def format_inspection(found: Inspection) -> str:
     width = max(len(name) for name, _ in rows)
     lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
     if found.peaks:
-        lines += ["", "Peaks", *_peak_lines(found.peaks)]
+        lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
     if found.health:
         lines += ["", "Worst health", *_peak_lines(found.health)]
     lines += ["", "Events", *(f"  {e.level:<4}  {e.text}" for e in found.events)]
@@ -179,9 +192,18 @@ def format_inspection(found: Inspection) -> str:
     return "\n".join(lines)
 
 
+def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
+    """Peaks with zero for what is rounding beside the largest of its kind. Health figures, which are rounding, are not for this."""
+    largest: dict[str, float] = {}
+    for peak in peaks:
+        largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
+    return tuple(replace(peak, value=0.0) if abs(peak.value) <= NOISE * largest[peak.unit] else peak for peak in peaks)
+
+
 def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:
     width = max(len(p.item) for p in peaks)
     return [
-        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<4}  at {p.time:.6g} s" + (f", drive {p.drive}" if p.drive else "")
+        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<4}"
+        + (f"  at {p.time:.6g} s" + (f", drive {p.drive}" if p.drive else "") if p.value else "  throughout")
         for p in peaks
     ]

@@ -12,10 +12,11 @@ from .drives import law_of
 from .load_references import check_loads
 from .load_specs import load_spec
 from .masses import links_that_cannot_turn, mass_properties
+from .meant import likely_sort, links_as_meant, points_as_meant, touched_links
 from .pair_specs import drawn_angle, modes_of, pair_spec
-from .pairs import PairDocument
+from .pairs import KINDS, PairDocument
 from .placement import place_links
-from .references import check_references, resolve_trace
+from .references import check_joining, check_link_names, check_references, check_trace, resolve_trace
 from .studies import needs_inertia, studies_of
 from .validate import Reading
 
@@ -27,34 +28,52 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
     """
+    faults = [*check_link_names(reading), *check_loads(reading)]
+    if faults or reading.faults:
+        reading = links_as_meant(reading)
+        faults += check_loads(reading)  # points of links whose names were misspelt
+    faults += check_references(reading)
+    if faults or reading.faults:
+        reading = points_as_meant(reading)
+    faults += check_couplings(reading)
+    touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.pairs | reading.shapeless).items()}
+    certain = not reading.shapeless and all(sure for _, sure in touched.values())
+    joined = {key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.pairs[key].joins}
+    faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
     document = reading.document
     convert = Converter.of(document.units)
-    faults = [*check_references(reading), *check_couplings(reading), *check_loads(reading)]
     placement = place_links(document, convert)
-    parallel = links_that_cannot_turn(document)
+    parallel = links_that_cannot_turn(document, touched)
     links = []
     for key, link in document.links.items():
-        points = placement.points.get(key)
-        if points:
-            settled = key == document.frame or key in reading.broken["links"]  # nothing is missing, or it is not known
-            needed = [*document.effects, *(["inertia"] if needs_inertia(document, key) else [])]
-            effects = () if settled else tuple(dict.fromkeys(needed))
+        needed = [*document.effects, *(["inertia"] if needs_inertia(document, key) else [])]
+        effects = () if key == document.frame else tuple(dict.fromkeys(needed))
+        points = placement.points.get(key, {})
+        try:
             mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=key not in parallel)
+        except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
+            if not reading.faults:
+                raise
+            continue  # what fails here fails by a part that could not be read, which is noted already
+        if points:
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
-    pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items()]
+    pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items() if len(pair.kinds) == 1]
     laws: dict[str, Law] = {}
-    masters: dict[str, Law] = {}
-    driven = {key: pair.drive for key, pair in document.pairs.items() if pair.drive is not None}
+    masters: dict[str, Law | None] = {}
+    moved = document.pairs | reading.shapeless
+    driven = {key: pair.drive for key, pair in moved.items() if pair.drive is not None}
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
-        pair, path = document.pairs[key], f"pairs.{key}.drive"
-        drawn = drawn_angle(pair, placement) if pair.coordinate == "angle" else 0.0
-        law = law_of(driven[key], pair.coordinate, convert, path, drawn=drawn, cycles=document.run.cycles, masters=masters)
+        pair, path = moved[key], f"pairs.{key}.drive"
+        clear = KINDS[pair.kind].driven if len(pair.kinds) == 1 else ""
+        sort = clear or likely_sort(driven[key])
+        drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
+        law = law_of(driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, masters=masters)
         if law is not None:
             _check_length(pair, law, convert, path)
             laws[key] = law
-            if pair.coordinate == "angle" and driven[key].program is None:
-                masters[key] = law
+        if sort == "angle" and driven[key].program is None:
+            masters[key] = law
     drives = [Drive(pair=key, law=laws[key]) for key in driven if key in laws]
     loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
@@ -85,7 +104,7 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
 def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:
     """The drive of a cylinder prescribes the distance of two points, which has to be positive."""
     start = float(law(0.0)[0])
-    if pair.kind == "cylinder" and start <= 0.0:
+    if pair.kinds == ["cylinder"] and start <= 0.0:
         convert.note(
             path,
             f"the cylinder's length starts at {1e3 * start:g} mm.",

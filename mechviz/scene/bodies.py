@@ -17,7 +17,7 @@ from mechcore.reduction.areas import Area, rounded_hull
 
 from .faults import did_you_mean
 from .fields import Density, Mass, Number, Point, Size, Text
-from .tables import Table, refuse
+from .tables import Table, Unknown, is_whole, refuse
 
 if TYPE_CHECKING:
     from .convert import Converter
@@ -128,7 +128,7 @@ class MassDocument(Table):
         if self.bulges is not None and self.polygon is not None and len(self.bulges) != len(self.polygon):
             found.append(("bulges", f"{len(self.bulges)} bulges for {len(self.polygon)} sides.", "Give one for each side."))
         if kinds == ["solid"]:
-            wanted = SOLIDS[str(self.solid)].sizes
+            wanted = SOLIDS[str(self.solid)].sizes if str(self.solid) in SOLIDS else (*_SIZES, "thickness")
             for k in (*_SIZES, "thickness"):
                 if getattr(self, k) is not None and k not in wanted:
                     found.append((k, f"a {self.solid} has no {k}.", f"Its sizes: {', '.join(wanted)}."))
@@ -164,7 +164,7 @@ def lumps_of(lumps: list[LumpDocument], points: Mapping[str, Vec2], convert: Con
 def _place(at: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -> Vec2:
     if not isinstance(at, str):
         return convert.vector(at, "length", path)
-    if at not in points:
+    if at not in points and not isinstance(at, Unknown):
         convert.note(path, f"the link has no point '{at}'.", did_you_mean(at, points, what="Points"))
     return points.get(at, (0.0, 0.0))
 
@@ -182,11 +182,15 @@ def body_of(m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, co
         else:
             found = _flat(m, points, density, mass, convert, path)
     except MechanismError as error:
-        if len(convert.faults) == before:
+        if len(convert.faults) == before and is_whole(m):
             for f in error.faults:
                 convert.note(path, f.message, f.remedy)
         return Body(1.0)
-    if len(convert.faults) == before and not (math.isfinite(found.inertia) and found.mass >= 0.0 and found.inertia >= 0.0):
+    if (
+        len(convert.faults) == before
+        and is_whole(m)
+        and not (math.isfinite(found.inertia) and found.mass >= 0.0 and found.inertia >= 0.0)
+    ):
         convert.note(path, "the shape has no positive mass.", "Check sizes, holes and density.")
     return found
 

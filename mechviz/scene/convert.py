@@ -28,15 +28,22 @@ class Converter:
 
     units: Units
     faults: list[Fault] = field(default_factory=list)
+    unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in another one
 
     @classmethod
     def of(cls, units: UnitsDocument) -> Converter:
-        return cls(Units(**units.model_dump()))
+        return cls(Units(**units.model_dump()), unknown=units.unread)
+
+    def certain(self, kind: str) -> bool:
+        """Whether values of this kind can be compared: not where some have their own unit and the scene's is not known."""
+        return self.unknown.isdisjoint((kind, "*"))
 
     def note(self, path: str, message: str, remedy: str = "") -> None:
         self.faults.append(Fault(path, message, remedy))
 
     def si(self, value: float | str, kind: str, path: str) -> float:
+        if isinstance(value, float) and math.isnan(value):  # stands for one that could not be read
+            return math.nan
         try:
             number = self.units.si(value, kind)
         except QuantityError as error:
@@ -59,7 +66,7 @@ class Converter:
     def increasing(self, values: Sequence[float], path: str) -> bool:
         """Notes the first place where a table's argument does not grow."""
         for k in range(1, len(values)):
-            if values[k] - values[k - 1] < SMALLEST:
+            if values[k] - values[k - 1] < SMALLEST:  # not where one of them is NaN
                 self.note(
                     f"{path}[{k}]",
                     "does not grow from the value before it.",

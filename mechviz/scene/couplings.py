@@ -13,6 +13,7 @@ from .faults import did_you_mean, listing
 from .pairs import PairDocument
 from .placement import Placement
 from .references import points_of_pair
+from .tables import Unknown
 from .validate import Reading
 
 __all__ = ["carrier_of", "check_couplings", "check_gear"]
@@ -75,6 +76,8 @@ def carrier_of(document: SceneDocument, pair: PairDocument) -> str | None:
 def check_couplings(reading: Reading) -> Iterator[Fault]:
     """Faults of the links and pairs that gears, belts and racks name."""
     for name, pair in reading.document.pairs.items():
+        if len(pair.kinds) > 1:
+            continue
         if pair.kind in ("gear", "belt", "chain"):
             yield from _carried(reading, f"pairs.{name}", pair)
         elif pair.kind == "rack":
@@ -88,11 +91,16 @@ def _links(reading: Reading) -> list[str]:
     return [str(name) for name in raw] if isinstance(raw, dict) else []
 
 
+def _unclear(reading: Reading) -> bool:
+    """Whether it is not known of some pair which links it joins, so that it may be the one that is missed."""
+    pairs = reading.document.pairs.values()
+    doubtful = any(len(pair.kinds) > 1 or any(isinstance(link, Unknown) for link in pair.links) for pair in pairs)
+    return bool(reading.shapeless) or doubtful or "*" in reading.broken["pairs"]
+
+
 def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
     document, links = reading.document, _links(reading)
-    if pair.carrier is not None and pair.carrier not in links:
-        if "*" not in reading.broken["links"]:
-            yield Fault(f"{path}.carrier", f"there is no link '{pair.carrier}'.", did_you_mean(pair.carrier, links, what="Links"))
+    if isinstance(pair.carrier, Unknown):
         return
     if pair.carrier in pair.links:
         yield Fault(
@@ -101,7 +109,7 @@ def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]
             "Name the link to which both wheels are pinned.",
         )
         return
-    if reading.broken["pairs"] or not set(pair.links) <= set(links):
+    if _unclear(reading) or not set(pair.links) <= set(links):
         return  # the pin that is missing may be the one that could not be read
     carrier = carrier_of(document, pair)
     if carrier is not None:
@@ -136,7 +144,7 @@ def _not_pinned(path: str, link: str, carrier: str, others: list[str]) -> Fault:
 def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
     document = reading.document
     pinion, rack = pair.links
-    if reading.broken["pairs"] or pair.slider is None or not {pinion, rack} <= set(_links(reading)):
+    if _unclear(reading) or pair.slider is None or not {pinion, rack} <= set(_links(reading)):
         return
     guides = [name for name, other in document.pairs.items() if other.kind == "prismatic" and rack in other.links]
     if pair.slider not in guides:
@@ -189,7 +197,7 @@ def check_gear(
     if key == "teeth" or distance is None:
         return
     sum_of = sizes[1] - sizes[0] if pair.internal else sizes[0] + sizes[1]
-    if abs(sum_of - distance) > _FIT * distance:
+    if abs(sum_of - distance) > _FIT * distance and convert.certain("length"):
         word = "difference" if pair.internal else "sum"
         convert.note(
             f"{path}.radii",

@@ -109,7 +109,7 @@ class LinkDocument(Table):
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:
         found = []
-        if isinstance(self.points, list) and len(set(self.points)) < len(self.points):
+        if self.sound("points") and isinstance(self.points, list) and len(set(self.points)) < len(self.points):
             found.append(("points", "a point is listed twice.", "Name each point once."))
         if isinstance(self.mass, MassDocument):
             for key in ("shape", "inertia") if self.mass.solid else ("shape", "centre", "inertia"):
@@ -124,7 +124,7 @@ class LinkDocument(Table):
                         f"Leave out shape or {key}.",
                     )
                 )
-        if self.shape == "bar" and len(self.points) < 2:
+        if self.sound("points") and self.shape == "bar" and len(self.points) < 2:
             found.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
             found.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))

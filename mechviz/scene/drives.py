@@ -45,7 +45,7 @@ class _Coordinate:
         given = [
             self.convert.si(v, kind, f"{self.path}.{key}[{k}]") for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
         ]
-        position, velocity, acceleration = (*given, 0.0, 0.0)[:3]
+        position, velocity, acceleration = (*given, 0.0, 0.0, 0.0)[:3]
         return position, velocity, acceleration
 
 
@@ -57,7 +57,7 @@ def law_of(
     *,
     drawn: float = 0.0,
     cycles: int = 1,
-    masters: Mapping[str, Law] | None = None,
+    masters: Mapping[str, Law | None] | None = None,
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
@@ -66,12 +66,12 @@ def law_of(
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
+    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}
+    made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program"]
     if drive.program is not None:
         start = _start(drive, coordinate, drawn)
-        return None if math.isnan(start) else program_law(drive.program, start, coordinate.position, convert, path, masters or {})
-    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}[drive.law]
-    law = make(drive, coordinate, drawn, cycles)
-    return law if len(convert.faults) == before else None
+        made.append(program_law(drive.program, start, coordinate.position, convert, path, masters or {}))
+    return made[0] if len(made) == 1 and len(convert.faults) == before else None
 
 
 def _start(drive: DriveDocument, coordinate: _Coordinate, drawn: float) -> float:
@@ -82,6 +82,10 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     assert drive.speed is not None
     speed = coordinate.speed(drive.speed, "speed")
     if drive.range is not None:
+        if drive.start is not None:  # said twice, which is noted already: its unit may be wrong all the same
+            _start(drive, coordinate, drawn)
+        if drive.travel is not None:
+            coordinate.distance(drive.travel, "travel")
         least, greatest = (coordinate.position(value, f"range[{k}]") for k, value in enumerate(drive.range))
         if least >= greatest:
             coordinate.convert.note(
@@ -93,10 +97,14 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             coordinate.convert.note(
                 "run.cycles", f"{cycles} cycles of a motion that ends at the end of its range.", "Write cycles = 1."
             )
+        if any(map(math.isnan, (speed, least, greatest))):
+            return None
         return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least)
     start = _start(drive, coordinate, drawn)
     if drive.travel is not None:
-        return ConstantSpeed(start=start, speed=speed, travel=coordinate.distance(drive.travel, "travel"))
+        travel = coordinate.distance(drive.travel, "travel")
+        sound = not any(map(math.isnan, (start, speed, travel)))
+        return ConstantSpeed(start=start, speed=speed, travel=travel) if sound else None
     if coordinate.kinds[0] == "length":
         coordinate.convert.note(
             coordinate.path,
@@ -104,11 +112,11 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             "Add travel = ... (a length) or range = [least, greatest].",
         )
         return None
-    return ConstantSpeed(start=start, speed=speed)
+    return None if math.isnan(start) or math.isnan(speed) else ConstantSpeed(start=start, speed=speed)
 
 
 def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
-    assert drive.zones is not None and drive.speed is not None
+    assert drive.zones is not None
     run_up, steady, braking = (
         coordinate.distance(value, f"zones.{key}")
         for key, value in (
@@ -117,8 +125,9 @@ def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
             ("braking", drive.zones.braking),
         )
     )
-    start, speed = _start(drive, coordinate, drawn), coordinate.speed(drive.speed, "speed")
-    if any(map(math.isnan, (run_up, steady, braking, start, speed))):
+    start = _start(drive, coordinate, drawn)
+    speed = math.nan if drive.speed is None else coordinate.speed(drive.speed, "speed")
+    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or not any((run_up, steady, braking)):
         return None
     if cycles > 1 and (run_up > 0.0) != (braking > 0.0):
         coordinate.convert.note(
@@ -129,21 +138,21 @@ def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     return zones(start=start, speed=speed, run_up=run_up, steady=steady, braking=braking)
 
 
-def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law:
+def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
     given = drive.oscillation
     assert given is not None
     convert, path = coordinate.convert, coordinate.path
+    frequency = math.nan
+    if given.period is not None:
+        frequency = 1.0 / convert.si(given.period, "time", f"{path}.oscillation.period")
     if given.frequency is not None:
         frequency = convert.si(given.frequency, "frequency", f"{path}.oscillation.frequency")
-    else:
-        assert given.period is not None
-        frequency = 1.0 / convert.si(given.period, "time", f"{path}.oscillation.period")
-    return Oscillation(
-        centre=coordinate.position(given.centre, "oscillation.centre"),
-        amplitude=coordinate.position(given.amplitude, "oscillation.amplitude"),
-        frequency=frequency,
-        phase=convert.si(given.phase, "angle", f"{path}.oscillation.phase"),
-    )
+    centre = coordinate.position(given.centre, "oscillation.centre")
+    amplitude = coordinate.position(given.amplitude, "oscillation.amplitude")
+    phase = convert.si(given.phase, "angle", f"{path}.oscillation.phase")
+    if any(map(math.isnan, (frequency, centre, amplitude, phase))):
+        return None
+    return Oscillation(centre=centre, amplitude=amplitude, frequency=frequency, phase=phase)
 
 
 def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
@@ -154,6 +163,8 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     durations = [convert.si(segment.duration, "time", f"{path}.segments[{k}].duration") for k, segment in enumerate(drive.segments)]
     states = [start, *ends]
     if any(math.isnan(value) for state in states for value in state) or any(map(math.isnan, durations)):
+        return None
+    if not drive.sound("segments"):
         return None
     if cycles > 1 and ends[-1][1] != start[1]:
         convert.note(
@@ -184,10 +195,13 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
             f"{cycles} cycles of a table that does not repeat.",
             "Write cycles = 1, or periodic = true in the table.",
         )
-    if not convert.increasing(times, f"{path}.table.time") or any(map(math.isnan, positions)):
+    increasing = convert.increasing(times, f"{path}.table.time")
+    if not given.sound("time", "position") or any(map(math.isnan, positions)):
         return None
     if len(set(positions)) == 1:
         convert.note(f"{path}.table.position", "all positions are the same: nothing moves.", "Give another position.")
+        return None
+    if not increasing or len(times) != len(positions) or (given.periodic and len(times) < 4):
         return None
     try:
         return TableLaw(t=times, q=positions, periodic=given.periodic)

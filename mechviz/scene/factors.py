@@ -66,14 +66,14 @@ class FactorTable(Table):
 
     @property
     def of(self) -> str:
-        return next(key for key in ARGUMENTS if getattr(self, key) is not None)
+        return next((key for key in ARGUMENTS if getattr(self, key) is not None), "position")
 
     @model_validator(mode="after")
     def _same_length(self) -> FactorTable:
         refuse(one_of(self, ARGUMENTS, "the table"))
         rows = getattr(self, self.of)
         found = _names(self.of, self.pair, self.drive, self.point)
-        if len(rows) != len(self.factor):
+        if self.sound(self.of, "factor") and len(rows) != len(self.factor):
             plural = f"{self.of}s" if self.of in ("position", "time", "speed") else f"values of {self.of}"
             found.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
         if self.period is not None and self.of not in ("position", "time"):

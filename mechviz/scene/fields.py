@@ -194,6 +194,12 @@ def _name(value: str) -> str:
     bad = next((c for c in value if c in '/\\"' or not c.isprintable()), "")
     if bad:
         raise fault(f"the name {describe(value)} contains {bad!r}, which breaks paths.", f"Write '{value.replace(bad, '_')}'.")
+    odd = next((c for c in value if not c.isascii() and not c.isalnum()), "")
+    if odd:  # rerun writes them as numbers, which readers of recordings do not know to undo
+        raise fault(
+            f"the name {describe(value)} contains {odd!r}, which recordings cannot keep as it is.",
+            "Use letters of any language, digits, spaces and signs of ASCII.",
+        )
     return value
 
 

@@ -129,7 +129,7 @@ class DiagramDocument(Table):
             found.append(("", f"the diagram has {', '.join(self.branches) or 'no branch'}.", hint))
         n = len(self.displacement)
         for key in self.branches:
-            if len(getattr(self, key)) != n:
+            if self.sound(key, "displacement") and len(getattr(self, key)) != n:
                 found.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
         refuse(found)
         return self
@@ -254,8 +254,13 @@ class LoadDocument(Table):
     """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
 
     @property
+    def kinds(self) -> list[str]:
+        """The kinds that are given: one, in a load that is not faulty."""
+        return [kind for kind in KINDS if getattr(self, kind) is not None]
+
+    @property
     def kind(self) -> str:
-        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+        return self.kinds[0]
 
     @model_validator(mode="after")
     def _one_load(self) -> LoadDocument:

@@ -9,6 +9,7 @@ from mechcore.errors import Fault
 from .document import LoadDocument
 from .faults import did_you_mean, listing
 from .references import known_link, known_point, link_names, point_names
+from .tables import Unknown
 from .validate import Reading
 
 __all__ = ["check_loads", "split_point"]
@@ -36,7 +37,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
             for k, text in enumerate(ends or ()):
                 yield from _point(reading, f"{path}.{key}[{k}]", text)
             found = [split_point(reading, text) for text in ends or ()]
-            if ends and found[0] and found[1] and found[0][0] == found[1][0]:
+            if ends and ends[0] != ends[1] and found[0] and found[1] and found[0][0] == found[1][0]:
                 yield Fault(f"{path}.{key}", f"both points are on '{found[0][0]}'.", "Name points of two links.")
         for key in ("torsion_spring", "torsion_damper"):
             for k, link in enumerate(getattr(load, key) or ()):
@@ -66,7 +67,7 @@ def _prescribed(reading: Reading, load: LoadDocument, path: str) -> Iterator[Fau
         yield Fault(f"{path}.on", f"'{load.on}' is the fixed link: a load on it moves nothing.", "Name a moving link.")
     elif load.at is not None:
         yield from known_point(reading, f"{path}.at", load.on, load.at)
-    elif load.force is not None:
+    elif load.kinds == ["force"]:
         points = point_names(reading, load.on) or []
         if len(points) > 1:
             why = "'at' is missing: where on the link does the force act?"
@@ -80,7 +81,7 @@ def _prescribed(reading: Reading, load: LoadDocument, path: str) -> Iterator[Fau
 def _point(reading: Reading, path: str, text: str, *, links: bool = False) -> Iterator[Fault]:
     """``"link.point"`` has to be there; ``links``: or the name of a link."""
     names = link_names(reading)
-    if split_point(reading, text) is not None or "*" in reading.broken["links"]:
+    if isinstance(text, Unknown) or split_point(reading, text) is not None or "*" in reading.broken["links"]:
         return
     link = max((k for k in names if text.startswith(f"{k}.")), key=len, default="")
     if link:
@@ -101,7 +102,7 @@ def _point(reading: Reading, path: str, text: str, *, links: bool = False) -> It
 
 def _pair(reading: Reading, path: str, pair: str | None, kinds: tuple[str, ...], what: str) -> Iterator[Fault]:
     """A pair that has to be there, of one of some kinds."""
-    if pair is None or pair in reading.broken["pairs"] or "*" in reading.broken["pairs"]:
+    if pair is None or isinstance(pair, Unknown) or pair in reading.shapeless or "*" in reading.broken["pairs"]:
         return
     pairs = reading.document.pairs
     fitting = [name for name, p in pairs.items() if not kinds or p.kind in kinds]
@@ -123,7 +124,7 @@ def _words(kind: str) -> str:
 def _driven(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
     pairs = reading.document.pairs
     driven = [name for name, pair in pairs.items() if pair.drive is not None]
-    if drive is None or drive in {*driven, *reading.undriven, *reading.broken["pairs"]}:
+    if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["pairs"]:
         return
     what = f"pair '{drive}' has no drive." if drive in pairs else f"there is no pair '{drive}'."
     yield Fault(path, what, did_you_mean(drive, driven, what="Driven pairs"))

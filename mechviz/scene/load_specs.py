@@ -28,6 +28,7 @@ from .convert import LARGEST, Converter
 from .document import LoadDocument, SceneDocument
 from .factors import FactorPolynomial, FactorTable
 from .load_references import split_point
+from .meant import likely_sort
 from .validate import Reading
 
 __all__ = ["load_spec"]
@@ -44,8 +45,16 @@ _RATES = {"angle": "angular speed", "length": "linear speed"}
 
 
 def load_spec(name: str, load: LoadDocument, reading: Reading, convert: Converter) -> Load | None:
-    """The load, or None where a name that it refers to is not there (which `check_loads` says)."""
-    return _Maker(name, load, reading, convert).make()
+    """The load, or None where a name that it refers to is not there (which `check_loads` says), or a part of it is faulty."""
+    made = []
+    for kind in load.kinds:
+        try:
+            made.append(_MAKERS[kind](_Maker(name, load, reading, convert)))
+        except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
+            if not reading.faults:
+                raise
+            return None  # what fails here fails by a part that could not be read, which is noted already
+    return made[0] if len(made) == 1 else None
 
 
 class _Maker:
@@ -55,9 +64,6 @@ class _Maker:
         self.name, self.load, self.reading, self.convert = name, load, reading, convert
         self.document: SceneDocument = reading.document
         self.path = f"loads.{name}"
-
-    def make(self) -> Load | None:
-        return _MAKERS[self.load.kind](self)
 
     @property
     def common(self) -> dict[str, Any]:
@@ -78,21 +84,22 @@ class _Maker:
     # -- forces and torques -------------------------------------------------------------------------------------------
     def force(self) -> Load | None:
         load = self.load
-        assert load.force is not None and load.on is not None
+        assert load.force is not None
         factor = self.factor()
         vector = self.convert.vector(load.force, "force", f"{self.path}.force")
         point = load.at
+        if load.on is None:  # noted where the load was read
+            return None
         if point is None:
             link = self.document.links.get(load.on)
-            point = next(iter(link.points)) if link is not None else ""
+            point = next(iter(link.points), "") if link is not None else ""
         return Force(**self.common, link=load.on, point=point, vector=vector, axes=load.axes, factor=factor, against=load.against)
 
     def torque(self) -> Load | None:
-        assert self.load.on is not None
-        factor = self.factor()
-        return Torque(
-            **self.common, link=self.load.on, moment=self.si("torque", "torque"), factor=factor, against=self.load.against
-        )
+        factor, moment = self.factor(), self.si("torque", "torque")
+        if self.load.on is None:  # noted where the load was read
+            return None
+        return Torque(**self.common, link=self.load.on, moment=moment, factor=factor, against=self.load.against)
 
     def factor(self) -> Factor | None:
         """The factor by table or polynomial, None where there is none or a fault was noted."""
@@ -101,9 +108,7 @@ class _Maker:
             return None
         pair = given.pair or given.drive
         point = None if given.point is None else split_point(self.reading, given.point)
-        kind = self.argument_kind(given.of, pair)
-        if kind is None or (given.point is not None and point is None):
-            return None
+        kind = self.argument_kind(given.of, pair) or self.likely_kind(given)
         if isinstance(given, FactorTable):
             function: Table | Polynomial | None = self.table(given, kind)
         else:
@@ -114,7 +119,9 @@ class _Maker:
                 if self.moderate(given.coefficients, f"{path}.coefficients")
                 else None
             )
-        return None if function is None else Factor(function=function, of=given.of, pair=pair, point=point)  # type: ignore[arg-type] # one of ARGUMENTS
+        if function is None or (given.point is not None and point is None):
+            return None
+        return Factor(function=function, of=given.of, pair=pair, point=point)  # type: ignore[arg-type] # one of ARGUMENTS
 
     def argument_kind(self, of: str, pair: str | None) -> str | None:
         """The kind of quantity that a factor depends on; None where its pair is not there."""
@@ -122,10 +129,15 @@ class _Maker:
             return _ARGUMENT_KINDS[of]
         driven = [p for p in self.document.pairs.values() if p.drive is not None]
         found = self.document.pairs.get(pair) if pair is not None else (driven[0] if driven else None)
-        if found is None:
+        if found is None or len(found.kinds) > 1:
             return None
         sort = "length" if found.kind in ("prismatic", "pin_slot", "rolling", "cylinder") else "angle"
         return sort if of == "position" else _RATES[sort]
+
+    def likely_kind(self, given: FactorTable | FactorPolynomial) -> str:
+        """The kind where the pair is not known: that of the values as they are written."""
+        sort = likely_sort(given)
+        return sort if given.of == "position" else _RATES.get(sort, "time")
 
     def moderate(self, values: list[float], path: str) -> bool:
         """Notes the first number that is beyond all measure."""
@@ -137,29 +149,27 @@ class _Maker:
 
     def table(self, given: FactorTable, kind: str) -> Table | None:
         convert, path = self.convert, f"{self.path}.table"
-        x, y = convert.row(getattr(given, given.of), kind, f"{path}.{given.of}"), tuple(given.factor)
-        if not self.moderate(given.factor, f"{path}.factor") or not convert.increasing(x, f"{path}.{given.of}"):
+        x, y = convert.row(getattr(given, given.of) or (), kind, f"{path}.{given.of}"), tuple(given.factor)
+        moderate, increasing = self.moderate(given.factor, f"{path}.factor"), convert.increasing(x, f"{path}.{given.of}")
+        period = None if given.period is None else convert.si(given.period, kind, f"{path}.period")
+        if not increasing or not given.sound(given.of) or not x:
             return None
-        period = None
-        if given.period is not None:
-            period = convert.si(given.period, kind, f"{path}.period")
-            span = x[-1] - x[0]
-            if math.isclose(span, period, rel_tol=1e-12):  # the closing row is a repetition of the first one
-                if y[-1] != y[0]:
-                    convert.note(
-                        f"{path}.factor[{len(y) - 1}]",
-                        f"differs from the first factor, {y[0]:g}, one period before.",
-                        "Give both the same factor, or leave out the last row.",
-                    )
-                    return None
-                x, y = x[:-1], y[:-1]
-            elif span > period:
+        span = x[-1] - x[0]
+        if period is not None and span > period * (1.0 + 1e-12) and convert.certain(kind):
+            why = f"is shorter than the range of the {given.of}s."
+            convert.note(f"{path}.period", why, "Give a longer period, or fewer rows.")
+            return None
+        if not moderate or len(x) != len(y) or any(map(math.isnan, (*y, period or 0.0))):
+            return None
+        if period is not None and math.isclose(span, period, rel_tol=1e-12):  # the closing row is a repetition of the first one
+            if y[-1] != y[0]:
                 convert.note(
-                    f"{path}.period",
-                    f"is shorter than the range of the {given.of}s.",
-                    "Give a longer period, or fewer rows.",
+                    f"{path}.factor[{len(y) - 1}]",
+                    f"differs from the first factor, {y[0]:g}, one period before.",
+                    "Give both the same factor, or leave out the last row.",
                 )
                 return None
+            x, y = x[:-1], y[:-1]
         return self.spline(x, y, f"{path}.{given.of}", period, given.smooth)
 
     def spline(
@@ -216,7 +226,9 @@ class _Maker:
     def drag(self) -> Load | None:
         assert self.load.drag is not None
         point = split_point(self.reading, self.load.drag)
-        turning = point is None or self.load.drag in self.document.links
+        turning = self.load.drag in self.document.links
+        if point is None and not turning:
+            return None
         sort = "torsional damping" if turning else "damping"
         values: dict[str, Any] = {"linear": self.si("linear", sort), "quadratic": self.si("quadratic", f"quadratic {sort}")}
         self.not_nothing(values)
@@ -234,7 +246,8 @@ class _Maker:
         return Viscous(**self.common, pair=self.load.viscous, coefficient=self.si("linear", sort))
 
     def not_nothing(self, values: dict[str, float]) -> None:
-        if all(value == 0.0 for value in values.values()):
+        given = self.load.linear is not None or self.load.quadratic is not None
+        if given and all(value == 0.0 for value in values.values()):
             self.convert.note(
                 self.path, "its coefficients are zero: it does nothing.", "Give one of them a value, or leave it out."
             )
@@ -305,7 +318,8 @@ class _Maker:
         branches: dict[str, Any] = {}
         for key in given.branches:
             y = convert.row(getattr(given, key), "pressure", f"{path}.{key}")
-            branches[key] = None if any(map(math.isnan, y)) else self.spline(x, y, f"{path}.displacement", smooth=False)
+            whole = len(y) == len(x) and not any(map(math.isnan, y))
+            branches[key] = None if not whole else self.spline(x, y, f"{path}.displacement", smooth=False)
         if any(branch is None for branch in branches.values()):
             return None
         return Diagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)

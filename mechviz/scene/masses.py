@@ -11,20 +11,29 @@ from .bodies import MassDocument, body_of, lumps_of
 from .convert import Converter
 from .document import LinkDocument, SceneDocument
 from .faults import did_you_mean, listing
+from .tables import Unknown
 
 __all__ = ["links_that_cannot_turn", "mass_properties"]
 
 Vec2 = tuple[float, float]
 
 
-def links_that_cannot_turn(document: SceneDocument) -> set[str]:
-    """Links that a chain of sliding pairs and welds holds parallel to the fixed one."""
+def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[set[str], bool]]) -> set[str]:
+    """Links that a chain of sliding pairs and welds holds parallel to the fixed one.
+
+    ``touched`` has the links of every pair, and whether they are known; a pair of which little is known may be a guide.
+    """
+    rigid = []
+    for name, (links, sure) in touched.items():
+        pair = document.pairs.get(name)
+        if pair is None or pair.parallel or len(pair.kinds) > 1 or not sure:
+            rigid.append(links)
     held, grew = {document.frame}, True
     while grew:
         grew = False
-        for pair in document.pairs.values():
-            if pair.parallel and (pair.links[0] in held) != (pair.links[1] in held):
-                held.update(pair.links)
+        for links in rigid:
+            if not held.isdisjoint(links) and not held.issuperset(links):
+                held |= links
                 grew = True
     return held
 
@@ -43,6 +52,8 @@ def mass_properties(
     What one of the effects needs and the scene does not say is a fault; what nothing needs stays zero.
     """
     path = f"links.{name}"
+    if not link.sound("points") and (isinstance(link.mass, MassDocument) or link.lumps):
+        return math.nan, (math.nan, math.nan), math.nan  # they may name points
     if isinstance(link.mass, MassDocument):
         stated = _stated_centre(name, link, points, convert)
         body = body_of(link.mass, points, stated, convert, f"{path}.mass")
@@ -57,12 +68,14 @@ def mass_properties(
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
     inertia = 0.0 if link.inertia is None else convert.si(link.inertia, "inertia", f"{path}.inertia")
     places = list(points.values())
-    if link.shape == "bar":
+    if isinstance(link.shape, Unknown):
+        return mass, (0.0, 0.0), inertia
+    if link.shape == "bar" and len(places) > 1:
         (ax, ay), (bx, by) = places[:2]
         return mass, (0.5 * (ax + bx), 0.5 * (ay + by)), mass * math.dist((ax, ay), (bx, by)) ** 2 / 12.0
-    if link.shape == "point":
-        return mass, places[0], 0.0
-    counts = mass > 0.0 and bool(effects)
+    if link.shape is not None:
+        return mass, places[0] if places else (0.0, 0.0), 0.0
+    counts = (mass > 0.0 or math.isnan(mass)) and bool(effects)
     given = _stated_centre(name, link, points, convert)
     if given is not None:
         centre = given
@@ -87,7 +100,7 @@ def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], co
     """The centre that a scene states, by coordinates or by the name of a point."""
     path = f"links.{name}.centre"
     if isinstance(link.centre, str):
-        if link.centre not in points:
+        if link.centre not in points and link.sound("points", "centre"):
             convert.note(path, f"link '{name}' has no point '{link.centre}'.", did_you_mean(link.centre, points, what="Points"))
         return points.get(link.centre, (0.0, 0.0))
     return None if link.centre is None else convert.vector(link.centre, "length", path)

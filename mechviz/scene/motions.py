@@ -94,6 +94,8 @@ class DriveTable(Table):
 
     @model_validator(mode="after")
     def _same_length(self) -> DriveTable:
+        if not self.sound("time", "position"):
+            return self
         if len(self.position) != len(self.time):
             raise fault(f"{len(self.time)} times and {len(self.position)} positions.", "Give one position for each time.")
         if self.periodic and len(self.time) < 4:
@@ -126,31 +128,33 @@ class DriveDocument(Table):
     @property
     def law(self) -> Literal["speed", "zones", "oscillation", "segments", "table", "program"]:
         """The law that is given."""
-        return self._laws()[0]
+        return self.laws[0]
 
-    def _laws(self) -> list[Any]:
+    @property
+    def laws(self) -> list[Any]:
+        """The laws that are given: one, in a drive that is not faulty."""
         laws = [law for law in ("zones", "speed", "oscillation", "segments", "table", "program") if getattr(self, law) is not None]
         return [law for law in laws if law != "speed"] if "zones" in laws else laws
 
     @model_validator(mode="after")
     def _one_law(self) -> DriveDocument:
-        laws = self._laws()
+        laws, found = self.laws, []
         if not laws:
             raise fault("the drive has no law of motion.", "Give speed, oscillation, segments, table or program.")
         if len(laws) > 1:
-            raise fault(f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion.")
-        found = []
+            found.append(("", f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion."))
         if self.zones is not None and self.speed is None:
             found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
         if self.speed is not None and magnitude(self.speed) == 0.0:
             found.append(("speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'."))
-        allowed = {"speed": ("start", "travel", "range"), "oscillation": (), "table": ()}.get(self.law, ("start",))
+        goes_with = {"speed": ("start", "travel", "range"), "oscillation": (), "table": ()}
+        allowed = {key for law in laws for key in goes_with.get(law, ("start",))}
         for key in ("start", "travel", "range"):
             if getattr(self, key) is not None and key not in allowed:
-                found.append((key, f"{key} does not go with {self.law}.", f"Leave out {key}."))
-        if self.law == "speed" and self.range is not None and (self.start is not None or self.travel is not None):
+                found.append((key, f"{key} does not go with {' or '.join(laws)}.", f"Leave out {key}."))
+        if laws == ["speed"] and self.range is not None and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
-        if isinstance(self.start, list) and self.law in ("speed", "zones", "program"):
+        if isinstance(self.start, list) and not {"speed", "zones", "program"}.isdisjoint(laws) and "segments" not in laws:
             found.append(
                 (
                     "start",

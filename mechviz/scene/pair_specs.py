@@ -45,6 +45,8 @@ class _Maker:
             return (float(a), float(b))
         places = self.placement.points.get(self.pair.links[self.guide], {})
         pa, pb = places.get(a, (0.0, 0.0)), places.get(b, (1.0, 0.0))
+        if a not in places or b not in places:
+            return (1.0, 0.0)
         if pa == pb:
             self.convert.note(
                 f"{self.path}.along",
@@ -62,12 +64,14 @@ class _Maker:
 
     @property
     def radius(self) -> float:
-        assert self.pair.radius is not None
+        if self.pair.radius is None:  # noted where the pair was read
+            return math.nan
         return self.convert.si(self.pair.radius, "length", f"{self.path}.radius")
 
     @property
     def radii(self) -> tuple[float, float]:
-        assert self.pair.radii is not None
+        if self.pair.radii is None:
+            return math.nan, math.nan
         first, second = self.convert.row(self.pair.radii, "length", f"{self.path}.radii")
         return first, second
 
@@ -76,7 +80,7 @@ class _Maker:
         if self.pair.pressure_angle is None:
             return Gear.pressure_angle
         value = self.convert.si(self.pair.pressure_angle, "angle", f"{self.path}.pressure_angle")
-        if not 0.0 <= value < _STEEPEST and not math.isnan(value):
+        if not 0.0 <= value < _STEEPEST and not math.isnan(value) and self.convert.certain("angle"):
             self.convert.note(
                 f"{self.path}.pressure_angle",
                 f"{math.degrees(value):g} deg is no pressure angle of teeth: they lie below 45 deg.",

@@ -5,7 +5,7 @@ To add a kind: its key in ``PairDocument``, one line in ``KINDS``, and how it be
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -140,8 +140,13 @@ class PairDocument(Table):
     """Prescribed motion of this pair."""
 
     @property
+    def kinds(self) -> list[str]:
+        """The kinds that are given: one, in a pair that is not faulty."""
+        return [kind for kind in KINDS if getattr(self, kind) is not None]
+
+    @property
     def kind(self) -> str:
-        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+        return self.kinds[0]
 
     @property
     def links(self) -> tuple[str, str]:
@@ -176,13 +181,13 @@ class PairDocument(Table):
 
     @model_validator(mode="after")
     def _one_pair(self) -> PairDocument:
-        refuse(one_of(self, tuple(KINDS), "the pair"))
+        found: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the pair")
+        refuse([*found, *self._two_modes(_MODES)] if found else [])
         kind = KINDS[self.kind]
-        found: list[tuple[str, str, str]] = []
         if self.links[0] == self.links[1]:
             found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
         for key in sorted(self.model_fields_set - set(KINDS), key=list(PairDocument.model_fields).index):
-            if key not in kind.keys and getattr(self, key) not in (None, False):
+            if key not in kind.keys and getattr(self, key) is not None and getattr(self, key) is not False:
                 found.append((key, f"{key} does not go with {kind.words}.", self._instead(key)))
         for key in kind.needs:
             if getattr(self, key) is None:
@@ -192,12 +197,19 @@ class PairDocument(Table):
         modes = [key for key in _MODES if getattr(self, key) is not None and key in kind.keys]
         if self.kind == "rolling":
             modes = [key for key in modes if key != "side"]
-        if self.kind != "rack" and len(modes) > 1:
-            found.append((modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them."))
+        if self.kind != "rack":
+            found += self._two_modes(modes)
         if self.drive is not None and modes and self.kind != "cylinder":
             found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
         refuse(found)
         return self
+
+    def _two_modes(self, keys: Iterable[str]) -> list[tuple[str, str, str]]:
+        """The fault of several modes among these keys."""
+        modes = [key for key in keys if getattr(self, key) is not None]
+        if len(modes) < 2:
+            return []
+        return [(modes[1], f"{' and '.join(modes)} at once: both choose the assembly mode.", "Keep one of them.")]
 
     def _instead(self, key: str) -> str:
         """What to do about a key that does not go with this kind of pair."""

@@ -53,7 +53,7 @@ def place_links(document: SceneDocument, convert: Converter) -> Placement:
     placement.poses[document.frame] = (0.0, 0.0, 0.0)
     placement.drawn.add(document.frame)
     for name, link in document.links.items():
-        if isinstance(link.points, list):
+        if isinstance(link.points, list) and link.points:
             _draw(document, placement, world, name, link.points, convert)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose) and name in document.links:
@@ -69,7 +69,7 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
     """Points of the fixed link with coordinates of its own are places in the world that need no sketch."""
     for point, place in placement.points.get(document.frame, {}).items():
         sketched = world.setdefault(point, place)
-        if math.dist(sketched, place) > 1e-9 * math.hypot(*place):
+        if math.dist(sketched, place) > 1e-9 * math.hypot(*place) and convert.certain("length"):
             convert.note(
                 f"sketch.{point}",
                 f"is not where links.{document.frame} has this point.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws import ConstantSpeed, Follow, Law, MotionCurve, Segment, program, rise
 
 from .fields import Angle, Coordinate, Flag, Number, Quantity, Rate, Text
-from .tables import Table, one_of, refuse
+from .tables import Table, Unknown, one_of, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,7 +41,8 @@ class ProgramSegment(Table):
     @model_validator(mode="after")
     def _known_law(self) -> ProgramSegment:
         try:
-            self.shape()
+            if self.sound("law", "parameters"):
+                self.shape()
         except MechanismError as error:
             refuse([("law" if f.path == "law" else "parameters", f.message, f.remedy) for f in error.faults])
         if self.to is None and "law" in self.model_fields_set:
@@ -67,7 +69,7 @@ class ProgramDocument(Table):
     @model_validator(mode="after")
     def _one_master(self) -> ProgramDocument:
         refuse(one_of(self, ("speed", "master"), "the program"))
-        if all(segment.to is None for segment in self.segments):
+        if self.sound("segments") and all(segment.to is None and segment.sound("to") for segment in self.segments):
             refuse([("segments", "all segments are dwells: nothing moves.", "Give one of them an end, to = ...")])
         return self
 
@@ -78,36 +80,35 @@ def program_law(
     position: Callable[[float | str, str], float],
     convert: Converter,
     path: str,
-    masters: Mapping[str, Law],
+    masters: Mapping[str, Law | None],
 ) -> Law | None:
     """The law of a drive with a program, None where a fault was noted. ``position`` turns coordinates into SI."""
     before = len(convert.faults)
     master: Law | None
     if given.master is not None:
-        master = masters.get(given.master)
-        if master is None:
+        master = masters.get(given.master)  # None also where the master's own law is faulty
+        if given.master not in masters and not isinstance(given.master, Unknown):
             convert.note(
                 f"{path}.program.master",
                 f"'{given.master}' is no driven revolute pair with a law of its own.",
                 f"Name one of {', '.join(masters)}." if masters else "Give speed = ... instead.",
             )
     else:
-        assert given.speed is not None
-        speed = convert.si(given.speed, "angular speed", f"{path}.program.speed")
+        speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
         if speed == 0.0:
             convert.note(f"{path}.program.speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'.")
         master = ConstantSpeed(start=0.0, speed=speed)
-    segments = [
-        Segment(
-            over=convert.si(s.over, "angle", f"{path}.program.segments[{k}].over"),
-            to=None if s.to is None else position(s.to, f"program.segments[{k}].to"),
-            law=s.shape(),
-            mirrored=s.mirrored,
-        )
-        for k, s in enumerate(given.segments)
-    ]
+    overs = [convert.si(s.over, "angle", f"{path}.program.segments[{k}].over") for k, s in enumerate(given.segments)]
+    ends = [None if s.to is None else position(s.to, f"program.segments[{k}].to") for k, s in enumerate(given.segments)]
     phase = convert.si(given.phase, "angle", f"{path}.program.phase")
-    if len(convert.faults) > before or master is None:
+    known = not any(math.isnan(value) for value in (*overs, *(end or 0.0 for end in ends), phase, start))
+    sound = known and given.sound(*ProgramDocument.model_fields) and not any(s.unread for s in given.segments)
+    if len(convert.faults) > before or master is None or not sound:
+        return None
+    rows = zip(given.segments, overs, ends, strict=True)
+    try:
+        segments = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
+    except MechanismError:  # an unknown law, noted where the segment was read
         return None
     if all(segment.to in (None, start) for segment in segments):
         convert.note(f"{path}.program.segments", "all of them end where the motion starts: nothing moves.", "Give another end.")

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from mechcore.errors import Fault
 
 from .document import Pose
 from .faults import did_you_mean, listing
+from .lenient import Meant
 from .pairs import PairDocument
 from .studies import check_studies
+from .tables import Unknown
 from .validate import Reading
 
-__all__ = ["check_references", "known_link", "known_point", "link_names", "point_names", "points_of_pair", "resolve_trace"]
+__all__ = [
+    "check_joining",
+    "check_link_names",
+    "check_references",
+    "check_trace",
+    "known_link",
+    "known_point",
+    "link_names",
+    "point_names",
+    "points_of_pair",
+    "resolve_trace",
+]
 
 
 def point_names(reading: Reading, link: str) -> list[str] | None:
-    """Names of the points of a link, None where the link could not be read so far."""
-    if link in reading.document.links:
-        return list(reading.document.links[link].points)
-    raw = reading.raw.get("links", {}) if isinstance(reading.raw.get("links"), dict) else {}
-    points = raw.get(link, {}).get("points") if isinstance(raw.get(link), dict) else None
-    names = [name for name in points if isinstance(name, str)] if isinstance(points, dict | list) else []
-    return names or None
+    """Names of the points of a link, None where they could not be read (or there is no such link)."""
+    found = reading.document.links.get(link)
+    return list(found.points) if found is not None and found.sound("points") else None
 
 
 def points_of_pair(name: str, pair: PairDocument) -> tuple[str, str]:
@@ -39,90 +48,114 @@ def link_names(reading: Reading) -> list[str]:
 
 
 def check_references(reading: Reading) -> Iterator[Fault]:
-    """Every fault of reference in what could be read."""
+    """Every fault of reference beside those of ``check_link_names``, in what could be read."""
     document = reading.document
-    if "*" not in reading.broken["links"] and not link_names(reading):
-        yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
-    elif "*" not in reading.broken["links"] and document.frame not in link_names(reading):
-        remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
-        yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
     yield from _pairs(reading)
-    yield from _whole(reading)
-    yield from _trace(reading)
     yield from _sketch(reading)
     for key, names in (("effects", document.effects), ("answers", document.answers)):
         for k, name in enumerate(names):
-            if name in names[:k]:
+            if name in names[:k] and not isinstance(name, Meant):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
-    whole = not reading.broken["links"]
-    yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, whole)
-    if document.effects and whole and all(link.mass is None and not link.lumps for link in document.links.values()):
+    listed = "*" not in reading.broken["links"]
+    yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
+    effects = [name for name in document.effects if not isinstance(name, Unknown)]
+    weightless = all(link.mass is None and not link.lumps and "*" not in link.unread for link in document.links.values())
+    if effects and listed and weightless:
         remedy = "Give the moving links a mass, or leave out the effects."
-        yield Fault("effects", f"{' and '.join(dict.fromkeys(document.effects))}: no link has a mass that could act.", remedy)
+        yield Fault("effects", f"{' and '.join(dict.fromkeys(effects))}: no link has a mass that could act.", remedy)
+
+
+def check_link_names(reading: Reading) -> Iterator[Fault]:
+    """Every name of a link that does not exist."""
+    document = reading.document
+    if "*" not in reading.broken["links"] and not link_names(reading):
+        yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
+    elif "*" not in reading.broken["links"] and not isinstance(document.frame, Unknown) and document.frame not in document.links:
+        remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
+        yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
+    for name, pair in document.pairs.items():
+        for kind in pair.kinds:
+            for k, link in enumerate(_as_written(reading, name, kind, getattr(pair, kind))):
+                yield from known_link(reading, f"pairs.{name}.{kind}[{k}]", link)
+        unclear = any(isinstance(link, Unknown) or link not in document.links for link in pair.links)
+        if pair.guide is not None and not isinstance(pair.guide, Unknown) and pair.guide not in pair.links and not unclear:
+            remedy = did_you_mean(pair.guide, pair.links, what="Links")
+            yield Fault(f"pairs.{name}.guide", f"'{pair.guide}' is not one of the two links.", remedy)
+        if pair.carrier is not None:
+            yield from known_link(reading, f"pairs.{name}.carrier", pair.carrier)
+    for name, entry in document.sketch.items():
+        if isinstance(entry, Pose):
+            yield from known_link(reading, f"sketch.{name}", name)
+
+
+def _as_written(reading: Reading, name: str, kind: str, links: list[str]) -> list[str]:
+    """The names of a pair's links, also where there are too many or too few of them to be a pair."""
+    if not any(isinstance(link, Unknown) for link in links):
+        return links
+    pairs = reading.raw.get("pairs")
+    item = pairs.get(name) if isinstance(pairs, dict) else None
+    written = item.get(kind) if isinstance(item, dict) else None
+    return [link if isinstance(link, str) else Unknown() for link in written] if isinstance(written, list) else []
 
 
 def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
     """A fault where there is no such link."""
     links = link_names(reading)
-    if "*" not in reading.broken["links"] and link not in links:
+    if "*" not in reading.broken["links"] and link not in links and not isinstance(link, Unknown):
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
 
 
 def known_point(reading: Reading, path: str, link: str, point: str, remedy: str = "") -> Iterator[Fault]:
     """A fault where the link has no such point."""
     points = point_names(reading, link)
-    if points is not None and point not in points:
+    if points is not None and point not in points and not isinstance(point, Unknown):
         hint = did_you_mean(point, points, what=f"Points of '{link}'")
         yield Fault(path, f"link '{link}' has no point '{point}'.", f"{hint} {remedy}".strip())
 
 
 def _pairs(reading: Reading) -> Iterator[Fault]:
     document = reading.document
-    if not document.pairs and not reading.broken["pairs"]:
+    if not document.pairs and not reading.shapeless and "*" not in reading.broken["pairs"]:
         yield Fault("pairs", "the scene has no pairs.", "Add a table [pairs] that joins the links.")
     for name, pair in document.pairs.items():
         path = f"pairs.{name}"
-        for k, link in enumerate(pair.links):
-            yield from known_link(reading, f"{path}.{pair.kind}[{k}]", link)
+        if len(pair.kinds) > 1:
+            continue
         points = zip(pair.links, points_of_pair(name, pair), strict=True) if pair.joins else ()
         for k, (link, point) in enumerate(points):
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
             remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
             yield from known_point(reading, where, link, point, remedy)
-        if pair.guide is not None and pair.guide not in pair.links:
-            yield Fault(
-                f"{path}.guide",
-                f"'{pair.guide}' is not one of the two links.",
-                did_you_mean(pair.guide, pair.links, what="Links"),
-            )
-        elif pair.along is not None and isinstance(pair.along[0], str):
-            guide = pair.guide or pair.links[0]
+        if pair.along is not None and isinstance(pair.along[0], str):
+            guide = pair.guide if pair.guide in pair.links else pair.links[0]
             for k, point in enumerate(pair.along):
                 yield from known_point(reading, f"{path}.along[{k}]", guide, str(point))
 
 
-def _whole(reading: Reading) -> Iterator[Fault]:
-    """Is it one mechanism, and does it move?"""
+def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:
+    """Is it one mechanism, and does it move? ``touched`` says which links each pair joins, or may join."""
     document = reading.document
-    if not document.pairs or reading.broken["pairs"]:
+    if "*" in reading.broken["pairs"] or not touched:
         return
     if not reading.undriven and all(pair.drive is None for pair in document.pairs.values()):
-        first = next(iter(document.pairs))
+        first = next(iter(touched))
         yield Fault(
             "pairs",
             "no pair has a drive: nothing moves.",
             f'Add one, such as drive = {{ speed = "60 rpm" }} in pairs.{first}.',
         )
-    links = set(link_names(reading))
-    if not links.issuperset([document.frame, *(link for pair in document.pairs.values() for link in pair.links)]):
-        return  # a misspelt name, reported already, may be what is missing
-    reached, grew = {document.frame}, True
-    while grew:
-        grew = False
-        for pair in document.pairs.values():
-            if pair.joins and (pair.links[0] in reached) != (pair.links[1] in reached):
-                reached.update(pair.links)
-                grew = True
+    if "*" in reading.broken["links"] or document.frame not in document.links:
+        return
+    neighbours: dict[str, list[Iterable[str]]] = {}
+    for links in touched.values():
+        for link in links:
+            neighbours.setdefault(link, []).append(links)
+    reached, fresh = {document.frame}, [document.frame]
+    while fresh:
+        for links in neighbours.pop(fresh.pop(), ()):
+            new = set(links) - reached
+            reached |= new
+            fresh += new
     for link in link_names(reading):
         if link not in reached:
             yield Fault(
@@ -132,14 +165,18 @@ def _whole(reading: Reading) -> Iterator[Fault]:
             )
 
 
-def _trace(reading: Reading) -> Iterator[Fault]:
+def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
+    """Points that are traced; ``certain`` says whether it is known which points the pairs join."""
     trace = reading.document.trace
+    whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
     for k, text in enumerate(trace):
+        if isinstance(text, Unknown):
+            continue
         if text in trace[:k]:
             yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
             continue
         found = resolve_trace(reading, text)
-        if isinstance(found, Fault) and all(point_names(reading, link) is not None for link in link_names(reading)):
+        if isinstance(found, Fault) and (certain if "no pin joins" in found.message else whole or "has no point" in found.message):
             yield Fault(f"trace[{k}]", found.message, found.remedy)
 
 
@@ -156,8 +193,8 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
                 owners.append(link)
     if not owners:
         link = text.partition(".")[0]
-        if text != link and link in link_names(reading):
-            own = point_names(reading, link) or []
+        own = point_names(reading, link)
+        if text != link and own is not None:
             return Fault(
                 "",
                 f"link '{link}' has no point '{text[len(link) + 1 :]}'.",
@@ -185,7 +222,6 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
     points = list(dict.fromkeys(point for link in links for point in point_names(reading, link) or ()))
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
-            yield from known_link(reading, f"sketch.{name}", name)
             if name == document.frame:
                 yield Fault(f"sketch.{name}", "the fixed link has its place already: its frame is the world's.", "Leave it out.")
         elif name not in points and not any(point_names(reading, link) is None for link in links):

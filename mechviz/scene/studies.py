@@ -13,7 +13,7 @@ from mechcore.spec import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemS
 
 from .faults import did_you_mean, listing
 from .fields import ForceVector, Length, Number, Point, SignedMass, Size, Text
-from .tables import Table, refuse
+from .tables import Table, is_whole, refuse
 
 if TYPE_CHECKING:
     from .convert import Converter
@@ -104,7 +104,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
     for key in ("plans", "polodes", "reduced"):
         names = getattr(document, key)
         for k, name in enumerate(names):
-            if name in names[:k]:
+            if name in names[:k] and is_whole(name):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     if "force" in document.plans and not document.effects and not document.loads:
         remedy = 'Name effects such as "inertia", or loads.'
@@ -137,7 +137,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         own = [key for key, load in document.loads.items() if system.on in (load.on if isinstance(load.on, list) else [load.on])]
         known = [*own, *(f"{effect}/{system.on}" for effect in document.effects)]
         for k, load in enumerate(system.loads):
-            if load not in known:
+            if load not in known and is_whole(load) and system.on in links and is_whole(document.effects):
                 remedy = did_you_mean(load, known, what=f"Loads on '{system.on}'")
                 yield Fault(f"{path}.loads[{k}]", f"no load '{load}' acts on '{system.on}'.", remedy)
     for name, entry in document.substitutes.items():
@@ -154,13 +154,13 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
 def _link(path: str, name: str, links: Mapping[str, Any], complete: bool, frame: str) -> Iterator[Fault]:
     if name == frame:
         yield Fault(path, f"'{name}' is the fixed link.", "Name a moving link.")
-    elif complete and name not in links:
+    elif complete and name not in links and is_whole(name):
         yield Fault(path, f"there is no link '{name}'.", did_you_mean(name, links, what="Links"))
 
 
 def _point(path: str, link: str, point: str, links: Mapping[str, list[str] | None]) -> Iterator[Fault]:
     points = links.get(link)
-    if points is not None and point not in points:
+    if points is not None and point not in points and is_whole(point):
         hint = did_you_mean(point, points, what=f"Points of '{link}'") or f"Points: {listing(points)}."
         yield Fault(path, f"link '{link}' has no point '{point}'.", hint)
 

@@ -2,17 +2,60 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, PrivateAttr
 
 from .fields import faults
 
-__all__ = ["Table", "one_of", "refuse"]
+__all__ = ["Table", "Unknown", "is_whole", "one_of", "refuse"]
+
+
+class Unknown(str):
+    """Stands for a name that could not be read, or that nothing is called by. It equals nothing but itself."""
+
+    __slots__ = ()
+    __eq__ = object.__eq__
+    __ne__ = object.__ne__
+    __hash__ = object.__hash__
 
 
 class Table(BaseModel):
-    """A table of the document: unknown keys are faults, and nothing changes after reading."""
+    """A table of the document: unknown keys are faults, and nothing changes after reading.
+
+    Where a file has faults, its tables are made all the same, so that every check can be run on what is sound. What could
+    not be read is replaced: numbers by NaN, names by ``Unknown``; ``unread`` names the keys concerned.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    _unread: frozenset[str] = PrivateAttr(default=frozenset())
+
+    @property
+    def unread(self) -> frozenset[str]:
+        """Keys whose values could not be read; "*" where the table itself could not be."""
+        return self._unread
+
+    def sound(self, *keys: str) -> bool:
+        """Whether all these keys could be read (or are left out)."""
+        return self._unread.isdisjoint((*keys, "*"))
+
+    def mark_unread(self, keys: Iterable[str]) -> None:
+        """For the reader of faulty scenes: says which keys could not be read."""
+        self._unread = frozenset(keys)
+
+
+def is_whole(value: Any) -> bool:
+    """Whether nothing in a value of the document stands for something that could not be read."""
+    if isinstance(value, Table):
+        return not value.unread and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
+    if isinstance(value, Mapping):
+        return all(map(is_whole, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(is_whole, value))
+    return not isinstance(value, Unknown) and not (isinstance(value, float) and math.isnan(value))
 
 
 def one_of(table: Table, keys: tuple[str, ...], what: str) -> list[tuple[str, str, str]]:

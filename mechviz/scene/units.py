@@ -141,7 +141,8 @@ def _unit(text: str) -> Any:
             pass
     if text in _SPACED:
         raise QuantityError(f"unknown unit '{text}'.", f"Put a space between the units: '{_SPACED[text]}'.")
-    unknown = next((word for word in re.findall(r"[A-Za-zµμ°]+", text) if word not in registry), text)
+    words = re.findall(r"[A-Za-zµμ°]+", text)
+    unknown = next((word for word in words if word.lower() == "nan" or word not in registry), text)  # pint takes "nan" for a number
     near = closest(unknown, _SYMBOLS)
     raise QuantityError(
         f"unknown unit '{unknown}'.",

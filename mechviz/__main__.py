@@ -1,0 +1,29 @@
+"""Start of the `mechviz` command: light, so that Ctrl-C ends it with a message even while the libraries load."""
+
+from __future__ import annotations
+
+import os
+import signal
+from typing import Any
+
+__all__ = ["main"]
+
+
+def _leave(number: int, frame: Any) -> None:
+    """Ends the program at once. For as long as no file has been begun: a library that is loading may swallow an exception."""
+    os.write(2, b"\nInterrupted: nothing was written.\n")
+    os._exit(128 + number)
+
+
+def main() -> None:
+    """Entry point of the `mechviz` command."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+            signal.signal(number, _leave)
+    from .cli import main as command
+
+    command()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Pydantic's errors, and keys that are unknown, in our words: what is wrong, and the remedy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from mechcore.errors import Fault
+
+from .faults import closest, listing
+from .fields import describe
+from .pairs import KINDS
+
+__all__ = ["Loc", "meant_key", "missing_key", "path_text", "unknown_key", "words_of"]
+
+Loc = tuple[int | str, ...]
+
+# What people call things elsewhere.
+_SYNONYMS = {
+    "joints": "pairs", "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
+    "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
+    "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
+    "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
+    "pin": "revolute", "traced": "trace", "nodes": "points", "gears": "gear", "belts": "belt", "pulleys": "belt",
+    "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
+    "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
+    "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
+    "k": "stiffness", "rate": "stiffness", "rest_length": "free_length", "natural_length": "free_length", "length": "free_length",
+    "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
+    "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
+    "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
+    "rho": "density", "material": "density", "diagrams": "plans", "polygons": "plans", "centrodes": "polodes",
+    "counterweight": "lumps", "balance": "counterweights", "point_masses": "lumps",
+}  # fmt: skip
+
+
+def meant_key(key: str, known: Sequence[str]) -> str:
+    """The known key that an unknown one probably stands for, or an empty text."""
+    synonym = _SYNONYMS.get(key, "")
+    return synonym if synonym in known else closest(key, known)
+
+
+def unknown_key(loc: Loc, known: Sequence[str]) -> Fault:
+    """The fault of a key that a table does not have."""
+    meant = meant_key(str(loc[-1]), known)
+    remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
+    return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
+
+
+def missing_key(loc: Loc) -> Fault:
+    """The fault of a key that a table must have and has not."""
+    return Fault(path_text(loc[:-1]) or "scene", f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")
+
+
+def path_text(loc: Iterable[int | str]) -> str:
+    """A place as it is written in faults: ``links.crank.points.B[0]``."""
+    text = ""
+    for part in loc:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def words_of(detail: Any, loc: Loc) -> list[Fault]:
+    """One of pydantic's errors about the value at a place -> faults in our words."""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if loc and loc[-1] == "[key]":
+        loc = loc[:-1] if loc[-2] else loc[:-2]
+    path = path_text(loc) or "scene"
+    if kind == "scene":
+        keys = value if isinstance(value, dict) else {}
+        return [
+            Fault(path_text((*loc, key)) if key in keys else path, message, remedy) for key, message, remedy in context["faults"]
+        ]
+    if kind == "literal_error":
+        known = re.findall(r"'([^']*)'", context["expected"])
+        near = closest(value, known) if isinstance(value, str) else ""
+        remedy = f"Did you mean '{near}'?" if near else "Write one of these."
+        return [Fault(path, f"{describe(value)} is not one of {listing(known)}.", remedy)]
+    if kind in ("too_long", "too_short"):
+        return [_wrong_length(path, loc, value, context)]
+    if kind == "greater_than_equal":
+        return [Fault(path, f"{describe(value)} is too small.", f"Give at least {context['ge']}.")]
+    if kind == "less_than_equal":
+        return [Fault(path, f"{describe(value)} is too large.", f"Give at most {context['le']}.")]
+    wanted, remedy = _WANTED.get(kind, ("something else", ""))
+    return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
+
+
+_LIST = ("a list", "Write it in brackets: [ ... ].")
+_TABLE = ("a table", "Write it in braces: { key = value, ... }.")
+_WHOLE = ("a whole number", "Write it like 360.")
+_WANTED = {
+    "list_type": _LIST,
+    "dict_type": _TABLE,
+    "model_type": _TABLE,
+    "model_attributes_type": _TABLE,
+    "string_unicode": ("a text that files can hold", "Write letters, digits or any other character; no lone surrogates."),
+    "int_type": _WHOLE,
+    "int_from_float": _WHOLE,
+    "int_parsing_size": _WHOLE,
+}
+
+
+def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
+    """A list or table with too few or too many entries."""
+    n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
+    if loc[-1] in KINDS:
+        found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
+        if n < 3 or loc[-1] != "revolute":
+            return Fault(path, found, 'Write it like ["frame", "crank"].')
+        remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
+        return Fault(path, found, remedy)
+    found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
+    least, most = context.get("min_length"), context.get("max_length")
+    return Fault(path, found, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")
