@@ -35,14 +35,14 @@ class lazy(Generic[Value]):
 
 def nothing(a: Array) -> bool:
     """Whether a term is a plain zero (not an array)."""
-    return isinstance(a, complex | float) and a == 0
+    return not isinstance(a, np.ndarray) and a == 0
 
 
 def added(a: Array, b: Array, sign: int = 1) -> Array:
     """a + b, or a - b, plain zeros left out."""
-    if nothing(b):
+    if not isinstance(b, np.ndarray) and b == 0:
         return a
-    if nothing(a):
+    if not isinstance(a, np.ndarray) and a == 0:
         return b if sign == 1 else -b
     return a + b if sign == 1 else a - b
 

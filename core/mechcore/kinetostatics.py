@@ -9,7 +9,7 @@ friction, where a scene names it, is one more load that depends on the result (`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -295,8 +295,9 @@ def transmit(
             for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)):
                 if k:
                     force[k] = added(force[k], cut, sign)
-                    moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
-        hanging, unbalanced = _hang(motion, force, moment)
+                    if k in model.passing:
+                        moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
+        hanging, unbalanced = _hang(motion, force, moment, model.passing)
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         transmitted[model.contours[c].closing] = (cut, 0.0)
@@ -308,9 +309,11 @@ def transmit(
     return transmitted, contacts, ties
 
 
-def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+def _hang(
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], wanted: Container[int] | None = None
+) -> tuple[list[Array], list[Array]]:
     """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced; not of the frame."""
+    forces alone leave unbalanced (of the links ``wanted``; None: of all); not of the frame."""
     tree, ends = motion.model.tree, motion.model.ends
     hanging, unbalanced = list(force), list(moment)
     for k in reversed(tree.order):
@@ -319,10 +322,12 @@ def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array]) -> tu
         if nothing(f):
             continue
         side = 1 if ends[j][1] == k else 0
-        unbalanced[k] = added(unbalanced[k], _moment(motion.arm(k, j, side), f), -1)
+        if wanted is None or k in wanted:
+            unbalanced[k] = added(unbalanced[k], _moment(motion.arm(k, j, side), f), -1)
         if p:
-            unbalanced[p] = added(unbalanced[p], _moment(motion.arm(p, j, 1 - side), f))
             hanging[p] = added(hanging[p], f)
+            if wanted is None or p in wanted:
+                unbalanced[p] = added(unbalanced[p], _moment(motion.arm(p, j, 1 - side), f))
     return hanging, unbalanced
 
 

@@ -163,6 +163,11 @@ class Model:
         return leaves_first(self.ends, self.angles.edges)
 
     @cached_property
+    def passing(self) -> frozenset[int]:
+        """Links that pass moments on to others through joints that fix an angle."""
+        return frozenset(k for _, *links in self.leaves_first for k in links if k)
+
+    @cached_property
     def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:
         """For every unknown the contours and the relations of other blocks, solved later, in which it appears."""
         own = {u: b for b in self.blocks for u in b.unknowns}

@@ -52,8 +52,9 @@ def place_all(
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))
-            for patch in patches.get(i, ()) if patches else ():
-                apply(model, block, state, patch, onto=True)
+            if patches:
+                for patch in patches.get(i, ()):
+                    apply(model, block, state, patch, onto=True)
     return state
 
 
