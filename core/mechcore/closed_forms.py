@@ -68,6 +68,10 @@ def leg(r: Array, y: Array) -> Array:
     return np.sqrt(product)
 
 
+def _with_mode(x: Array, mode: Array) -> Array:
+    return x if isinstance(mode, float) and mode == 1.0 else mode * x
+
+
 def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array]:
     """e1, e2 of ``a e1 + b e2 = c``. mode +1: the vector ``a e1`` lies left of ``c``.
 
@@ -79,8 +83,7 @@ def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array
     difference = (ra - rb) * (ra + rb)
     half = 0.5 / d2
     across = half * four_areas(ra, rb, d)
-    if not (isinstance(mode, float) and mode == 1.0):
-        across = mode * across
+    across = _with_mode(across, mode)
     shift = difference * half
     e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
     np.add(0.5, shift, out=e1.real)
@@ -103,8 +106,11 @@ def theta_slide(a: Array, along: Array, c: Array, mode: Array) -> tuple[Array, A
     """e, s of ``a e + s along = c``. mode +1: the end of ``a`` lies ahead, in the direction of ``along``, mode -1: behind."""
     turned = c * along.conjugate()
     ra, y = abs(a), turned.imag
-    x = mode * leg(ra, y)
-    return (along / a) * (x + 1j * y), turned.real - x
+    x = _with_mode(leg(ra, y), mode)
+    e = np.empty(x.shape, complex)
+    e.real, e.imag = x, y
+    e *= along / a
+    return e, turned.real - x
 
 
 def gap_theta_slide(a: Array, along: Array, c: Array) -> Array:
@@ -116,7 +122,7 @@ def arm_slide(a: Array, d: Array, c: Array, mode: Array) -> tuple[Array, Array]:
     """e, s of ``(a + s d) e = c``. mode +1: the slide lies ahead of the foot of the perpendicular on the guide, -1: behind."""
     foot = a * d.conjugate()
     r, y = abs(c), foot.imag
-    x = mode * leg(r, y)
+    x = _with_mode(leg(r, y), mode)
     return c * d.conjugate() / (x + 1j * y), x - foot.real
 
 

@@ -67,15 +67,19 @@ def sum_up(wrenches: list[Wrench], links: int) -> tuple[list[Array], list[Array]
     """Force on every link and moment about every link's origin."""
     force: list[Array] = [0j] * links
     moment: list[Array] = [0.0] * links
-
-    def put(w: Wrench, k: int, arm: Array, sign: int) -> None:
-        force[k] = added(force[k], w.force, sign)
-        moment[k] = added(moment[k], w.moment, sign)
-        if not nothing(arm) and not nothing(w.force):
-            moment[k] = added(moment[k], crossed(arm, w.force), sign)
-
     for w in wrenches:
-        put(w, w.link, w.arm, 1)
+        k, f, m = w.link, w.force, w.moment
+        by_force = not nothing(f)
+        if by_force:
+            force[k] = added(force[k], f)
+            if not nothing(w.arm):
+                moment[k] = added(moment[k], crossed(w.arm, f))
+        if not nothing(m):
+            moment[k] = added(moment[k], m)
         if w.other is not None:
-            put(w, w.other, w.other_arm, -1)
+            k = w.other
+            force[k] = added(force[k], f, -1)
+            moment[k] = added(moment[k], m, -1)
+            if by_force and not nothing(w.other_arm):
+                moment[k] = added(moment[k], crossed(w.other_arm, f), -1)
     return force, moment
