@@ -153,6 +153,11 @@ class Model:
         return tuple((j, d) for j, d in self.driven.items() if self.joints[j].coordinate == "slide")
 
     @cached_property
+    def only_dyads(self) -> bool:
+        """Whether every block is one contour with two unknowns."""
+        return all(b.dyad for b in self.blocks)
+
+    @cached_property
     def child(self) -> Mapping[int, int]:
         """The link that each joint of the tree leads to, seen from the frame."""
         return {self.tree.joint[k]: k for k in self.tree.order}

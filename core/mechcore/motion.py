@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +23,7 @@ __all__ = ["Motion"]
 
 Array = Any
 Real = NDArray[np.float64]
+CALM: AbstractContextManager[Any] = nullcontext()
 FINE = 200_000  # positions computed at once between frames that are far apart
 
 
@@ -53,6 +55,7 @@ class Motion:
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Array] = {}
         self._slid: dict[tuple[int, int], Array] = {}
+        self._offsets: dict[tuple[int, complex], Array] = {}
         self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
         self._group_angles: dict[int, Array] = {}
 
@@ -151,20 +154,29 @@ class Motion:
     @lazy
     def columns(self) -> list[Columns]:
         """Derivatives of each block's contours by its unknowns."""
-        return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
 
     @lazy
     def speeds(self) -> Rates:
         """Speeds of all spins and slides."""
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            return velocities(self.model, self.contours, self.columns, [d[1] for d in self._drives], self.patches)
+        cols = self.columns
+        with self._calm():
+            return velocities(self.model, self.contours, cols, [d[1] for d in self._drives], self.patches)
 
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        cols, speeds = self.columns, self.speeds
+        with self._calm():
             rates = [d[2] for d in self._drives]
-            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
+            return accelerations(self.model, self.contours, cols, speeds, rates, self.patches)
+
+    def _calm(self) -> AbstractContextManager[Any]:
+        """No warnings where rates are infinite; dyads divide by nothing after their columns are known."""
+        if self.model.only_dyads:
+            return CALM
+        return np.errstate(invalid="ignore", divide="ignore", over="ignore")
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
@@ -207,10 +219,19 @@ class Motion:
             self._slid[key] = 0j if nothing(s) else s * self.guide(j)
         return self._slid[key]
 
-    def offset(self, k: int, local: complex, derivative: int = 0) -> Array:
+    def offset(self, k: int, local: Array, derivative: int = 0) -> Array:
         """A vector fixed in link ``k`` in the world, or its first or second derivative."""
+        if nothing(local):
+            return 0j
         turned = self.turned(derivative)[self.model.angles.spin[k]]
-        return 0j if turned is None or nothing(local) else (local * self.model.turn[k]) * turned
+        if turned is None:
+            return 0j
+        if derivative or isinstance(local, np.ndarray):
+            return (local * self.model.turn[k]) * turned
+        found = self._offsets.get((k, local))
+        if found is None:
+            found = self._offsets[k, local] = (local * self.model.turn[k]) * turned
+        return found
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous over the frames."""

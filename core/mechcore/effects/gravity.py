@@ -29,7 +29,7 @@ class Gravity(Effect):
                 link=k,
                 force=weight,
                 moment=0.0,
-                arm=centre * at.rotation(k),
+                arm=at.offset(k, centre),
             )
             for k, weight, centre in _weights(at.model)
         ]

@@ -30,7 +30,7 @@ class Inertia(Effect):
                         link=k,
                         force=-mass * at.of_point(k, centre, 2),
                         moment=-inertia * alpha,
-                        arm=centre * at.rotation(k),
+                        arm=at.offset(k, centre),
                     )
                 )
         return out

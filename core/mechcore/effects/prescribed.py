@@ -25,7 +25,7 @@ class AppliedForce(Effect):
         vector = complex(*load.vector) * factor_of(at, load.factor, load.name)
         if load.axes == "link":
             vector = vector * at.rotation(k)
-        arm = local * at.rotation(k)
+        arm = at.offset(k, local)
         if load.against is None:
             return [Wrench(load.name, "force", k, vector, 0.0, arm)]
         other = model.index[load.against]

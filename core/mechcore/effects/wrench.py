@@ -67,19 +67,23 @@ def sum_up(wrenches: list[Wrench], links: int) -> tuple[list[Array], list[Array]
     """Force on every link and moment about every link's origin."""
     force: list[Array] = [0j] * links
     moment: list[Array] = [0.0] * links
+    acting: dict[tuple[int, int], tuple[int, Array, Array]] = {}  # forces at the same arm are summed first: one moment for all
+
+    def put(k: int, arm: Array, f: Array, sign: int) -> None:
+        if nothing(arm):
+            force[k] = added(force[k], f, sign)
+        else:
+            _, _, before = acting.get((k, id(arm)), (k, arm, 0j))
+            acting[k, id(arm)] = (k, arm, added(before, f, sign))
+
     for w in wrenches:
-        k, f, m = w.link, w.force, w.moment
-        by_force = not nothing(f)
-        if by_force:
-            force[k] = added(force[k], f)
-            if not nothing(w.arm):
-                moment[k] = added(moment[k], crossed(w.arm, f))
-        if not nothing(m):
-            moment[k] = added(moment[k], m)
+        moment[w.link] = added(moment[w.link], w.moment)
+        put(w.link, w.arm, w.force, 1)
         if w.other is not None:
-            k = w.other
-            force[k] = added(force[k], f, -1)
-            moment[k] = added(moment[k], m, -1)
-            if by_force and not nothing(w.other_arm):
-                moment[k] = added(moment[k], crossed(w.other_arm, f), -1)
+            moment[w.other] = added(moment[w.other], w.moment, -1)
+            put(w.other, w.other_arm, w.force, -1)
+    for k, arm, f in acting.values():
+        if not nothing(f):
+            force[k] = added(force[k], f)
+            moment[k] = added(moment[k], crossed(arm, f))
     return force, moment
