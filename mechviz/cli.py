@@ -268,6 +268,48 @@ def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="
 
 
 @app.command()
+def balance(
+    scene: SceneArg,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="write the scene with its counterweights to this file")
+    ] = None,
+    radius: Annotated[str | None, typer.Option(help='distance of the counterweights from their pivots, such as "60 mm"')] = None,
+    rocker_radius: Annotated[str | None, typer.Option(help="distance of the rocker's own from its pivot")] = None,
+    fraction: Annotated[
+        float | None, typer.Option(help="how much is balanced, 0 to 1 (slider-crank: of what goes to and fro)")
+    ] = None,
+) -> None:
+    """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
+    from .balance import balance_scene
+    from .scene import dump
+
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        first, second = (length_of(loaded, text, name) for text, name in ((radius, "radius"), (rocker_radius, "rocker-radius")))
+        found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
+        print("\n".join(found.lines()))
+        if output is not None:
+            dump(found.scene, output)
+            say(f"{output} written.")
+
+
+def length_of(scene: Scene, text: str | None, option: str) -> float | None:
+    """A length [m] from an option: a text with a unit, or a number in the scene's units."""
+    from .scene.units import QuantityError, Units
+
+    if text is None:
+        return None
+    try:
+        value: float | str = float(text)
+    except ValueError:
+        value = text
+    try:
+        return Units(**scene.document.units.model_dump()).si(value, "length")
+    except QuantityError as e:
+        fail(f"--{option}: {e} {e.remedy}")
+
+
+@app.command()
 def view(
     scene: SceneArg,
     port: Annotated[int, typer.Option("--port", "-p", min=0, max=65535, help="port on 127.0.0.1; 0 takes a free one")] = 8080,

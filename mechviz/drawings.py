@@ -81,6 +81,8 @@ class Drawing:
     unit: str
     closing: NDArray[np.float64] | None = None
 
+    least: float = 0.0  # [m] extent for which a view has room at least
+
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Box (2, 2) [m] that holds the drawing in nine of ten frames on every side: peaks may run out of it."""
@@ -93,7 +95,8 @@ class Drawing:
             return np.zeros((2, 2))
         low = [np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)]
         high = [np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)]
-        return np.array([low, high])
+        half = 0.5 * self.least
+        return np.array([np.minimum(low, -half), np.maximum(high, half)]) if half else np.array([low, high])
 
 
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
@@ -166,12 +169,15 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     found = [("before", run.studies.shaking), ("after", run.studies.balanced)]
     forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in found if s is not None]
     largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in forces)
+    single = max(s.single for _, s in found if s is not None)
+    if largest <= 1e-9 * single:  # balanced: drawn in the scale of the links' own inertia forces, not of the rounding
+        largest = single
     per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
     inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
-    return Drawing("shaking", title, inks, (), per_metre, "N")
+    return Drawing("shaking", title, inks, (), per_metre, "N", least=0.3 * FILL * size)
 
 
 def _aside(f: Funicular) -> complex:

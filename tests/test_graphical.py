@@ -16,7 +16,10 @@ from mechcore.reduction import resultant
 from mechcore.spec import Force
 from tests.mechanisms import case, four_bar
 
-PINNED = ("belt-drive", "gear-train", "four-forces", "parallel-forces")  # links on fixed pins only: no traced point, no moving pin
+PINNED = (  # links on fixed pins only: no traced point, no moving pin
+    "belt-drive", "gear-train", "four-forces", "parallel-forces", "inertia-rotation-about-centre",
+    "inertia-uniform-rotation-about-centre",
+)  # fmt: skip
 NAMES = [entry.name for entry in mechviz.gallery()]
 
 

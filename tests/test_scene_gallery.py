@@ -37,7 +37,9 @@ def test_the_gallery_has_what_it_promises():
         "double-parallelogram", "two-guides", "near-flat-four-bar", "eight-bar", "stephenson-six-bar", "micro-gripper",
         "plans-four-bar", "coriolis-lever",
         "polodes-four-bar", "cardan-circles", "four-forces", "parallel-forces", "substitute-masses", "reduced-inertia",
-        "shaking-four-bar", "shaking-engine",
+        "shaking-four-bar", "shaking-engine", "percussion-centre", "inertia-translation", "inertia-uniform-translation",
+        "inertia-rotation-about-centre", "inertia-uniform-rotation-about-centre", "inertia-uniform-rotation",
+        "counterweighted-four-bar", "lumped-rod",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES

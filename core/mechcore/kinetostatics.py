@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_simpson
 
 from . import blocks as bl
 from .closed_forms import cross
-from .effects import Wrench, point_of, potential, power_of, sum_up, wrenches
+from .effects import Wrench, apparent_power, point_of, potential, power_of, sum_up, wrenches
 from .frames import added, crossed, nothing
 from .leastnorm import least_norm
 from .motion import Motion
@@ -169,6 +169,9 @@ class Forces:
             parts.append(self.friction.power)
         largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
         total = sum(parts, np.zeros(m.frames))
+        if float(np.nanmax(np.abs(total), initial=0.0)) > 1e-9 * largest:
+            # forces at right angles to the motion all the time: what is left of their powers is rounding of |F| |v|
+            largest = max([largest, *(1e-6 * apparent_power(m, w) for w in self.applied)])
         return total / largest if largest > 0 else total
 
     @cached_property

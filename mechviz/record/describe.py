@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mechcore.powers import power_table
 
 from ..power_report import power_markdown
+from ..study_words import study_lines
 from ..tables import joints_of
 from ..vectors import Scales
 
@@ -84,6 +85,9 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
         lines += ["**Unfinished**: writing was interrupted; the frames up to then are here.", ""]
     lines += ["## Computed", "", *(f"- **{s.name}**: {s.why}" for s in plan.computed), ""]
     lines += ["## Left out", "", *(f"- **{s.name}**: {s.why}" for s in plan.skipped), ""]
+    found = study_lines(run)
+    if found:
+        lines += ["## Studies", "", *(f"- {line}" for line in found), ""]
     lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
     lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
     shown = [

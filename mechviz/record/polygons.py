@@ -95,13 +95,12 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
             faded = [tuple(int(0.6 * c) for c in i.color) for i in arrows]
             yield Static(f"{path}/polar", rr.LineStrips3D(curves, colors=faded, radii=[0.0035 * size]))
     if run.studies.systems:
-        count = sum(2 * s.drawing.forces.shape[1] + 1 for s in run.studies.systems.values())
-        colors, names = [], []
+        colors, names, radii = [], [], []
         for s in run.studies.systems.values():
             n = s.drawing.forces.shape[1]
             colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
             names += [*(str(i) for i in range(n + 1)), *s.drawing.names]
-        radii = [0.0028 * size] * count
+            radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
         yield Static("/polygons/funicular", rr.LineStrips3D.from_fields(colors=colors, labels=names, show_labels=True, radii=radii))
         many = len(run.studies.systems)
         labels = [
@@ -124,7 +123,7 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
         colors = [NEGATIVE if m < 0.0 else POSITIVE for m in body.masses]
         points = rr.Points3D.from_fields(colors=colors, radii=list((0.012 + 0.028 * share) * size), labels=labels, show_labels=True)
         yield Static(entity("polygons", "substitutes", name), points)
-        forces = rr.Arrows3D.from_fields(colors=[(208, 112, 246)], radii=[0.005 * size])
+        forces = rr.Arrows3D.from_fields(colors=[(244, 178, 255)], radii=[0.005 * size])
         yield Static(entity("polygons", "substitutes", name, "forces"), forces)
 
 
@@ -174,8 +173,9 @@ def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
     for xy in spots:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
-            low[:2] = np.minimum(low[:2], np.maximum(xy.min(axis=0), low[:2] - size))
-            high[:2] = np.maximum(high[:2], np.minimum(xy.max(axis=0), high[:2] + size))
+            near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a knot that runs far out in a few frames may leave the picture
+            low[:2] = np.minimum(low[:2], np.maximum(near, low[:2] - 0.5 * size))
+            high[:2] = np.maximum(high[:2], np.minimum(far, high[:2] + 0.5 * size))
     return np.array([low, high])
 
 

@@ -32,7 +32,7 @@ from .inertia import Inertia
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
-from .wrench import Wrench, point_of, power_of, sum_up
+from .wrench import Wrench, apparent_power, point_of, power_of, sum_up
 
 __all__ = [
     "CAUSES",
@@ -42,6 +42,7 @@ __all__ = [
     "Configuration",
     "Effect",
     "Wrench",
+    "apparent_power",
     "effects_of",
     "point_of",
     "potential",

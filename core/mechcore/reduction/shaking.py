@@ -20,11 +20,15 @@ Real = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Shaking:
-    """``force`` (F, 2) [N] and ``moment`` (F,) [N m] about ``about`` [m], on the frame."""
+    """``force`` (F, 2) [N] and ``moment`` (F,) [N m] about ``about`` [m], on the frame.
+
+    ``single``: the largest inertia force of a single link in the run [N], against which what is left of a balance is judged.
+    """
 
     force: Real
     moment: Real
     about: tuple[float, float]
+    single: float = 0.0
 
     @property
     def magnitude(self) -> Real:
@@ -64,11 +68,13 @@ def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tupl
     o = complex(*np.asarray(about, float))
     force: Array = np.zeros(motion.frames, complex)
     moment: Array = np.zeros(motion.frames)
+    most = 0.0
     for k, (mass, centre, inertia) in enumerate(masses or model.masses):
         if k and (mass or inertia):
             single = -mass * motion.of_point(k, centre, 2)
             force = force + single
+            most = max(most, float(np.nanmax(np.abs(single), initial=0.0)))
             moment = moment + cross(motion.of_point(k, centre) - o, single)
             moment = moment - inertia * motion.accelerations.spin[model.angles.spin[k]]
     rows = np.column_stack([force.real, force.imag])
-    return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag))
+    return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag), single=most)
