@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.graphical import acceleration_plan, force_plans, funicular, polodes, velocity_plan
+from mechcore.loads import Spring
 from mechcore.reduction import resultant
 from mechcore.spec import Force
 from tests.mechanisms import case, four_bar
@@ -121,6 +122,19 @@ def test_the_force_plan_of_the_dyad_follows_the_hand_method():
     inner = next(e for e in dyad.edges if e.kind == "inner")
     assert np.abs(inner.end).max() <= 1e-9 * dyad.largest.max()  # the diagonal leads back to the start
     assert crank.closing.max() <= 1e-12
+
+
+def test_a_spring_between_links_pulls_both_ways_in_the_force_plans():
+    """Between crank and rocker: the dyad and the crank both feel it, with opposite signs."""
+    spring = Spring(name="k", links=("crank", "rocker"), points=("B", "D"), stiffness=2000.0, free_length=0.1)
+    m = replace(bar(), loads=(*bar().loads, spring))
+    motion = solve_motion(compile_mechanism(m), default_times(m, 36))
+    forces = solve_forces(motion)
+    dyad, crank = force_plans(forces)
+    pulls = [next(e.vector for e in plan.edges if e.name == "k") for plan in (dyad, crank)]
+    assert pulls[0] == pytest.approx(-pulls[1])
+    assert np.abs(pulls[0]).max() > 100.0
+    assert dyad.closing.max() <= 1e-9 and crank.closing.max() <= 1e-9
 
 
 def test_a_force_plan_that_lacks_a_load_stays_open():
