@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -438,8 +436,3 @@ def test_the_command_prints_the_table_and_plots(tmp_path):
     assert CliRunner().invoke(app, ["laws", "sinus"]).exit_code == 2
     assert CliRunner().invoke(app, ["laws", "parabolic:skew=x"]).exit_code == 2
     assert CliRunner().invoke(app, ["laws", "--plot", "laws.png"]).exit_code == 2
-
-
-def test_the_laws_need_no_mechviz():
-    code = "import sys, mechcore.laws; sys.exit(any(m.startswith('mechviz') for m in sys.modules))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,65 @@
+"""Cams: synthesis, analysis, limits, forces; pure functions over arrays.
+
+SI units and radians; plane vectors are complex numbers; angles have the shape (n), derivatives a leading axis (order + 1, n).
+
+Conventions (theory of the lecture). The cam's centre O is the origin. A disc cam turns counter-clockwise by theta (``turn = -1``:
+clockwise); its axes are the ground's at theta = 0, so that a ground point q is the cam point ``exp(-i turn theta) q``. A
+wedge moves by
+-x. A translating follower moves up along x = offset, its coordinate is the height h of its reference point; an oscillating one has
+the angle psi of its arm from the line pivot -> O. Reference points: knife tip, roller centre, centre of a mushroom's
+arc, the middle of a flat face. Normals point from the cam to the follower, radii of curvature are positive where the cam is
+convex, pressure angles are positive when the cam lifts the follower.
+
+The way through the package::
+
+    lift = mechcore.laws.program([Segment(2.0, 0.02, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "3-4-5"), ...])
+    follower = Follower(Translating(offset=0.01), Roller(0.008))        # guide x face
+    cam = cam_on_base(lift, follower, base=0.04)                        # or Cam(law, follower) with absolute heights
+    s = cam.at(theta)               # Synthesis: pitch, working, normal, contact, pressure_angle, radius, sharpness,
+    cutter_path(...)
+    w = cam.working_curve(theta, order=3)    # the profile as a function with derivatives, in the cam's axes
+    find_limits(cam); check_limits(cam, Requirement(...)); least_base(...); best_offset(...)
+    contact = analyse(cam_contour(cam), follower, theta)                # or circle, bulged (DXF), spline_contour, polar_contour
+    equivalent_linkage(s); graphical(...); closing_force(...); first_separation(...); hertz(...)
+    SpatialCam(law, Barrel() | BarrelArm(...) | Globoid(...), roller, inner, outer).flank(theta, along, side)
+    conjugate(cam, ...); breadth(law); InverseCam(...)
+
+``followers`` guides and faces; ``synthesis`` plane cams; ``limits``, ``design`` limits and the search for base circle and offset;
+``contour``, ``search``, ``analysis`` given profiles; ``cutting`` what is left of undercut ones; ``graphical``, ``lecture``,
+``equivalent`` the lecture's methods; ``forces`` closure by a spring, jamming, Hertz; ``closures`` yoke, conjugate and inverse cams;
+``spatial`` barrel, end and globoidal cams; ``jets`` derivatives.
+"""
+
+from .analysis import Bridge, Contact, analyse
+from .closures import Breadth, InverseCam, breadth, conjugate
+from .contour import Contour, arc, bulged, cam_contour, circle, line, polar_contour, polygon, spline_contour
+from .cutting import CutProfile, cut_profile
+from .design import Design, base_height_chart, best_offset, flat_base_chart, least_base, pressure_chart
+from .equivalent import EquivalentLinkage, equivalent_linkage
+from .followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
+from .forces import (
+    Closure,
+    HertzContact,
+    Separation,
+    closing_force,
+    first_separation,
+    hertz,
+    jamming_angle,
+    least_spring,
+)
+from .graphical import Graphical, graphical
+from .lecture import OffsetError, neglected_phase, simplified_offset_error, simplified_profile
+from .limits import Limits, Reached, Requirement, Verdict, check_limits, find_limits, judge, undercut_ranges
+from .spatial import Barrel, BarrelArm, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
+from .synthesis import Cam, Synthesis, cam_on_base
+
+__all__ = [
+    "Arc", "Barrel", "BarrelArm", "Breadth", "Bridge", "Cam", "Closure", "Contact", "Contour", "CutProfile", "Design",
+    "EquivalentLinkage", "Flank", "Flat", "Follower", "Globoid", "Graphical", "HertzContact", "InverseCam", "Knife", "Limits",
+    "OffsetError", "Oscillating", "Reached", "Requirement", "Roller", "Separation", "SpatialCam", "SpatialLimits", "Synthesis",
+    "Translating", "Verdict", "analyse", "arc", "base_height_chart", "best_offset", "breadth", "bulged", "cam_contour",
+    "cam_on_base", "check_limits", "circle", "closing_force", "conjugate", "cut_profile", "equivalent_linkage", "find_limits",
+    "first_separation", "flat_base_chart", "graphical", "hertz", "jamming_angle", "judge", "least_base", "least_spring", "line",
+    "neglected_phase", "polar_contour", "polygon", "pressure_chart", "simplified_offset_error", "simplified_profile",
+    "spatial_limits", "spline_contour", "undercut_ranges",
+]  # fmt: skip

@@ -1,0 +1,359 @@
+"""Given profiles: closed or open outlines of smooth pieces, each with exact derivatives; plane vectors as complex numbers.
+
+Pieces: straight lines, circular arcs, pieces of splines, polar curves r(phi), and the working curve of a synthesised cam. The
+parameter of a contour runs from 0 to its number of pieces; piece k has [k, k + 1].
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline, PPoly, splprep
+
+from ..errors import Fault, MechanismError
+from ..laws.curve import MotionCurve
+from . import jets
+from .followers import Flat
+from .synthesis import Cam
+
+__all__ = [
+    "Contour", "arc", "bulged", "cam_contour", "circle", "line", "polar_contour", "polygon", "spline_contour",
+]  # fmt: skip
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class Smooth(Protocol):
+    """A smooth piece on [0, 1]."""
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        """Parameters (n) -> points and derivatives (order + 1, n)."""
+        ...
+
+    def offset(self, u: Real, distance: float, order: int) -> Complex:
+        """The curve ``distance`` to the right of the direction of travel, with derivatives (order + 1, n)."""
+        ...
+
+
+class _Offset(ABC):
+    """The offset of any piece whose own derivatives go one order further."""
+
+    @abstractmethod
+    def __call__(self, u: Real, order: int) -> Complex: ...
+
+    def offset(self, u: Real, distance: float, order: int) -> Complex:
+        c = self(u, order + 1)
+        return c[: order + 1] - 1j * distance * jets.unit(c[1:])
+
+
+@dataclass(frozen=True)
+class _Line(_Offset):
+    a: complex
+    b: complex
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        out = np.zeros((order + 1, np.size(u)), complex)
+        out[0] = self.a + (self.b - self.a) * u
+        if order > 0:
+            out[1] = self.b - self.a
+        return out
+
+
+@dataclass(frozen=True)
+class _Arc(_Offset):
+    centre: complex
+    radius: float
+    start: float
+    sweep: float
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        k = np.arange(order + 1)[:, None]
+        out = (1j * self.sweep) ** k * self.radius * np.exp(1j * (self.start + self.sweep * np.asarray(u)))
+        out[0] += self.centre
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Poly(_Offset):
+    """Complex polynomial, ascending coefficients in u."""
+
+    c: Complex
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        out = np.empty((order + 1, np.size(u)), complex)
+        c = self.c
+        for k in range(order + 1):
+            out[k] = np.polynomial.polynomial.polyval(u, c) if len(c) else 0.0
+            c = c[1:] * np.arange(1, len(c))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Polar(_Offset):
+    """r(phi) exp(i phi) from phi0 over a range, r one piece of a motion curve."""
+
+    law: MotionCurve
+    phi0: float
+    span: float
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        phi = self.phi0 + self.span * np.asarray(u)
+        inside = np.clip(phi, self.phi0 + 1e-15, self.phi0 + self.span)  # the piece's own limits at both ends
+        r = self.law(inside, order, "left")
+        turn = (1j ** np.arange(order + 1))[:, None] * np.exp(1j * phi)
+        return jets.product(r, turn) * (self.span ** np.arange(order + 1))[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class CamPiece:
+    """A range of a synthesised cam between two knots of its law, run so that the outside is on the right."""
+
+    cam: Cam
+    piece: int
+    backwards: bool
+    first: float = 0.0  # share of the law's piece at which this one begins and ends
+    last: float = 1.0
+
+    @cached_property
+    def _single(self) -> Cam:
+        piece, x0 = self.cam.law.pieces[self.piece], self.cam.law.knots[self.piece]
+        return Cam(MotionCurve((piece,), float(x0)), self.cam.follower, self.cam.turn, self.cam.wedge, self.cam.outer)
+
+    def _curve(self, u: Real, distance: float, order: int) -> Complex:
+        law = self.cam.law
+        piece, x0 = law.pieces[self.piece], law.knots[self.piece]
+        s = self.first + (self.last - self.first) * (1.0 - u if self.backwards else np.asarray(u))
+        single = self._single
+        angle = x0 + piece.length * s
+        # extrapolation beyond the ends is the piece's own analytic continuation
+        if isinstance(self.cam.follower.face, Flat):
+            w = single.working_curve(angle, order + 1 if distance else order, "left")
+            if distance:
+                outward = 1j * jets.unit(w[1:]) * np.where(np.real(self._along(single, angle, w)) < 0.0, -1.0, 1.0)
+                w = w[: len(outward)] + distance * outward
+            w = w[: order + 1]
+        else:
+            p = single.pitch_curve(angle, order + 1, "left")
+            shift = distance - self.cam.flank * self.cam.follower.radius
+            w = p[: order + 1] + shift * 1j * self.cam.turn * jets.unit(p[1:]) if shift else p[: order + 1]
+        rate = piece.length * (self.last - self.first) * (-1.0 if self.backwards else 1.0)
+        return w * (rate ** np.arange(len(w)))[:, None]
+
+    @staticmethod
+    def _along(cam: Cam, angle: Real, w: Complex) -> Complex:
+        """Positive where the profile runs along the face's direction."""
+        s = cam.at(angle)
+        return np.conj(s.normal / 1j) * w[1]
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        return self._curve(u, 0.0, order)
+
+    def offset(self, u: Real, distance: float, order: int) -> Complex:
+        return self._curve(u, distance, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Pieces end to end, the outside on the right of the direction of travel (a closed one runs counter-clockwise)."""
+
+    pieces: tuple[Smooth, ...]
+    closed: bool = True
+
+    @property
+    def count(self) -> int:
+        return len(self.pieces)
+
+    def _split(self, t: Real) -> tuple[Real, Real]:
+        t = np.asarray(t, float)
+        k = np.clip(np.floor(t), 0, self.count - 1).astype(int)
+        return k, t - k
+
+    def on(self, piece: NDArray, u: Real, order: int, distance: float = 0.0) -> Complex:
+        """Pieces (n) and their own parameters (n) -> points of the curve ``distance`` outside, with derivatives (order + 1, n)."""
+        out = np.empty((order + 1, np.size(u)), complex)
+        for k in np.unique(piece):
+            m = piece == k
+            p = self.pieces[int(k)]
+            out[:, m] = p.offset(u[m], distance, order) if distance else p(u[m], order)
+        return out
+
+    def __call__(self, t: ArrayLike, order: int = 0) -> Complex:
+        """Parameters (n) in [0, count] -> points and derivatives (order + 1, n)."""
+        k, u = self._split(np.atleast_1d(np.asarray(t, float)))
+        return self.on(k, u, order)
+
+    def normal(self, t: ArrayLike) -> Complex:
+        """Outward unit normals (n)."""
+        d = self(t, 1)[1]
+        return -1j * d / np.abs(d)
+
+    def curvature(self, t: ArrayLike) -> Real:
+        """Signed curvature (n) [1/m], positive where convex."""
+        d = self(t, 2)
+        return np.imag(np.conj(d[1]) * d[2]) / np.abs(d[1]) ** 3
+
+    def samples(self, each: int) -> tuple[NDArray, Real, Complex]:
+        """``each`` even parameters on every piece, ends included: pieces (m), parameters (m), points (m)."""
+        u = np.linspace(0.0, 1.0, each)
+        points = np.concatenate([p(u, 0)[0] for p in self.pieces])
+        return np.repeat(np.arange(self.count), each), np.tile(u, self.count), points
+
+    @cached_property
+    def sharp_joints(self) -> NDArray[np.bool_]:
+        """Whether joint k, where piece k begins, is a corner (count + 1); the ends of an open contour are."""
+        out = np.zeros(self.count + 1, bool)
+        for k, _ in self.corners():
+            out[k] = True
+        if self.closed:
+            out[-1] = out[0]
+        else:
+            out[0] = out[-1] = True
+        return out
+
+    @cached_property
+    def size(self) -> float:
+        """Largest distance from the origin [m], of samples."""
+        return float(np.abs(self.samples(33)[2]).max())
+
+    @cached_property
+    def area(self) -> float:
+        """Enclosed area by samples [m2]; positive: counter-clockwise."""
+        z = self.samples(129)[2]
+        return float(0.5 * np.sum(np.imag(np.conj(z) * np.roll(z, -1))))
+
+    def corners(self, tolerance: float = 1e-6) -> list[tuple[int, float]]:
+        """Joints where the direction jumps: (index of the piece that begins there, angle [rad], positive where convex)."""
+        ends = [p(np.array([0.0, 1.0]), 1) for p in self.pieces]
+        out = []
+        for k in range(0 if self.closed else 1, self.count):
+            a, b = ends[k - 1][1, 1], ends[k][1, 0]
+            turn = float(np.angle(b * np.conj(a)))
+            if abs(turn) > tolerance:
+                out.append((k, turn))
+        return out
+
+
+def _checked(pieces: Sequence[Smooth], closed: bool = True) -> Contour:
+    """Pieces that join; a closed contour is turned counter-clockwise by the caller's orientation, gaps are refused."""
+    contour = Contour(tuple(pieces), closed)
+    ends = [p(np.array([0.0, 1.0]), 0)[0] for p in pieces]
+    for k in range(0 if closed else 1, len(pieces)):
+        gap = abs(ends[k][0] - ends[k - 1][1])
+        if gap > 1e-7 * contour.size:
+            raise MechanismError(
+                Fault(f"contour[{k}]", f"a gap of {gap:.3g} m before this piece.", "Join the pieces, or close the contour.")
+            )
+    return contour
+
+
+def line(a: complex, b: complex) -> Smooth:
+    """A straight piece."""
+    if a == b:
+        raise MechanismError(Fault("contour", "a line of no length.", "Leave it out."))
+    return _Line(complex(a), complex(b))
+
+
+def arc(centre: complex, radius: float, start: float, sweep: float) -> Smooth:
+    """A circular piece from the polar angle ``start`` over ``sweep`` (counter-clockwise positive) [rad]."""
+    if not radius > 0.0 or sweep == 0.0:
+        raise MechanismError(Fault("contour", f"an arc of radius {radius:g} m over {sweep:g} rad.", "Leave it out."))
+    return _Arc(complex(centre), float(radius), float(start), float(sweep))
+
+
+def circle(radius: float, centre: complex = 0.0) -> Contour:
+    """A circular (eccentric) disc, of four arcs."""
+    return Contour(tuple(arc(centre, radius, k * np.pi / 2, np.pi / 2) for k in range(4)))
+
+
+def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = True) -> Contour:
+    """Lines and arcs as in a DXF polyline: complex vertices (n), tangents of a quarter of each arc's angle (n), 0: a line.
+
+    A closed outline may be given in either sense.
+    """
+    z = np.asarray(vertices, complex).ravel()
+    b = np.zeros(len(z)) if bulges is None else np.asarray(bulges, float).ravel()
+    if closed and len(z) > 1 and abs(z[0] - z[-1]) <= 1e-12 * np.abs(z).max():
+        z, b = z[:-1], b[:-1]
+    following = np.roll(z, -1) if closed else z[1:]
+    pieces = [_bulge(p, q, k) for p, q, k in zip(z, following, b, strict=False) if p != q]
+    if not pieces or (closed and len(pieces) < 2):
+        raise MechanismError(Fault("contour", f"{len(z)} vertices make no outline.", "Give at least two, and arcs or a third."))
+    contour = Contour(tuple(pieces), closed)
+    if closed and contour.area < 0.0:
+        return bulged(z[::-1], -np.roll(b[::-1], -1), closed)
+    return _checked(pieces, closed)
+
+
+def _bulge(p: complex, q: complex, bulge: float) -> Smooth:
+    if abs(bulge) < 1e-12:
+        return _Line(complex(p), complex(q))
+    sweep = 4.0 * np.arctan(bulge)
+    centre = 0.5 * (p + q) + 1j * (q - p) * (1.0 - bulge**2) / (4.0 * bulge)
+    return _Arc(complex(centre), float(abs(p - centre)), float(np.angle(p - centre)), float(sweep))
+
+
+def polygon(vertices: ArrayLike) -> Contour:
+    """Straight lines between complex vertices."""
+    return bulged(vertices)
+
+
+def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = True, degree: int = 5) -> tuple[Contour, float]:
+    """A spline through measured points (complex), or near them within ``tolerance`` (root mean square) [m]: (contour, rms
+    correction).
+
+    Even degrees and closed outlines need at least degree + 2 points.
+    """
+    z = np.asarray(points, complex).ravel()
+    if closed and len(z) > 1 and z[0] == z[-1]:
+        z = z[:-1]
+    if len(z) < degree + 2:
+        raise MechanismError(Fault("contour", f"{len(z)} measured points.", f"Give at least {degree + 2}."))
+    if closed and np.sum(np.imag(np.conj(z) * np.roll(z, -1))) < 0.0:
+        z = z[::-1]
+    if np.any(np.abs(np.diff(z)) == 0.0):
+        raise MechanismError(Fault("contour", "a measured point twice in a row.", "Leave one out."))
+    data = np.append(z, z[0]) if closed else z
+    tck: Any
+    tck, u = splprep([data.real, data.imag], k=degree, s=len(z) * tolerance**2, per=closed)
+    t, (cx, cy), k = tck
+    spline = BSpline(t, np.array([cx, cy]).T, k)
+    fit = spline(u)
+    rms = float(np.sqrt(np.mean(np.abs(fit[:, 0] + 1j * fit[:, 1] - data) ** 2)))
+    x, y = (PPoly.from_spline((t, np.asarray(c), k)) for c in (cx, cy))
+    pieces: list[Smooth] = []
+    for i in range(len(x.x) - 1):
+        h = x.x[i + 1] - x.x[i]
+        if h > 0.0 and -1e-12 < x.x[i] < 1.0 - 1e-12:  # periodic knots go on beyond
+            pieces.append(_Poly((x.c[::-1, i] + 1j * y.c[::-1, i]) * h ** np.arange(k + 1)))
+    return Contour(tuple(pieces), closed), rms
+
+
+def polar_contour(radius: MotionCurve) -> Contour:
+    """r(phi) over a turn, each piece of the curve one piece of the contour (polynomial cams)."""
+    if abs(radius.length - 2.0 * np.pi) > 1e-9:
+        raise MechanismError(Fault("contour", f"a polar curve over {radius.length:g} rad.", "Give it over one turn."))
+    knots = radius.knots
+    return _checked([_Polar(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
+
+
+def cam_contour(cam: Cam) -> Contour:
+    """The working curve of a synthesised cam as a given profile, a piece for each piece of its law.
+
+    Pitch curves of disc cams run against the cam's turning; the pieces are reversed where that is needed.
+    """
+    if cam.outer:
+        raise MechanismError(Fault("cam.outer", "the far flank of a groove is no outline.", "Analyse the near flank."))
+    backwards = not cam.wedge and cam.turn == 1
+    if cam.wedge:
+        backwards = True  # the outside (above) has to be on the right
+    order = range(len(cam.law.pieces))
+    pieces: list[Smooth] = [CamPiece(cam, k, backwards) for k in (reversed(order) if backwards else order)]
+    return Contour(tuple(pieces), not cam.wedge)

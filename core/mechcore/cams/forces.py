@@ -1,0 +1,189 @@
+"""Contact of cam and follower under load: force, closure by a spring, jamming of the guide, Hertz stress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import Fault, MechanismError
+from ..laws.curve import MotionCurve
+
+__all__ = [
+    "Closure", "HertzContact", "Separation", "closing_force", "first_separation", "hertz", "jamming_angle", "least_spring",
+]  # fmt: skip
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """What presses a translating follower on its cam: mass [kg], spring rate [N/m], its deflection at zero lift [m], weight
+    and load.
+
+    ``gravity`` [m/s2] acts against the lift where positive; ``load`` [N] likewise. For an oscillating follower: moment of
+    inertia, torsion rate, angle, and ``load`` a moment, ``gravity`` 0.
+    """
+
+    mass: float
+    stiffness: float
+    preload: float
+    gravity: float = 9.81
+    load: float = 0.0
+
+    @property
+    def dead(self) -> float:
+        """Force at zero lift and rest [N]."""
+        return self.stiffness * self.preload + self.mass * self.gravity + self.load
+
+
+def closing_force(closure: Closure, lift: ArrayLike, acceleration: ArrayLike, speed: float) -> Real:
+    """Force between cam and follower along the follower's motion [N]: k (d0 + s) + m g + P + m w^2 s''; negative: contact lost.
+
+    The contact force is this over the cosine of the pressure angle; the drive torque of the cam this times s'.
+    """
+    s, a = np.asarray(lift, float), np.asarray(acceleration, float)
+    return closure.dead + closure.stiffness * s + closure.mass * speed**2 * a
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The least speed [rad/s] at which contact is lost, and the cam angle at which that happens first."""
+
+    speed: float
+    angle: float
+
+
+def _samples(lift: MotionCurve, count: int) -> tuple[Real, Real, Real]:
+    """Lift and second derivative on a grid of each piece, ends included from inside."""
+    angles, s, a = [], [], []
+    share = max(count // len(lift.pieces), 65)
+    for piece, x0 in zip(lift.pieces, lift.knots, strict=False):
+        u = np.linspace(0.0, piece.length, share)
+        f = np.empty((3, share))
+        piece.fill(u, f)
+        angles.append(x0 + u)
+        s.append(f[0])
+        a.append(f[2])
+    return np.concatenate(angles), np.concatenate(s), np.concatenate(a)
+
+
+def _refined(lift: MotionCurve, cost: Callable[[Real, Real], Real], count: int = 2048) -> tuple[float, float]:
+    """Least value of a cost of s and s'' along a lift and its angle, to rounding: grid, then nested grids around the best point."""
+    angles, s, a = _samples(lift, count)
+    values = cost(s, a)
+    k = int(np.argmin(values))
+    best, where = float(values[k]), float(angles[k])
+    share = len(angles) // len(lift.pieces)
+    piece, x0 = lift.pieces[k // share], lift.knots[k // share]
+    low, high = max(k % share - 1, 0), min(k % share + 1, share - 1)
+    u0, u1 = angles[k - k % share + low] - x0, angles[k - k % share + high] - x0
+    for _ in range(8):
+        u = np.linspace(u0, u1, 33)
+        f = np.empty((3, 33))
+        piece.fill(u, f)
+        values = cost(f[0], f[2])
+        k = int(np.argmin(values))
+        if values[k] < best:
+            best, where = float(values[k]), float(x0 + u[k])
+        u0, u1 = u[max(k - 1, 0)], u[min(k + 1, 32)]
+    return best, where
+
+
+def first_separation(closure: Closure, lift: MotionCurve) -> Separation | None:
+    """The speed at which contact is first lost and where; None if no speed does (theory: w^2 = min (k(d0 + s) + mg + P)/(-m
+    s''))."""
+    if closure.mass <= 0.0:
+        return None
+
+    def cost(s: Real, a: Real) -> Real:
+        force = closure.dead + closure.stiffness * s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(a < 0.0, np.maximum(force, 0.0) / (-closure.mass * np.minimum(a, -1e-300)), np.inf)
+
+    value, angle = _refined(lift, cost)
+    return Separation(float(np.sqrt(value)), angle) if np.isfinite(value) else None
+
+
+def least_spring(
+    closure: Closure, lift: MotionCurve, speed: float, margin: float = 0.0, find: str = "stiffness"
+) -> tuple[float, float]:
+    """The least spring that keeps the force at or above ``margin`` [N]: (stiffness or preload deflection, angle that decides).
+
+    ``find``: "stiffness" with the closure's preload deflection kept, or "preload" with its stiffness kept. Raises where the
+    deflection is nowhere large enough for any stiffness.
+    """
+    base = closure.mass * closure.gravity + closure.load - margin
+    inertia = closure.mass * speed**2
+    if find == "preload":
+        k = closure.stiffness
+        if not k > 0.0:
+            raise MechanismError(Fault("spring.stiffness", f"{k:g} N/m.", "Give a positive one to find its preload."))
+        value, angle = _refined(lift, lambda s, a: base + k * s + inertia * a)
+        return max(-value / k, 0.0), angle
+    if find != "stiffness":
+        raise MechanismError(Fault("spring", f"'{find}' cannot be found.", "Ask for 'stiffness' or 'preload'."))
+
+    def cost(s: Real, a: Real) -> Real:
+        need = -(base + inertia * a)
+        stretch = closure.preload + s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(need > 0.0, np.where(stretch > 0.0, -need / stretch, -np.inf), 0.0)
+
+    value, angle = _refined(lift, cost)
+    if value == -np.inf:
+        raise MechanismError(
+            Fault("spring.preload", f"{closure.preload:g} m: the spring is slack where it is needed.", "Give it a preload.")
+        )
+    return max(-value, 0.0), angle
+
+
+def jamming_angle(overhang: float, length: float, friction: float) -> float:
+    """Pressure angle at which a follower jams in its guide [rad]: tan alpha = b/(mu (2a + b)), overhang a, length b of the
+    guide."""
+    if not (length > 0.0 and overhang >= 0.0 and friction >= 0.0):
+        raise MechanismError(
+            Fault(
+                "guide",
+                f"length {length:g}, overhang {overhang:g}, friction {friction:g}.",
+                "Give a positive length, and no negative numbers.",
+            )
+        )
+    return float(np.arctan2(length, friction * (2.0 * overhang + length)))
+
+
+@dataclass(frozen=True)
+class HertzContact:
+    """Largest pressure [Pa] and half width of the contact strip [m], arrays like the force."""
+
+    pressure: Real
+    half_width: Real
+
+
+def hertz(
+    force: ArrayLike,
+    cam_radius: ArrayLike,
+    follower_radius: float,
+    width: float,
+    modulus: tuple[float, float] = (2.1e11, 2.1e11),
+    poisson: tuple[float, float] = (0.3, 0.3),
+) -> HertzContact:
+    """Line contact of two cylinders (H. Hertz): force (n) [N], radius of the cam (n) [m] (negative: concave, infinite: flat).
+
+    ``follower_radius`` [m]: roller or arc, infinite for a flat face. 0 for a knife or a cusp: infinite pressure. Where the cam is
+    hollower than the roller the contact cannot be there: NaN. Lost contact (force <= 0): no pressure.
+    """
+    f, rho = np.broadcast_arrays(np.asarray(force, float), np.asarray(cam_radius, float))
+    if not width > 0.0:
+        raise MechanismError(Fault("cam.width", f"{width:g} m.", "Give a positive width of the contact."))
+    (e1, e2), (n1, n2) = modulus, poisson
+    stiff = 1.0 / ((1.0 - n1**2) / e1 + (1.0 - n2**2) / e2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curvature = 1.0 / rho + (1.0 / follower_radius if follower_radius != 0.0 else np.inf)
+        curvature = np.where(curvature < 0.0, np.nan, curvature)
+        load = np.maximum(f, 0.0) / width
+        pressure = np.where(load == 0.0, 0.0, np.sqrt(load * stiff * curvature / np.pi))
+        half = np.where(load == 0.0, 0.0, np.sqrt(4.0 * load / (np.pi * stiff * curvature)))
+    return HertzContact(pressure, half)

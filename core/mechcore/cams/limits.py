@@ -1,0 +1,215 @@
+"""Limits of a plane cam: pressure angle, pressure distance, curvature, undercut; the lecture's three conditions, pass or fail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .followers import Flat
+from .synthesis import Cam, Synthesis
+
+__all__ = ["Limits", "Reached", "Requirement", "Verdict", "check_limits", "find_limits", "judge", "undercut_ranges"]
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """An extreme value and the angle at which it is reached."""
+
+    value: float
+    angle: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Extremes over a cycle, each with its angle. Radii: of the working curve; ``None`` where there is none of that kind.
+
+    ``rise``: largest pressure angle of the sign that a rise has, ``fall``: of the opposite sign, both positive numbers (a
+    dwell of an offset follower has one too); the larger of them is the largest in size.
+    ``distance_left``, ``distance_right``: extremes of the contact on a flat face from the reference point; their difference
+    is ``face_length``, the least length of the face. ``convex``, ``concave``: smallest radius of curvature in size where the
+    profile is convex, concave. ``sharpness``: least regularity of the profile; below zero it is undercut, at zero it has a cusp.
+    ``greatest_roller``: the largest radius that does not undercut: the pitch curve's smallest radius on the critical side.
+    """
+
+    rise: Reached
+    fall: Reached
+    convex: Reached | None
+    concave: Reached | None
+    sharpness: Reached
+    greatest_roller: Reached | None
+    distance_left: Reached | None
+    distance_right: Reached | None
+
+    @property
+    def face_length(self) -> float | None:
+        if self.distance_left is None or self.distance_right is None:
+            return None
+        return self.distance_right.value - self.distance_left.value
+
+    @property
+    def undercut(self) -> bool:
+        """The profile folds back on itself; a cusp (sharpness zero up to rounding) is not yet undercut."""
+        return self.sharpness.value < -1e-9
+
+
+def _grid(cam: Cam, given: Synthesis | None, count: int) -> tuple[Synthesis, Synthesis]:
+    """The cam on a grid of one cycle, and its one-sided values at the law's knots."""
+    law = cam.law
+    if given is None:
+        given = cam.at(law.start + law.length * (np.arange(count) / count))
+    left, right = law.limits(2)
+    knots = Synthesis(cam, np.concatenate([law.knots[1:], law.knots[:-1]]), np.vstack([left, right]).T.copy())
+    return given, knots
+
+
+def _vertex(x: Real, y: Real) -> Real:
+    """Lowest points of the parabolas through three points each, x (m, 3) evenly spaced; kept within them."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = 0.5 * (y[:, 0] - y[:, 2]) / (y[:, 0] - 2.0 * y[:, 1] + y[:, 2])
+    shift = np.where(np.isfinite(shift), np.clip(shift, -1.0, 1.0), 0.0)
+    return x[:, 1] + shift * (x[:, 2] - x[:, 1])
+
+
+_QUANTITIES = ("rise", "fall", "sharp", "convex", "concave", "pitch", "left", "right")
+
+
+def _costs(s: Synthesis, flat: bool) -> list[Real]:
+    """Rows to be made least: one for each quantity of ``_QUANTITIES``; infinite where it does not exist."""
+    alpha = s.cam.turn * s.pressure_angle
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = s.radius
+        bend = 1.0 / radius
+        critical = 1.0 / (s.cam.flank * s.pitch_radius)
+    # curvature instead of radius: finite where the profile is straight, and least radius = greatest curvature
+    rows = [
+        -alpha,
+        alpha,
+        s.sharpness,
+        np.where(radius > 0.0, -bend, np.inf),
+        np.where(radius < 0.0, bend, np.inf),
+        -critical,
+    ]
+    if flat:
+        rows += [s.distance, -s.distance]
+    return [np.where(np.isnan(row), np.inf, row) for row in rows]
+
+
+def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Limits:
+    """Extremes over a cycle: on a grid (that of ``on``, else ``count`` angles), then at the vertex of the parabola through
+    each best
+    point and its neighbours, and at the law's knots from both sides. Values are right to about 1e-12; angles to about 1e-6.
+    """
+    flat = isinstance(cam.follower.face, Flat)
+    grid, knots = _grid(cam, on, count)
+    rows = _costs(grid, flat)
+    step = cam.law.length / max(grid.angle.size, 2)
+    where = np.empty((len(rows), 3))  # each best point with its neighbours, then twice the vertex of the parabola through them
+    values = np.empty((len(rows), 3))
+    n = grid.angle.size
+    for m, row in enumerate(rows):
+        k = int(np.argmin(row))
+        where[m] = grid.angle[k] + np.array([-step, 0.0, step])
+        values[m] = row[k - 1], row[k], row[(k + 1) % n]
+    vertex = _vertex(where, values)
+    near = 2e-2 * step
+    where = vertex[:, None] + np.array([-near, 0.0, near])
+    close = _costs(cam.at(where.ravel()), flat)
+    values = np.array([row.reshape(-1, 3)[m] for m, row in enumerate(close)])
+    fine = cam.at(np.concatenate([vertex, _vertex(where, values)]))
+    rows_fine, rows_knots = _costs(fine, flat), _costs(knots, flat)
+    out: dict[str, Reached | None] = {}
+    for name, row, row_fine, row_knots in zip(_QUANTITIES, rows, rows_fine, rows_knots, strict=False):
+        best, angle = np.inf, 0.0
+        for values, angles in ((row, grid.angle), (row_fine, fine.angle), (row_knots, knots.angle)):
+            k = int(np.argmin(values))
+            if values[k] < best:
+                best, angle = float(values[k]), float(angles[k])
+        out[name] = Reached(best, angle) if np.isfinite(best) or (name == "concave" and best == -np.inf) else None
+
+    def flip(name: str) -> Reached:
+        r = out[name]
+        return Reached(-r.value, r.angle) if r is not None else Reached(0.0, cam.law.start)
+
+    def radius(name: str) -> Reached | None:
+        r = out[name]
+        return Reached(-1.0 / r.value, r.angle) if r is not None and r.value != 0.0 else None
+
+    pitch = out["pitch"]
+    concave = radius("concave")
+    return Limits(
+        rise=flip("rise"),
+        fall=flip("fall"),
+        convex=radius("convex"),
+        concave=concave,
+        sharpness=out["sharp"] or Reached(-np.inf, cam.law.start),
+        greatest_roller=Reached(-1.0 / pitch.value, pitch.angle) if pitch is not None and pitch.value < 0.0 and not flat else None,
+        distance_left=out.get("left"),
+        distance_right=flip("right") if flat else None,
+    )
+
+
+def undercut_ranges(cam: Cam, angles: ArrayLike) -> list[tuple[float, float]]:
+    """Ranges of the cam's angle, between the given ordered ones, over which the profile runs backwards (undercut)."""
+    s = cam.at(angles)
+    bad = s.sharpness < 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
+    return [(float(s.angle[a]), float(s.angle[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What a cam is to keep to; ``None`` is not asked. Angles [rad], lengths [m].
+
+    The lecture's three conditions: the smallest radius of curvature (strength and wear), the largest pressure angle (bending of
+    the follower, load of the guide), for flat faces the largest pressure distance (bending of the stem).
+    """
+
+    radius: float | None = None
+    pressure_rise: float | None = None
+    pressure_fall: float | None = None
+    distance: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One condition: what was allowed, what is reached and where, and by how much it passes (negative: fails)."""
+
+    condition: str
+    allowed: float
+    reached: float
+    angle: float
+    margin: float
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.margin >= -1e-12 * max(abs(self.allowed), abs(self.reached)))
+
+
+def judge(limits: Limits, want: Requirement) -> list[Verdict]:
+    """The conditions that are asked for, and no undercut, which always is."""
+    out = [Verdict("no undercut", 0.0, limits.sharpness.value, limits.sharpness.angle, limits.sharpness.value)]
+    if want.radius is not None:
+        if limits.undercut:
+            out.append(Verdict("least radius of curvature", want.radius, 0.0, limits.sharpness.angle, -want.radius))
+        elif limits.convex is not None:
+            r = limits.convex
+            out.append(Verdict("least radius of curvature", want.radius, r.value, r.angle, r.value - want.radius))
+    for name, allowed, reached in (
+        ("pressure angle on the rise", want.pressure_rise, limits.rise),
+        ("pressure angle on the return", want.pressure_fall, limits.fall),
+    ):
+        if allowed is not None:
+            out.append(Verdict(name, allowed, reached.value, reached.angle, allowed - reached.value))
+    if want.distance is not None and limits.distance_left is not None and limits.distance_right is not None:
+        worst = max((limits.distance_left, limits.distance_right), key=lambda r: abs(r.value))
+        out.append(Verdict("pressure distance", want.distance, abs(worst.value), worst.angle, want.distance - abs(worst.value)))
+    return out
+
+
+def check_limits(cam: Cam, want: Requirement, count: int = 3600) -> list[Verdict]:
+    """``judge`` on the extremes of ``find_limits``."""
+    return judge(find_limits(cam, count=count), want)

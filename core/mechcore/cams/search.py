@@ -1,0 +1,237 @@
+"""Global search for the contact of a given profile with a follower: the highest of all points, then its tangency or corner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import jets
+from .contour import Contour
+from .followers import Arc, Flat, Follower, Translating
+
+__all__ = ["Task", "locate"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    contour: Contour
+    follower: Follower
+    turn: int
+    wedge: bool
+
+    # -- the cam's motion ---------------------------------------------------------------------------------------------
+
+    def ground(self, z: Complex, angle: Real) -> Complex:
+        return z - angle if self.wedge else z * np.exp(1j * self.turn * angle)
+
+    def carried(self, c: Complex, angle: Real) -> Complex:
+        """A point of the cam with derivatives (k, n) along the motion -> ground, with derivatives."""
+        if self.wedge:
+            out = c.copy()
+            out[0] -= angle
+            if len(out) > 1:
+                out[1] -= 1.0
+            return out
+        frame = (1j * self.turn) ** np.arange(len(c))[:, None] * np.exp(1j * self.turn * angle)
+        return jets.product(frame, c)
+
+    # -- the coordinate that a point asks for -------------------------------------------------------------------------
+
+    def height(self, z: Complex) -> Real:
+        """Ground points -> the coordinate at which the face touches them from outside; -inf where it passes by."""
+        guide, face = self.follower.guide, self.follower.face
+        r = self.follower.radius
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if isinstance(guide, Translating):
+                if isinstance(face, Flat):
+                    d = np.exp(1j * face.tilt)
+                    q = np.imag(np.conj(d) * (z - guide.offset)) / np.cos(face.tilt)
+                    return self._on_face(q, z, guide.offset + 1j * q, d)
+                x = z.real - guide.offset
+                q = z.imag + np.sqrt(r * r - x * x)
+                if isinstance(face, Arc) and face.half_angle < np.pi:
+                    q = np.where(np.abs(np.arctan2(x, q - z.imag)) <= face.half_angle, q, -np.inf)
+                return np.where(np.isnan(q), -np.inf, q)
+            w = (z - guide.pivot) / guide.home
+            size, beta = np.abs(w), -guide.side * np.angle(w)
+            if isinstance(face, Flat):
+                lever = face.shift * np.cos(face.tilt) - guide.side * guide.arm * np.sin(face.tilt)
+                q = beta + guide.side * face.tilt + np.arcsin(lever / size)
+                t = guide.pivot + (guide.arm + 1j * guide.side * face.shift) * guide.home * np.exp(-1j * guide.side * q)
+                return self._on_face(q, z, t, self.follower.face_direction(q))
+            c = (size**2 + guide.arm**2 - r * r) / (2.0 * size * guide.arm)
+            q = beta + np.arccos(c)
+            return np.where(np.isnan(q), -np.inf, q)
+
+    def _on_face(self, q: Real, z: Complex, t: Complex, d: Complex | complex) -> Real:
+        face = self.follower.face
+        assert isinstance(face, Flat)
+        along = np.real(np.conj(d) * (z - t))
+        good = (along >= -face.left) & (along <= face.right) & np.isfinite(q)
+        return np.where(good, q, -np.inf)
+
+    def touch_normal(self, z: Complex, q: Real) -> Complex:
+        """Direction from a touched ground point to the follower (n)."""
+        if isinstance(self.follower.face, Flat):
+            return 1j * self.follower.face_direction(q)
+        t = self.follower.reference(q[None])[0]
+        return (t - z) / self.follower.radius
+
+    def knife_gap(self, z: Complex) -> Real:
+        """Signed distance of ground points from the path of a knife's tip."""
+        guide = self.follower.guide
+        return z.real - guide.offset if isinstance(guide, Translating) else np.abs(z - guide.pivot) - guide.arm
+
+    def knife_height(self, z: Complex) -> Real:
+        guide = self.follower.guide
+        if isinstance(guide, Translating):
+            return z.imag
+        return -guide.side * np.angle((z - guide.pivot) / guide.home)
+
+
+def locate(task: Task, angle: Real, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+    """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n)."""
+    n = angle.size
+    piece, u = np.zeros(n, int), np.zeros(n)
+    q, corner = np.full(n, np.nan), np.zeros(n, bool)
+    pieces, us, points = task.contour.samples(each)
+    search = _knife if not isinstance(task.follower.face, Flat) and task.follower.radius == 0.0 else _round
+    block = max(1, 400_000 // points.size)
+    for a in range(0, n, block):
+        s = slice(a, a + block)
+        piece[s], u[s], q[s], corner[s] = search(task, angle[s], pieces, us, points, each)
+    return piece, u, q, corner
+
+
+def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+    z = task.ground(points[None, :], angle[:, None])
+    h = task.height(z)
+    grid = h.reshape(angle.size, -1, each)
+    # candidates: local maxima within a piece, its ends included
+    before = np.concatenate([np.full((*grid.shape[:2], 1), -np.inf), grid[..., :-1]], axis=2)
+    after = np.concatenate([grid[..., 1:], np.full((*grid.shape[:2], 1), -np.inf)], axis=2)
+    peak = ((grid >= before) & (grid >= after) & (grid > -np.inf)).reshape(angle.size, -1)
+    top = np.where(peak, h, -np.inf)
+    many = min(3, top.shape[1])
+    rank = np.argpartition(-top, many - 1, axis=1)[:, :many]
+    best = np.full(angle.size, -np.inf)
+    out = np.zeros(angle.size, int), np.zeros(angle.size), np.zeros(angle.size, bool)
+    for j in range(many):
+        k = rank[:, j]
+        live = top[np.arange(angle.size), k] > -np.inf
+        if not live.any():
+            continue
+        p, low, high, middle = (
+            pieces[k],
+            np.maximum(us[k] - 1.0 / (each - 1), 0.0),
+            np.minimum(us[k] + 1.0 / (each - 1), 1.0),
+            us[k],
+        )
+        u, height, end = _climb(task, angle, p, low, high, middle)
+        better = live & (height > best)
+        best = np.where(better, height, best)
+        for old, new in zip(out, (p, u, end), strict=True):
+            old[better] = new[better]
+    return out[0], out[1], np.where(best > -np.inf, best, np.nan), out[2]
+
+
+def _slope(task: Task, angle: Real, p: NDArray, u: Real) -> tuple[Real, Real]:
+    """Sign of the change of the coordinate along the contour, and the coordinate itself."""
+    c = task.contour.on(p, u, 1)
+    z = task.ground(c[0], angle)
+    q = task.height(z)
+    tangent = c[1] if task.wedge else c[1] * np.exp(1j * task.turn * angle)
+    with np.errstate(invalid="ignore"):
+        n = task.touch_normal(z, np.where(np.isfinite(q), q, np.nan))
+        return np.real(np.conj(n) * tangent) / np.abs(tangent), q
+
+
+def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: Real) -> tuple[Real, Real, NDArray]:
+    """The top of the coordinate along the contour within brackets: tangency by bisection and false position, or an end of a
+    piece."""
+    g, q = _slope(task, angle, p, middle)
+    a = np.where(g > 0.0, middle, low)
+    b = np.where(g > 0.0, high, middle)
+    ga, qa = _slope(task, angle, p, a)
+    gb, qb = _slope(task, angle, p, b)
+    # an end that the face cannot reach counts as rising towards the middle
+    ga = np.where(np.isfinite(qa), ga, 1.0)
+    gb = np.where(np.isfinite(qb), gb, -1.0)
+    end_low, end_high = ga <= 0.0, gb >= 0.0
+    side = np.zeros(angle.size)
+    x = middle
+    for k in range(60):
+        bisect = 0.5 * (a + b)
+        if k < 4 or k % 4 == 3:
+            x = bisect
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                x = b - gb * (b - a) / (gb - ga)
+            x = np.where((x > a) & (x < b), x, bisect)
+        gx, qx = _slope(task, angle, p, x)
+        miss = ~np.isfinite(qx)  # beyond the face: keep to the side of the middle
+        gx = np.where(miss, np.where(x < middle, 1.0, -1.0), gx)
+        up = gx > 0.0
+        gb = np.where(up & (side > 0.0), 0.5 * gb, gb)  # Illinois: the end that stays counts half
+        ga = np.where(~up & (side < 0.0), 0.5 * ga, ga)
+        side = np.where(up, 1.0, -1.0)
+        a, ga = np.where(up, x, a), np.where(up, gx, ga)
+        b, gb = np.where(up, b, x), np.where(up, gb, gx)
+        if np.all((b - a < 1e-15) | (gx == 0.0) | end_low | end_high):
+            break
+    x = np.where(np.abs(ga) < np.abs(gb), a, b)
+    sharp = task.contour.sharp_joints  # a smooth joint of two pieces is no corner
+    at_end = (end_low & (low <= 0.0) & (g <= 0.0) & sharp[p]) | (end_high & (high >= 1.0) & (g > 0.0) & sharp[p + 1])
+    x = np.where(end_low & (g <= 0.0), low, np.where(end_high & (g > 0.0), high, x))
+    _, best = _slope(task, angle, p, x)
+    fallback = ~np.isfinite(best)
+    x, best = np.where(fallback, middle, x), np.where(fallback, q, best)
+    return x, best, at_end
+
+
+def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+    z = task.ground(points[None, :], angle[:, None])
+    f, h = task.knife_gap(z), task.knife_height(z)
+    s = f >= 0.0
+    cross = s[:, 1:] != s[:, :-1]
+    cross[:, each - 1 :: each] = False  # from one piece to the next
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = f[:, :-1] / (f[:, :-1] - f[:, 1:])
+        guess = np.where(cross, h[:, :-1] + share * (h[:, 1:] - h[:, :-1]), -np.inf)
+    best = np.full(angle.size, -np.inf)
+    out = np.zeros(angle.size, int), np.zeros(angle.size)
+    many = min(2, guess.shape[1])
+    rank = np.argpartition(-guess, many - 1, axis=1)[:, :many]
+    rows = np.arange(angle.size)
+    for j in range(many):
+        k = rank[:, j]
+        live = guess[rows, k] > -np.inf
+        p, a, b = pieces[k], us[k].copy(), us[np.minimum(k + 1, us.size - 1)].copy()
+        fa, fb = f[rows, k].copy(), f[rows, np.minimum(k + 1, us.size - 1)].copy()
+        side = np.zeros(angle.size)
+        for m in range(60):
+            x = 0.5 * (a + b)
+            if m % 4 != 3:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    y = b - fb * (b - a) / (fb - fa)
+                x = np.where((y > a) & (y < b), y, x)
+            fx = task.knife_gap(task.ground(task.contour.on(p, x, 0)[0], angle))
+            same = (fx >= 0.0) == (fa >= 0.0)
+            fb = np.where(same & (side > 0.0), 0.5 * fb, fb)
+            fa = np.where(~same & (side < 0.0), 0.5 * fa, fa)
+            side = np.where(same, 1.0, -1.0)
+            a, fa = np.where(same, x, a), np.where(same, fx, fa)
+            b, fb = np.where(same, b, x), np.where(same, fb, fx)
+            if np.all((b - a < 1e-15) | (fx == 0.0) | ~live):
+                break
+        x = np.where(np.abs(fa) < np.abs(fb), a, b)
+        height = task.knife_height(task.ground(task.contour.on(p, x, 0)[0], angle))
+        better = live & (height > best)
+        best = np.where(better, height, best)
+        out[0][better], out[1][better] = p[better], x[better]
+    return out[0], out[1], np.where(best > -np.inf, best, np.nan), np.zeros(angle.size, bool)

@@ -1,0 +1,292 @@
+"""Spatial cams with cylindrical rollers: barrel (groove and rib), end (face) and globoidal cams, their real flank surfaces.
+
+The cam turns by ``turn * theta`` about the z axis. The roller's axis is the line X(theta, l) = A + l a; the flank is the
+envelope of
+the roller in the cam's axes. With v the velocity of X against the cam, the contact normal is perpendicular to the axis and to v,
+so that it is exactly +-(v x a)/|v x a|; the surface S = X - r N, its derivatives and curvatures follow in closed form
+(Weingarten), and 1 - c1 r + c2 r^2 = 0 is the roller radius at which the surface becomes singular (undercut).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import Fault, MechanismError
+from ..laws.curve import MotionCurve
+from .limits import Reached
+
+__all__ = ["Barrel", "BarrelArm", "Flank", "Globoid", "SpatialCam", "SpatialLimits", "spatial_limits"]
+
+Real = NDArray[np.float64]
+
+
+def _stack(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Real:
+    return np.stack(np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(z, float)), axis=-1)
+
+
+@dataclass(frozen=True)
+class Barrel:
+    """The follower slides parallel to the cam's axis, its roller's axis radial (along x); the law is the height z. Barrel,
+    rib, end cams."""
+
+    def axis(self, q: Real) -> tuple[Real, Real]:
+        """Coordinate with derivatives (3, n) -> A and a with derivatives, each (3, n, 3)."""
+        zero = np.zeros_like(q)
+        a = np.zeros((*q.shape, 3))
+        a[0, :, 0] = 1.0
+        return _stack(zero, zero, q), a
+
+    def away(self, x: Real, q: Real) -> Real:
+        """Unit direction in which points (n, m, 3) of the follower move when the coordinate grows."""
+        return np.broadcast_to([0.0, 0.0, 1.0], x.shape)
+
+
+@dataclass(frozen=True)
+class BarrelArm:
+    """An arm swings about a line parallel to x through (y, z) = ``pivot``, parallel to the barrel; the roller's axis stays
+    parallel to x.
+
+    The law is the angle psi of the arm: roller centre (y, z) = pivot + arm (-cos psi, sin psi).
+    """
+
+    pivot: tuple[float, float]
+    arm: float
+
+    def axis(self, q: Real) -> tuple[Real, Real]:
+        c, s = np.cos(q[0]), np.sin(q[0])
+        y = [-c, s * q[1], c * q[1] ** 2 + s * q[2]]
+        z = [s, c * q[1], -s * q[1] ** 2 + c * q[2]]
+        point = _stack(0.0, self.arm * np.array(y), self.arm * np.array(z))
+        point[0] += (0.0, *self.pivot)
+        a = np.zeros_like(point)
+        a[0, :, 0] = 1.0
+        return point, a
+
+    def away(self, x: Real, q: Real) -> Real:
+        r = x - np.array([0.0, *self.pivot])
+        d = _stack(0.0, r[..., 2], -r[..., 1])
+        return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class Globoid:
+    """An arm swings about a line parallel to y through (``distance``, 0, 0), the roller's axis along the arm, towards the cam.
+
+    The law is the angle psi of the arm from the perpendicular of the two axes; l is measured from the pivot. A positive sense
+    lifts the roller along z. (The concave globoid of roller gears; the turret of an indexing drive is several such rollers.)
+    """
+
+    distance: float
+
+    def axis(self, q: Real) -> tuple[Real, Real]:
+        c, s = np.cos(q[0]), np.sin(q[0])
+        x = np.array([-c, s * q[1], c * q[1] ** 2 + s * q[2]])
+        z = np.array([s, c * q[1], -s * q[1] ** 2 + c * q[2]])
+        a = _stack(x, 0.0, z)
+        point = np.zeros_like(a)
+        point[0, :, 0] = self.distance
+        return point, a
+
+    def away(self, x: Real, q: Real) -> Real:
+        d = _stack(np.sin(q)[:, None], 0.0, np.cos(q)[:, None])
+        return np.broadcast_to(d, x.shape)
+
+
+Mount = Barrel | BarrelArm | Globoid
+
+
+def _cross(a: Real, b: Real) -> Real:
+    return np.cross(a, b)
+
+
+def _about_z(x: Real, turn: int) -> Real:
+    """turn * k x x."""
+    return turn * np.stack([-x[..., 1], x[..., 0], np.zeros_like(x[..., 0])], axis=-1)
+
+
+def _dot(a: Real, b: Real) -> Real:
+    return np.einsum("...i,...i->...", a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class Flank:
+    """One flank over angles (n) and lengths along the roller (m); arrays (n, m) or (n, m, 3)."""
+
+    cam: SpatialCam
+    angle: Real
+    along: Real
+    motion: Real
+    side: int
+
+    @cached_property
+    def _axis(self) -> tuple[Real, ...]:
+        """X, v, a and the derivatives of v and a that the surface needs, all in ground axes and relative to the cam."""
+        turn = self.cam.turn
+        point, a = self.cam.mount.axis(self.motion)
+        along = self.along[None, :, None]
+        x, x1, x2 = (p[:, None, :] + along * d[:, None, :] for p, d in zip(point, a, strict=True))
+        a0, a1 = (np.broadcast_to(d[:, None, :], x.shape) for d in a[:2])
+        v = x1 - _about_z(x, turn)
+        v_angle = x2 - 2.0 * _about_z(x1, turn) + _about_z(_about_z(x, turn), turn)  # in the cam's axes
+        a_angle = a1 - _about_z(a0, turn)
+        return x, v, a0, v_angle, a_angle
+
+    @cached_property
+    def _normals(self) -> tuple[Real, Real, Real, Real]:
+        """N (from the cam to the roller), its derivatives by angle and along the axis in the cam's axes, and |v x a|."""
+        _, v, a, v_angle, a_angle = self._axis
+        w = _cross(v, a)
+        size = np.linalg.norm(w, axis=-1, keepdims=True)
+        n = w / size
+        w_angle = _cross(v_angle, a) + _cross(v, a_angle)
+        w_along = _cross(a_angle, a)  # v changes by a's own velocity along the axis
+        n_angle = (w_angle - n * _dot(n, w_angle)[..., None]) / size
+        n_along = (w_along - n * _dot(n, w_along)[..., None]) / size
+        s = float(self.side)
+        return s * n, s * n_angle, s * n_along, size[..., 0]
+
+    def _into_cam(self, x: Real) -> Real:
+        c, s = np.cos(self.angle)[:, None], self.cam.turn * np.sin(self.angle)[:, None]
+        return np.stack([c * x[..., 0] + s * x[..., 1], -s * x[..., 0] + c * x[..., 1], x[..., 2]], axis=-1)
+
+    @cached_property
+    def point(self) -> Real:
+        """Points of the flank in the cam's axes [m]."""
+        return self._into_cam(self._axis[0] - self.cam.radius * self._normals[0])
+
+    @cached_property
+    def normal(self) -> Real:
+        """Unit normals from the cam to the roller, in the cam's axes."""
+        return self._into_cam(self._normals[0])
+
+    @cached_property
+    def axis_point(self) -> Real:
+        """The pitch surface: points of the roller's axis in the cam's axes [m]."""
+        return self._into_cam(self._axis[0])
+
+    @cached_property
+    def pressure_angle(self) -> Real:
+        """Angle between the normal and the direction of the follower's motion, positive on a rise [rad]; barrel: tan = s'/l."""
+        x, _, a, *_ = self._axis
+        away = self.cam.mount.away(x, self.motion[0])
+        n = self._normals[0] * self.side  # along +away for a roller that rises
+        across = _cross(a, away)
+        ahead = np.sign(_dot(across, _about_z(x, self.cam.turn)))  # the way the cam's surface moves
+        return np.arctan2(ahead * _dot(n, across) * np.sign(_dot(n, away)), np.abs(_dot(n, away)))
+
+    @cached_property
+    def _coefficients(self) -> tuple[Real, Real]:
+        """c1, c2 of sharpness = 1 - c1 r + c2 r^2."""
+        _, v, a, *_ = self._axis
+        n, n_angle, n_along, size = self._normals
+        whole = self.side * size
+        c1 = _dot(_cross(v, n_along) + _cross(n_angle, a), n) / whole
+        c2 = _dot(_cross(n_angle, n_along), n) / whole
+        return c1, c2
+
+    @cached_property
+    def sharpness(self) -> Real:
+        """1 where the flank follows the pitch surface, 0 where it is singular, negative where it is undercut."""
+        c1, c2 = self._coefficients
+        r = self.cam.radius
+        return 1.0 - c1 * r + c2 * r * r
+
+    @cached_property
+    def greatest_roller(self) -> Real:
+        """The roller radius at which each point becomes singular [m], infinite where none does."""
+        c1, c2 = self._coefficients
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(c1 * c1 - 4.0 * c2)
+            # both roots without cancellation
+            q = 0.5 * (c1 + np.where(c1 >= 0.0, 1.0, -1.0) * root)
+            roots = np.stack([q / c2, 1.0 / q])
+        roots = np.where(np.isfinite(roots) & (roots > 0.0), roots, np.inf)
+        return roots.min(axis=0)
+
+    @cached_property
+    def principal_curvatures(self) -> tuple[Real, Real]:
+        """Larger and smaller principal curvature of the flank [1/m], positive where the cam is convex."""
+        _, v, a, *_ = self._axis
+        _, n_angle, n_along, _ = self._normals
+        r = self.cam.radius
+        s_angle, s_along = v - r * n_angle, a - r * n_along
+        e, f, g = _dot(s_angle, s_angle), _dot(s_angle, s_along), _dot(s_along, s_along)
+        e2, f2, g2 = _dot(n_angle, s_angle), _dot(n_angle, s_along), _dot(n_along, s_along)  # second fundamental form
+        det = e * g - f * f
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = 0.5 * (e * g2 + g * e2 - 2.0 * f * f2) / det
+            gauss = (e2 * g2 - f2 * f2) / det
+            root = np.sqrt(np.maximum(mean * mean - gauss, 0.0))
+        return mean + root, mean - root
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialCam:
+    """A spatial cam: law of the follower's coordinate, how the follower is mounted, roller radius, range of the roller's
+    axis [m]."""
+
+    law: MotionCurve
+    mount: Mount
+    radius: float
+    inner: float
+    outer: float
+    turn: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.radius > 0.0:
+            raise MechanismError(Fault("follower.radius", f"a roller of {self.radius:g} m.", "Give a positive radius."))
+        if not self.inner < self.outer:
+            raise MechanismError(
+                Fault("cam.depth", f"a roller from {self.inner:g} to {self.outer:g} m along its axis.", "Give the smaller first.")
+            )
+        if self.turn not in (1, -1):
+            raise MechanismError(Fault("cam.turn", f"{self.turn}", "Give 1 or -1."))
+
+    def flank(self, angle: ArrayLike, along: ArrayLike, side: int = 1) -> Flank:
+        """Angles (n), places along the roller's axis (m); ``side`` 1: the flank that lifts the follower, -1: the other one
+        of a groove."""
+        angle = np.atleast_1d(np.asarray(angle, float))
+        along = np.atleast_1d(np.asarray(along, float))
+        lifts = -1 if isinstance(self.mount, Globoid) else 1  # which sign of v x a points along the follower's motion
+        return Flank(self, angle, along, self.law(angle, 2), side * lifts * self.turn)
+
+
+@dataclass(frozen=True)
+class SpatialLimits:
+    """Extremes over a cycle and the roller's length; radii [m], angles of the cam where they are reached."""
+
+    pressure: Reached
+    sharpness: Reached
+    greatest_roller: Reached
+    convex: Reached | None
+
+    @property
+    def undercut(self) -> bool:
+        return self.sharpness.value < 0.0
+
+
+def spatial_limits(cam: SpatialCam, sides: tuple[int, ...] = (1, -1), count: int = 720, layers: int = 9) -> SpatialLimits:
+    """Extremes on a grid of angles and of places along the roller, over the stated flanks (one for a rib's side or an end cam)."""
+    angle = cam.law.start + cam.law.length * np.arange(count) / count
+    along = np.linspace(cam.inner, cam.outer, layers)
+    best: list[Reached | None] = [None] * 4
+    for side in sides:
+        f = cam.flank(angle, along, side)
+        rows = (np.abs(f.pressure_angle), -f.sharpness, -f.greatest_roller, f.principal_curvatures[0])
+        for k, row in enumerate(rows):
+            i = int(np.argmax(row)) // layers
+            value, old = float(row.max()), best[k]
+            if old is None or value > old.value:
+                best[k] = Reached(value, float(angle[i]))
+    pressure, sharp, roller, bend = best
+    assert pressure is not None and sharp is not None and roller is not None and bend is not None
+    return SpatialLimits(
+        pressure,
+        Reached(-sharp.value, sharp.angle),
+        Reached(-roller.value, roller.angle),
+        Reached(1.0 / bend.value, bend.angle) if bend.value > 0.0 else None,
+    )
