@@ -23,8 +23,10 @@ from mechcore.cams import (
     Roller,
     SpatialCam,
     Translating,
+    analyse,
     base_height_chart,
     best_offset,
+    cam_contour,
     cam_on_base,
     cut_profile,
     find_limits,
@@ -35,7 +37,7 @@ from mechcore.cams import (
     undercut_ranges,
 )
 from mechcore.errors import MechanismError
-from mechcore.laws import Segment, peak_factors, program, rise
+from mechcore.laws import MotionCurve, Segment, peak_factors, program, rise
 
 PI = np.pi
 LIFT = program([Segment(2.0, 0.02), Segment(1.0), Segment(1.6, 0.0, "3-4-5"), Segment(2 * PI - 4.6)])
@@ -165,6 +167,31 @@ def test_base_circle_near_zero_stays_finite(base, face):
     assert 0.0 <= limits.rise.value <= PI / 2
     if isinstance(face, Knife):
         assert limits.rise.value > 1.5, "a knife at the centre is pushed sideways"
+
+
+def test_the_lecture_s_cam_with_velocity_jumps_under_a_roller():
+    """C1 = 0: at pi the velocity falls, a fold of the profile; at the wrap it rises, and the roller cuts an arc of its own
+    radius."""
+    a0 = 0.02 / PI**2
+    law = MotionCurve.of((0, PI, 2 * PI), [[0.04, 0.0, a0], [0.06, 0.0, -a0]], repeats=True)
+    for face in (Roller(0.006), Flat(), Knife()):
+        cam = Cam(law, Follower(Translating(0.01), face))
+        limits = find_limits(cam)
+        assert limits.convex.value == 0.0 and limits.convex.angle == pytest.approx(PI)
+        assert limits.undercut == (not isinstance(face, Knife))
+    cam = Cam(law, Follower(Translating(0.01), Roller(0.006)))
+    whole = cam_contour(cam)
+    ends = np.array([p(np.array([0.0, 1.0]), 0)[0] for p in whole.pieces])
+    np.testing.assert_allclose(ends[:, 1], np.roll(ends[:, 0], -1), atol=1e-15)
+    hollow = min(1.0 / whole.curvature(np.arange(whole.count) + 0.5), key=lambda r: abs(r + 0.006))
+    assert hollow == pytest.approx(-0.006)
+    cut = cut_profile(cam, 1440)
+    ((a, b),) = cut.lost
+    assert a < PI < b
+    theta = np.concatenate([np.linspace(0.2, a - 0.05, 9), np.linspace(b + 0.05, 6.1, 9)])
+    got = analyse(cut.contour, cam.follower, theta, bridges=False)
+    np.testing.assert_allclose(got.motion[0], law(theta, 0)[0], rtol=1e-12)
+    assert cut.error > 1e-5
 
 
 def test_dwells_are_arcs_and_curvature_jumps_are_seen_from_both_sides():

@@ -344,6 +344,32 @@ def polar_contour(radius: MotionCurve) -> Contour:
     return _checked([_Polar(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
+def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[Smooth]:
+    """Ranges of a working curve with what the follower itself cuts where its velocity jumps.
+
+    A round face stands still on the pitch curve's corner and cuts an arc of its own radius about it; a flat one cuts a
+    straight line.
+    Where such a corner is convex the arc (or line) runs backwards: the profile is undercut (``find_limits`` says so).
+    """
+    out: list[Smooth] = []
+    flat, r = isinstance(cam.follower.face, Flat), cam.follower.radius
+    begin, end = np.array([0.0]), np.array([1.0])
+    for k, piece in enumerate(pieces):
+        out.append(piece)
+        if cam.wedge and k + 1 == len(pieces):
+            break
+        following = pieces[(k + 1) % len(pieces)]
+        a, b = complex(piece(end, 0)[0, 0]), complex(following(begin, 0)[0, 0])
+        if abs(a - b) <= 1e-9 * abs(a) or not (flat or r > 0.0):
+            continue
+        if flat:
+            out.append(_Line(a, b))
+            continue
+        centre = complex(piece.offset(end, r, 0)[0, 0])
+        out.append(_Arc(centre, r, float(np.angle(a - centre)), float(np.angle((b - centre) / (a - centre)))))
+    return out
+
+
 def cam_contour(cam: Cam) -> Contour:
     """The working curve of a synthesised cam as a given profile, a piece for each piece of its law.
 
@@ -355,5 +381,5 @@ def cam_contour(cam: Cam) -> Contour:
     if cam.wedge:
         backwards = True  # the outside (above) has to be on the right
     order = range(len(cam.law.pieces))
-    pieces: list[Smooth] = [CamPiece(cam, k, backwards) for k in (reversed(order) if backwards else order)]
-    return Contour(tuple(pieces), not cam.wedge)
+    pieces = [CamPiece(cam, k, backwards) for k in (reversed(order) if backwards else order)]
+    return Contour(tuple(joined(cam, pieces)), not cam.wedge)

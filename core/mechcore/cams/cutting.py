@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import Fault, MechanismError
 from .analysis import analyse
-from .contour import CamPiece, Contour, cam_contour
+from .contour import CamPiece, Contour, cam_contour, joined
 from .followers import Flat
 from .synthesis import Cam
 
@@ -72,15 +72,17 @@ def cut_profile(cam: Cam, count: int = 2880) -> CutProfile:
         corners.append(point)
     ranges = [(lost[k - 1][1] - (law.length if k == 0 else 0.0), lost[k][0]) for k in range(len(lost))]
     backwards = cam.turn == 1
-    pieces = []
+    pieces: list[CamPiece] = []
     for a, b in reversed(ranges) if backwards else ranges:
         parts = _parts(cam, a, b, backwards)
         pieces += parts[::-1] if backwards else parts
-    contour = Contour(tuple(pieces))
+    contour = Contour(tuple(joined(cam, pieces)))
     probe = law.start + law.length * np.arange(360) / 360.0
     got = analyse(contour, cam.follower, probe, cam.turn, samples=4096, bridges=False).motion[0]
     error = np.abs(got - law(probe, 0)[0])
     worst = int(np.nanargmax(error))
+    shift = [law.length * np.floor((a - law.start) / law.length) for a, _ in lost]
+    lost = [(float(a - d), float(b - d)) for (a, b), d in zip(lost, shift, strict=True)]
     return CutProfile(contour, tuple(lost), tuple(corners), float(error[worst]), float(probe[worst]))
 
 

@@ -31,7 +31,8 @@ class Limits:
     dwell of an offset follower has one too); the larger of them is the largest in size.
     ``distance_left``, ``distance_right``: extremes of the contact on a flat face from the reference point; their difference
     is ``face_length``, the least length of the face. ``convex``, ``concave``: smallest radius of curvature in size where the
-    profile is convex, concave. ``sharpness``: least regularity of the profile; below zero it is undercut, at zero it has a cusp.
+    profile is convex, concave. ``sharpness``: least regularity of the profile; below zero it is undercut, at zero it has a cusp, at
+    minus infinity a fold where the velocity of the law jumps down.
     ``greatest_roller``: the largest radius that does not undercut: the pitch curve's smallest radius on the critical side.
     """
 
@@ -130,6 +131,11 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Lim
                 best, angle = float(values[k]), float(angles[k])
         out[name] = Reached(best, angle) if np.isfinite(best) or (name == "concave" and best == -np.inf) else None
 
+    fold = _fold(cam, knots)
+    if fold is not None:
+        for name in ("convex", "pitch") if cam.follower.radius == 0.0 and not flat else ("sharp", "convex", "pitch"):
+            out[name] = Reached(-np.inf, fold)
+
     def flip(name: str) -> Reached:
         r = out[name]
         return Reached(-r.value, r.angle) if r is not None else Reached(0.0, cam.law.start)
@@ -150,6 +156,22 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Lim
         distance_left=out.get("left"),
         distance_right=flip("right") if flat else None,
     )
+
+
+def _fold(cam: Cam, knots: Synthesis) -> float | None:
+    """The angle of a knot at which the velocity jumps so that the pitch curve has a convex corner (the profile a fold);
+    None: nowhere."""
+    n = len(cam.law.pieces)
+    left = np.arange(n) if cam.law.repeats else np.arange(n - 1)
+    right = n + (left + 1) % n
+    if isinstance(cam.follower.face, Flat):
+        step = knots.distance[right] - knots.distance[left]
+        turning, size = -cam.turn * step, np.abs(knots.reference[0][left])
+    else:
+        a, b = knots._d1[left], knots._d1[right]
+        turning, size = -cam.turn * cam.flank * np.imag(np.conj(a) * b), np.abs(a) * np.abs(b)
+    folded = turning > 1e-9 * size
+    return float(knots.angle[left[int(np.argmax(folded))]]) if folded.any() else None
 
 
 def undercut_ranges(cam: Cam, angles: ArrayLike) -> list[tuple[float, float]]:
