@@ -97,7 +97,7 @@ class Recording:
             for name in batch.schema.names:
                 if not name.startswith("rerun"):
                     found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
-        lists = ("effects", "skipped")
+        lists = ("effects", "skipped", "power_items")
         return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
 
     @cached_property

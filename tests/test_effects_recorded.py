@@ -1,0 +1,86 @@
+"""Loads in recordings and in the viewer: both links named, energies, powers, springs that deform between their points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechviz
+from mechcore.spec import Damper, GasSpring, Spring
+from mechviz.linkers import COILS, find_linkers, spiral_strips, strut_strips, zigzag_strips
+from mechviz.run import run_scene
+from mechviz.viewer.linkers3d import segments
+from recordings import made
+
+NAMES = ("lamp-arm", "valve-spring", "compressor-cycle", "door-closer", "tailgate", "plunger-in-drag")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_loads_name_both_links_and_powers_sum_to_zero(name):
+    m = made(name)
+    model = m.recording.model
+    for load in m.mechanism.loads:
+        two = getattr(load, "links", None)
+        if two is not None:
+            assert model["loads"][load.name]["links"] == list(two)
+    items = list(m.recording.properties["power_items"])
+    powers = m.data("power")
+    assert powers.shape[1] == len(items) and {load.name for load in m.mechanism.loads} <= set(items)
+    assert np.abs(powers.sum(axis=1)).max() <= 1e-9 * np.abs(powers).max()
+    kinetic, stored, work, lost = m.data("energy").T
+    total = kinetic + stored - work + lost
+    scale = max(np.ptp(x) for x in (kinetic, stored, work, lost))
+    assert np.ptp(total) <= 2e-4 * scale  # the works are integrated over frames; the drives of two scenes have kinks
+    assert np.all(np.diff(lost) >= -1e-4 * scale)
+
+
+@pytest.mark.parametrize(
+    ("name", "load"), [("lamp-arm", "balance"), ("valve-spring", "return_spring"), ("tailgate", "strut"), ("door-closer", "damper")]
+)
+def test_springs_are_drawn_between_their_points(name, load):
+    m = made(name)
+    rows = m.recording.rows("mechanism", "springs", load, component="LineStrips3D:strips")
+    spec = next(x for x in m.mechanism.loads if x.name == load)
+    assert isinstance(spec, Spring | Damper | GasSpring)
+    ends = [m.run.motion.point(*end) for end in zip(spec.links, spec.points, strict=True)]
+    every = max(1, m.run.motion.frames // len(rows.time))
+    starts = np.concatenate([[0], np.cumsum(rows.lengths)])
+    for k in (0, len(rows.time) // 3, len(rows.time) - 1):
+        strips = rows.values[starts[k] : starts[k + 1]]
+        points = np.concatenate([np.stack(list(strip)).astype(float).reshape(-1, 3)[:, :2] for strip in strips])
+        for end in ends:
+            assert np.hypot(*(points - end[k * every]).T).min() < 1e-6 * (1.0 + np.abs(end).max())
+
+
+def test_linkers_only_where_loads_are_computed():
+    assert list(find_linkers(run_scene(mechviz.load("crank-rocker"), frames=12), 1.0)) == []
+    (spring,) = (x for x in find_linkers(run_scene(mechviz.load("lamp-arm"), frames=12), 0.4))
+    assert (spring.name, spring.kind) == ("balance", "spring")
+    lines = segments(spring.strips(np.array([3])), 0.1)
+    assert lines.shape == (2 * COILS + 3, 2, 3) and np.all(lines[:, :, 2] == np.float32(0.1))
+    assert {x.kind for x in find_linkers(run_scene(mechviz.load("door-closer"), frames=12), 0.4)} == {"torsion spring", "damper"}
+
+
+def test_shapes_keep_their_widths_and_lengths():
+    a, b = np.zeros((3, 2)), np.array([[1.0, 0.0], [0.0, 1.5], [-2.0, 0.0]])
+    coil = zigzag_strips(a, b, 0.1)
+    across = np.stack([coil[0, :, 1], coil[1, :, 0], coil[2, :, 1]])
+    assert np.abs(across).max(axis=1) == pytest.approx([0.1, 0.1, 0.1])  # as wide at every length
+    np.testing.assert_allclose(coil[:, [0, -1]], np.stack([a, b], axis=1), atol=1e-15)
+    for closed in (True, False):
+        pot, rod = strut_strips(a[:2], np.array([[0.6, 0.0], [1.0, 0.0]]), 0.6, 1.0, 0.05, closed=closed)
+        assert np.ptp(pot[..., 0], axis=1)[0] == pytest.approx(np.ptp(pot[..., 0], axis=1)[1])  # the pot keeps its length
+        assert np.ptp(rod[..., 0], axis=1)[0] == pytest.approx(np.ptp(rod[..., 0], axis=1)[1])  # and the rod
+        assert np.all(rod[:, 1:, 0] <= pot[..., 0].max()) and np.all(rod[:, 1:, 0] >= 0.0)  # the piston stays in the pot
+    spiral = spiral_strips(a[:1], np.array([0.5]), np.array([1.0]), 0.2)
+    assert np.hypot(*spiral[0, -1]) == pytest.approx(0.2) and np.arctan2(*spiral[0, 0][::-1]) == pytest.approx(1.0)
+    assert np.arctan2(*spiral[0, -1][::-1]) == pytest.approx(0.5 - np.pi)  # two turns and a half further, on the first link's side
+
+
+def test_moments_that_are_rounding_are_not_drawn():
+    """The lamp without its bearing: a torque of 1e-15 N m is nothing beside forces of 70 N on 0.4 m."""
+    from mechviz.vectors import find_moments
+
+    scene = mechviz.loads(mechviz.load("lamp-arm").text.replace('bearing = { viscous = "A", linear = "0.02 N m s/rad" }', ""))
+    assert find_moments(run_scene(scene, frames=24)) == {}
+    assert "drive" in find_moments(made("lamp-arm").run)
