@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mechcore import Compiled, Motion, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.effects import effects_of
+from mechcore.effects import effects_of, sum_up, wrenches
 from mechcore.plan import Plan, make_plan
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
             for k, effect in enumerate(effects):
                 if "reactions" not in effect.needs:
                     timed(f"{'effect' if k < named else 'load'} {effect.name}", partial(effect.wrenches, motion))
+            if plan.has("effect friction"):
+                timed("effect friction", partial(_friction, motion))
             forces = timed("reactions and drive efforts", partial(solve_forces, motion))
             if plan.has("energy and power balance"):
                 timed("energy and power balance", partial(_read, forces, ("energy", "power_balance")))
@@ -66,6 +68,14 @@ def _positions(compiled: Compiled, frames: Any) -> Motion:
     motion = solve_motion(compiled, frames)
     _ = motion.origins
     return motion
+
+
+def _friction(motion: Motion) -> None:
+    """Dry friction and the reactions that it depends on."""
+    from mechcore.friction import solve_friction
+
+    applied = wrenches(motion)
+    solve_friction(motion, applied, *sum_up(applied, len(motion.model.links)))
 
 
 def _read(result: Any, names: tuple[str, ...]) -> None:
