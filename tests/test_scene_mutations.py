@@ -1,0 +1,69 @@
+"""Scenes of the gallery, spoilt at random: a reader that meets them gives a scene or a report, never anything else."""
+
+from __future__ import annotations
+
+import copy
+import random
+import tomllib
+from typing import Any
+
+import pytest
+
+from mechviz.scene import Scene, SceneError, gallery
+
+VALUES: list[Any] = [
+    5, -1, 0, True, False, "text", "", [], {}, [[]], [{}], {"a": 1}, [1, 2], ["a", "b"], 1e300, -1e300, float("nan"),
+    float("inf"), 10**400, "60 rpm", "5 mm", "1e999 kg", "ü/ö", "\ud800", "a" * 200, [1, 2, 3], ["A", 5], {"points": {}},
+    "nan", "inf m", 1e-320, "1e-300 mm", [0, 0], ["A", "A"], "frame", "left",
+]  # fmt: skip
+KEYS = ["x", "mass", "side", "drive", "at", "along", "table", "revolute", "prismatic", "gear", "force", "torque", "start", "zones"]
+SCENES = [tomllib.loads(entry.path.read_text(encoding="utf-8")) for entry in gallery()]
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [path, *(place for key, item in inner for place in places(item, (*path, key)))]
+
+
+def inside(value: Any, path: tuple[Any, ...]) -> Any:
+    for part in path:
+        value = value[part]
+    return value
+
+
+def spoilt(rng: random.Random, raw: dict[str, Any]) -> dict[str, Any]:
+    """A copy with up to eight places removed, replaced, misspelt, copied from elsewhere, or added."""
+    raw = copy.deepcopy(raw)
+    for _ in range(rng.choice([1, 1, 2, 3, 8])):
+        found = [place for place in places(raw) if place]
+        if not found:
+            break
+        *parents, key = rng.choice(found)
+        table, way = inside(raw, tuple(parents)), rng.randrange(6)
+        if way == 0:
+            del table[key]
+        elif way in (1, 2):
+            table[key] = copy.deepcopy(rng.choice(VALUES))
+        elif way == 3 and isinstance(key, str):
+            table[key[:1] + key[2:] + rng.choice(["", "x"])] = table.pop(key)
+        elif way == 4:
+            table[key] = copy.deepcopy(inside(raw, rng.choice(found)))
+        elif isinstance(table, dict):
+            table[rng.choice(KEYS)] = copy.deepcopy(rng.choice(VALUES))
+    return raw
+
+
+@pytest.mark.parametrize("part", range(8))
+def test_a_spoilt_scene_gives_a_scene_or_a_report(part):
+    reports = 0
+    for seed in range(60 * part, 60 * part + 60):
+        rng = random.Random(seed)
+        raw = spoilt(rng, rng.choice(SCENES))
+        try:
+            Scene.build(name="x", **raw)
+        except SceneError as error:
+            reports += 1
+            text = str(error)
+            assert error.faults and all(fault.path and fault.message[-1] in ".?" for fault in error.faults), (seed, text)
+            assert "something else" not in text and "nan m" not in text, (seed, text)
+    assert reports > 30
