@@ -67,3 +67,27 @@ def test_a_spoilt_scene_gives_a_scene_or_a_report(part):
             assert error.faults and all(fault.path and fault.message[-1] in ".?" for fault in error.faults), (seed, text)
             assert "something else" not in text and "nan m" not in text, (seed, text)
     assert reports > 30
+
+
+def test_a_long_chain_with_a_fault_in_every_link_is_reported_in_bearable_time():
+    """What takes the square of the number of links would take minutes here."""
+    n = 1500
+    links: dict[str, Any] = {f"l{k}": {"points": {f"P{k}": [0, 0], f"P{k + 1}": [1, 0]}, "mas": 1} for k in range(n)}
+    links["frame"] = {"points": {"A": [0, 0]}}
+    pairs: dict[str, Any] = {f"P{k}": {"revolute": [f"l{k - 1}", f"l{k}"]} for k in range(1, n)}
+    pairs["A"] = {"revolute": ["frame", "l0"], "at": ["A", "P0"], "drive": {"speed": "60 rpm"}}
+    for k in range(1, n, 10):
+        pairs[f"P{k}"]["revolute"][0] = f"zz{k}z"
+    with pytest.raises(SceneError) as error:
+        Scene.build(name="x", links=links, pairs=pairs)
+    paths = [fault.path for fault in error.value.faults]
+    assert len(paths) == n + len(range(1, n, 10))
+    assert all(path.startswith("links.l") or path.endswith("revolute[0]") for path in paths)
+
+
+def test_zones_without_speed_are_a_report():
+    data = copy.deepcopy(next(raw for raw in SCENES if raw["title"].startswith("Crank")))
+    name = next(key for key, pair in data["pairs"].items() if "drive" in pair)
+    data["pairs"][name]["drive"] = {"speed": 0, "zones": {"run_up": 5}}
+    with pytest.raises(SceneError, match="the speed is zero"):
+        Scene.build(**data)

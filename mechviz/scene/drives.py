@@ -127,7 +127,7 @@ def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     )
     start = _start(drive, coordinate, drawn)
     speed = math.nan if drive.speed is None else coordinate.speed(drive.speed, "speed")
-    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or not any((run_up, steady, braking)):
+    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or speed == 0.0 or not any((run_up, steady, braking)):
         return None
     if cycles > 1 and (run_up > 0.0) != (braking > 0.0):
         coordinate.convert.note(

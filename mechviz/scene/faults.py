@@ -9,9 +9,10 @@ from typing import Any
 
 from mechcore.errors import Fault, MechanismError
 
-__all__ = ["SceneError", "closest", "did_you_mean", "in_file_order", "listing"]
+__all__ = ["SceneError", "closest", "did_you_mean", "in_file_order", "listing", "nearest"]
 
 _WIDTH = 118
+_MANY = 500  # names, beyond which a close look at each of them takes too long
 
 
 class SceneError(MechanismError):
@@ -50,10 +51,20 @@ def _lines(fault: Fault, column: int) -> Iterator[str]:
 
 def closest(word: str, known: Iterable[str]) -> str:
     """The known name that ``word`` was most likely meant to be, or an empty text."""
-    names = list(known)
-    folded = {name.casefold(): name for name in reversed(names)}
-    near = difflib.get_close_matches(word.casefold(), folded, n=1, cutoff=0.6)
-    return folded[near[0]] if near else ""
+    return next(iter(nearest(word, known, 1)), "")
+
+
+def nearest(word: str, known: Iterable[str], most: int) -> list[str]:
+    """The known names that a word resembles, the most similar first. Of very many names only those that begin or end like it."""
+    folded = {name.casefold(): name for name in reversed(list(known))}
+    text = word.casefold()
+    if len(folded) > _MANY:
+        folded = {key: name for key, name in folded.items() if abs(len(key) - len(text)) < 3 and _alike(key, text)}
+    return [folded[key] for key in difflib.get_close_matches(text, folded, n=most, cutoff=0.6)]
+
+
+def _alike(first: str, second: str) -> bool:
+    return first[:3] == second[:3] or first[-3:] == second[-3:]
 
 
 def listing(names: Iterable[str], *, most: int = 12) -> str:

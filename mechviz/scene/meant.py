@@ -6,13 +6,13 @@ report its consequences. A name that resembles nothing becomes ``Unknown``, whic
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from difflib import SequenceMatcher
 from typing import Any, TypeVar
 
 from .document import LoadDocument, Pose
-from .faults import closest
+from .faults import nearest
 from .pairs import KINDS, PairDocument
 from .references import link_names, point_names, points_of_pair
 from .tables import Table, Unknown
@@ -30,19 +30,18 @@ def _with(table: T, changes: Mapping[str, Any]) -> T:
     return copy
 
 
-def _nearest(word: str, known: Iterable[str]) -> str:
+def _nearest(word: str, known: Collection[str]) -> str:
     """The name itself if it is known, else the only one that it resembles most."""
-    names = list(known)
-    if word in names:
+    if word in known:
         return word
-    near = closest(word, names)
-    likeness = [SequenceMatcher(None, name.casefold(), word.casefold()).ratio() for name in names]
-    return near if near and likeness.count(max(likeness)) == 1 else Unknown(word)
+    near = nearest(word, known, 2)
+    likeness = [SequenceMatcher(None, name.casefold(), word.casefold()).ratio() for name in near]
+    return near[0] if near and likeness.count(likeness[0]) == 1 else Unknown(word)
 
 
 def links_as_meant(reading: Reading) -> Reading:
     """The reading with every name of a link replaced by that of a link that exists, as far as one resembles it."""
-    document, links = reading.document, link_names(reading)
+    document, links = reading.document, dict.fromkeys(link_names(reading))
     frame = _nearest(document.frame, links)
     if isinstance(frame, Unknown) and "frame" in links:
         frame = "frame"
@@ -55,7 +54,7 @@ def links_as_meant(reading: Reading) -> Reading:
     return replace(reading, document=_with(document, changes))
 
 
-def _pair_links(reading: Reading, name: str, pair: PairDocument, links: list[str]) -> PairDocument:
+def _pair_links(reading: Reading, name: str, pair: PairDocument, links: Collection[str]) -> PairDocument:
     changes: dict[str, Any] = {}
     points = points_of_pair(name, pair)
     for kind in pair.kinds:
@@ -73,19 +72,19 @@ def _pair_links(reading: Reading, name: str, pair: PairDocument, links: list[str
     return _with(pair, changes)
 
 
-def _load_links(load: LoadDocument, links: list[str]) -> LoadDocument:
+def _load_links(load: LoadDocument, links: Collection[str]) -> LoadDocument:
     return _with(load, {key: _nearest(name, links) for key in ("on", "against") if (name := getattr(load, key)) is not None})
 
 
 def _owners(reading: Reading, point: str) -> list[str]:
     """Links that have a point of this name, or of which it is not known."""
-    return [link for link in link_names(reading) if (points := point_names(reading, link)) is None or point in points]
+    return [*reading.owners.get(point, ()), *reading.pointless]
 
 
 def points_as_meant(reading: Reading) -> Reading:
     """The reading with every name of a point replaced by that of a point that exists, and names of driven pairs likewise."""
     document = reading.document
-    every = list(dict.fromkeys(point for link in link_names(reading) for point in point_names(reading, link) or ()))
+    every = dict.fromkeys(point for link in link_names(reading) for point in point_names(reading, link) or ())
     changes = {
         "pairs": {name: _pair_points(reading, name, pair) for name, pair in document.pairs.items()},
         "loads": {name: _load_names(reading, load) for name, load in document.loads.items()},

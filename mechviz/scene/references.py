@@ -100,6 +100,8 @@ def _as_written(reading: Reading, name: str, kind: str, links: list[str]) -> lis
 
 def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
     """A fault where there is no such link."""
+    if link in reading.document.links:
+        return
     links = link_names(reading)
     if "*" not in reading.broken["links"] and link not in links and not isinstance(link, Unknown):
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, cast
 
 from pydantic import ValidationError
@@ -36,6 +37,20 @@ class Reading:
     faults: list[Fault] = field(default_factory=list)
     broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
     shapeless: dict[str, PairDocument] = field(default_factory=dict)
+
+    @cached_property
+    def owners(self) -> dict[str, list[str]]:
+        """Name of a point -> the links that have it."""
+        found: dict[str, list[str]] = {}
+        for name, link in self.document.links.items():
+            for point in link.points if link.sound("points") else ():
+                found.setdefault(point, []).append(name)
+        return found
+
+    @cached_property
+    def pointless(self) -> list[str]:
+        """Links of which the points are not known."""
+        return [name for name, link in self.document.links.items() if not link.sound("points")]
 
     @property
     def undriven(self) -> set[str]:
