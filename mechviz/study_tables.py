@@ -50,6 +50,9 @@ def study_tables(run: Run) -> Iterator[Table]:
     for name, found in studies.substitutes.items():
         path = ("data", "substitutes", name)
         yield Table((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([found.force, found.moment]))
+        if found.correction is not None:
+            columns = (("couple", "N m"),)
+            yield Table((*path, "correction"), f"{name}.correction", columns, found.correction[:, None])
         for k in range(len(found.masses)):
             columns = (("x", "m"), ("y", "m"), ("Fx", "N"), ("Fy", "N"), ("mass", "kg"))
             mass = np.full(len(found.places), found.masses[k])

@@ -22,6 +22,9 @@ def _lines(run: Run) -> Iterator[str]:
     studies = run.studies
     for name, plans in studies.plans.items():
         worst = max(float(np.nanmax(plan.closing, initial=0.0)) for plan in plans)
+        if not any(plan.edges for plan in plans):
+            yield f"{name} plan: empty, no pin and no traced point moves"
+            continue
         yield f"{name} plan: closes to {worst:.1e} of its longest side"
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
@@ -39,4 +42,8 @@ def _lines(run: Run) -> Iterator[str]:
         yield f"counterweight on {w.link}: {w.mass:.5g} kg at ({w.at[0]:.5g}, {w.at[1]:.5g}) m of its frame"
     for name, body in studies.substitutes.items():
         masses = ", ".join(f"{m:.5g} kg" for m in body.masses)
+        if body.correction is not None:
+            most = float(np.abs(body.correction).max(initial=0.0))
+            yield f"static replacement of {name}: {masses}, with a correction couple of up to {most:.5g} N m"
+            continue
         yield f"substitute masses of {name}: {body.found.message}; shown is solution {body.chosen + 1}: {masses}"

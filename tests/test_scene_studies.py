@@ -124,7 +124,15 @@ def test_the_schema_knows_the_keywords():
         (link("crank", mass={"plate": ["A", "B"], "mass": 1}, inertia=None, centre=None), "links.crank.mass", "width"),
         (link("crank", mass={"plate": ["A", "Q"], "width": 1, "mass": 1}, inertia=None, centre=None),
          "links.crank.mass.plate[1]", "no point 'Q'"),
-        (link("crank", mass={"mesh": "no.stl", "mass": 1}, inertia=None, centre=None), "links.crank.mass.mesh", "cannot be read"),
+        (link("crank", mass={"mesh": "no.stl", "mass": 1}, inertia=None, centre=None), "links.crank.mass.mesh", "there is no file"),
+        (link("crank", mass={"polygon": [[0, 0], [1, 0], [2, 0]], "mass": 1}, inertia=None, centre=None),
+         "links.crank.mass.polygon", "no area"),
+        (link("crank", mass={"polygon": [[0, 0], [1, 1], [1, 0], [0, 1]], "mass": 1}, inertia=None, centre=None),
+         "links.crank.mass.polygon", "crosses itself"),
+        (link("crank", mass={"plate": [], "width": 1, "mass": 1}, inertia=None, centre=None), "links.crank.mass.plate", "is empty"),
+        (link("crank", mass={}, inertia=None, centre=None), "links.crank.mass", "Give exactly one"),
+        (link("crank", inertia=None, centre=None, mass={"plate": ["A"], "width": 1, "thickness": 1, "density": 5,
+              "holes": [{"at": "A", "radius": 3}]}), "links.crank.mass", "no positive mass"),
         (link("crank", lumps=[{"mass": -1, "at": "A"}]), "links.crank.lumps[0].mass", "negative"),
         (link("crank", lumps=[{"mass": 1, "at": "Q"}]), "links.crank.lumps[0].at", "no point 'Q'"),
     ],
@@ -213,6 +221,28 @@ def test_results_of_a_run():
     turning = r[:, 0] * inertia[:, 1] - r[:, 1] * inertia[:, 0] + inertia[:, 2]
     system_at_d = run_scene(with_(systems={"all": {"on": "rocker", "at": "D"}})).studies.systems["all"]
     assert system_at_d.moment == pytest.approx(turning, abs=1e-9)
+
+
+def test_a_static_replacement_with_its_correction_couple_is_the_link():
+    own = link("coupler", centre=[0.14, 0])
+    run = run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {"at": "D"}], "static": True}}, **own))
+    inertia, found = run.forces.inertia("coupler"), run.studies.substitutes["coupler"]
+    assert found.masses == pytest.approx([1.6 * 0.16 / 0.3, 1.6 * 0.14 / 0.3])
+    assert found.force == pytest.approx(inertia[:, :2], abs=1e-9)
+    assert found.moment == pytest.approx(inertia[:, 2], abs=1e-9)
+    assert np.abs(found.correction).max() > 1.0  # J = 0.05 is not m a b = 0.036
+    with pytest.raises(MechanismError, match=r"substitutes.coupler: a static replacement has two masses"):
+        run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {}], "static": True}}, **own))
+    with pytest.raises(MechanismError, match="does not lie on the line"):
+        run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {"at": "D"}], "static": True}}))
+
+
+def test_a_plan_without_a_moving_point_is_empty_and_says_so(tmp_path):
+    data = mechviz.load("gear-train").document.model_dump(exclude_defaults=True)
+    run = run_scene(mechviz.Scene.build(name="gears", **{**data, "plans": ["velocity"]}), frames=6)
+    path = tmp_path / "empty.rrd"
+    write_recording(run, path)
+    assert "velocity plan: empty" in Recording(path).notes
 
 
 def test_drawings_are_to_scale():
@@ -334,6 +364,9 @@ def test_masses_from_a_mesh_file(tmp_path):
     assert crank.mass == pytest.approx(mass, rel=1e-6)
     assert crank.centre == pytest.approx((0.05, 0), abs=1e-9)
     assert crank.inertia == pytest.approx(mass * (0.1**2 + 0.04**2) / 12, rel=1e-6)
+    (tmp_path / "part.stl").write_text("no mesh at all")
+    with pytest.raises(mechviz.SceneError, match=r"cannot be read|not closed"):
+        mechviz.load(tmp_path / "scene.toml")
     box.faces = box.faces[1:]
     box.export(tmp_path / "part.stl")
     with pytest.raises(mechviz.SceneError, match="not closed"):

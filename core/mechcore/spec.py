@@ -312,6 +312,7 @@ class SubstituteStudy:
     link: str
     points: tuple[tuple[float | None, float | None, float | None], ...]
     solution: int = 1  # which of several is shown
+    static: bool = False  # two masses at given places, with the body's mass and centre only, and a correction couple
 
 
 @dataclass(frozen=True, kw_only=True)

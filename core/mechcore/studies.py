@@ -29,6 +29,7 @@ from .reduction import (
     reduce_to,
     resultant,
     shaking,
+    static_replacement,
     substitute_masses,
 )
 from .spec import ShakingStudy, SubstituteStudy, SystemStudy
@@ -54,7 +55,8 @@ class SystemResult:
 @dataclass(frozen=True, eq=False)
 class SubstituteResult:
     """``masses`` (n,) [kg] at ``places`` (F, n, 2) [m] of the world with inertia forces ``forces`` (F, n, 2) [N]; their resultant
-    ``force`` (F, 2) and ``moment`` (F,) about S; ``found`` holds all solutions, ``chosen`` is the one shown here."""
+    ``force`` (F, 2) and ``moment`` (F,) about S; ``found`` holds all solutions, ``chosen`` is the one shown here. Of a static
+    replacement ``correction`` (F,) [N m] is the couple that makes it right; the moment includes it."""
 
     found: Substitution
     chosen: int
@@ -63,6 +65,7 @@ class SubstituteResult:
     forces: Real
     force: Real
     moment: Real
+    correction: Real | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +133,11 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     ]
     path = f"substitutes.{study.link}"
     try:
-        found = substitute_masses(mass, inertia, points)
+        excess = 0.0
+        if study.static:
+            found, excess = _static(mass, inertia, points)
+        else:
+            found = substitute_masses(mass, inertia, points)
     except MechanismError as error:
         raise MechanismError([replace(f, path=path) for f in error.faults]) from None
     if study.solution > len(found.solutions):
@@ -141,6 +148,7 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
     arms = np.stack([turned.real, turned.imag], axis=-1)
     spin = motion.model.angles.spin[k]
     omega, alpha = (np.broadcast_to(v, motion.frames) for v in (motion.speeds.spin[spin], motion.accelerations.spin[spin]))
+    correction = excess * np.array(alpha) if study.static else None
     single = -masses[:, None] * acceleration_field(arms, motion.centre_of_mass(study.link, 2), omega, alpha)
     return SubstituteResult(
         found=found,
@@ -149,8 +157,18 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
         places=motion.centre_of_mass(study.link)[:, None, :] + arms,
         forces=single,
         force=single.sum(axis=1),
-        moment=(arms[..., 0] * single[..., 1] - arms[..., 1] * single[..., 0]).sum(axis=1),
+        moment=(arms[..., 0] * single[..., 1] - arms[..., 1] * single[..., 0]).sum(axis=1) + excess * alpha,
+        correction=correction,
     )
+
+
+def _static(mass: float, inertia: float, points: list[PointMass]) -> tuple[Substitution, float]:
+    """Two masses at given places, and how much too large their moment of inertia is."""
+    if len(points) != 2 or any(p.mass is not None or p.x is None or p.y is None for p in points):
+        raise MechanismError(Fault("", "a static replacement has two masses at given places.", "Give each its place, and no mass."))
+    places = np.array([[p.x, p.y] for p in points], float)
+    pair = static_replacement(mass, inertia, *places)
+    return Substitution(((np.array(pair.masses), places),), "static replacement by two masses"), pair.excess
 
 
 def _shaken(result: StudyResults, study: ShakingStudy, motion: Motion) -> StudyResults:

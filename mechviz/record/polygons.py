@@ -36,7 +36,8 @@ def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, ever
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
         arrows = [i for i in drawing.inks if not i.plain]
-        yield Stream(path, _arrows([(i.start, i.vector) for i in arrows]), every)
+        if arrows:
+            yield Stream(path, _arrows([(i.start, i.vector) for i in arrows]), every)
         lines = [i for i in drawing.inks if i.plain]
         if lines:
             yield Stream(f"{path}/rays", _strips([np.stack([i.start, i.start + i.vector], axis=1) for i in lines]), every)
@@ -81,7 +82,8 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
             "show_labels": True,
             "radii": [(0.003 if i.fine else 0.0055) * size for i in arrows],
         }
-        yield Static(path, rr.Arrows3D.from_fields(**style))
+        if arrows:
+            yield Static(path, rr.Arrows3D.from_fields(**style))
         if lines:
             style = {"colors": [i.color for i in lines], "labels": [i.label for i in lines], "show_labels": True}
             yield Static(f"{path}/rays", rr.LineStrips3D.from_fields(radii=[0.002 * size] * len(lines), **style))
@@ -188,8 +190,8 @@ def _arrows(items: list[tuple[Array, Array]], height: float = 0.0) -> Any:
     """Columns of arrows, the same number in every row."""
     import rerun as rr
 
-    starts = np.stack([a for a, _ in items], axis=1) if items else np.zeros((0, 0), complex)
-    vectors = np.stack([v for _, v in items], axis=1) if items else starts
+    starts = np.stack([a for a, _ in items], axis=1)
+    vectors = np.stack([v for _, v in items], axis=1)
 
     def columns(frames: Index) -> Any:
         a, v = starts[frames].reshape(-1), vectors[frames].reshape(-1)

@@ -69,7 +69,7 @@ class MassDocument(Table):
 
     solid: SolidName | None = None
     """A standard solid, with its sizes; its centre is the link's `centre` (of a rod: the middle of the first two points)."""
-    plate: list[Text] | None = None
+    plate: Annotated[list[Text], Field(min_length=1)] | None = None
     """A plate with round ends (or corners) about these points of the link; `width` and `thickness` say how large."""
     polygon: list[Point] | None = None
     """A plate with this outline, in the link's frame; `bulges` make sides round."""
@@ -110,6 +110,11 @@ class MassDocument(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> MassDocument:
+        refuse(self.problems())
+        return self
+
+    def problems(self) -> list[tuple[str, str, str]]:
+        """What does not go together in it."""
         found = []
         kinds = [k for k in _KINDS if getattr(self, k) is not None]
         if len(kinds) != 1:
@@ -132,8 +137,7 @@ class MassDocument(Table):
             for k in (*_SIZES, "thickness"):
                 if getattr(self, k) is not None and k not in wanted:
                     found.append((k, f"a {self.solid} has no {k}.", f"Its sizes: {', '.join(wanted)}."))
-        refuse(found)
-        return self
+        return found
 
 
 def _is_mass_table(value: Any) -> str:
@@ -171,6 +175,8 @@ def _place(at: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -
 
 def body_of(m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, convert: Converter, path: str) -> Body:
     """Mass, centre and moment of inertia of a shape. ``centre``: of a solid, where the scene states it."""
+    if m.problems() or m.plate == []:  # reported already
+        return Body(1.0)
     density = None if m.density is None else convert.si(m.density, "density", f"{path}.density")
     mass = None if m.mass is None else convert.si(m.mass, "mass", f"{path}.mass")
     before = len(convert.faults)
@@ -231,6 +237,14 @@ def _flat(
 
     if m.polygon is not None:
         corners = [convert.vector(p, "length", f"{path}.polygon[{k}]") for k, p in enumerate(m.polygon)]
+        if not any(m.bulges or ()) and not any(map(math.isnan, (v for c in corners for v in c))):
+            from shapely.geometry import Polygon
+
+            if not Polygon(corners).is_valid:
+                convert.note(
+                    f"{path}.polygon", "the outline crosses itself or has no area.", "Give the corners in order around it."
+                )
+                return Body(1.0)
         outer = area_of(corners, m.bulges)
     else:
         around = [_place(p, points, convert, f"{path}.plate[{k}]") for k, p in enumerate(m.plate or [])]
@@ -255,6 +269,9 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
     import trimesh
 
     file = FOLDER.get() / str(m.mesh)
+    if not file.is_file():
+        convert.note(f"{path}.mesh", f"there is no file '{m.mesh}'.", "Give its path from the folder of the scene file.")
+        return Body(1.0)
     try:
         mesh: Any = trimesh.load(file, force="mesh")
     except Exception as error:  # readers of half a dozen formats raise errors of their own

@@ -289,9 +289,9 @@ class SceneBuilder:
         """The loads on a link as a force system, reduced and drawn."""
         return self._add("systems", name, {"on": on, "loads": list(loads), "at": at, "pole": pole})
 
-    def substitute(self, link: str, *masses: Mapping[str, Any], solution: int = 1) -> SceneBuilder:
+    def substitute(self, link: str, *masses: Mapping[str, Any], solution: int = 1, static: bool = False) -> SceneBuilder:
         """Substitute masses of a link, such as ``{"at": "B"}, {"at": "C"}, {"y": 0.2}``; what is not given is found."""
-        return self._add("substitutes", link, {"masses": list(masses), "solution": solution})
+        return self._add("substitutes", link, {"masses": list(masses), "solution": solution, "static": static})
 
     def gravity(self, x: Value, y: Value) -> SceneBuilder:
         """Acceleration of gravity [m/s^2]."""

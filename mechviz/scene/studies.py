@@ -12,7 +12,7 @@ from mechcore.errors import Fault
 from mechcore.spec import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 
 from .faults import did_you_mean, listing
-from .fields import ForceVector, Length, Number, Point, SignedMass, Size, Text
+from .fields import Flag, ForceVector, Length, Number, Point, SignedMass, Size, Text
 from .tables import Table, is_whole, refuse
 
 if TYPE_CHECKING:
@@ -92,6 +92,8 @@ class SubstituteDocument(Table):
     """The masses."""
     solution: Annotated[int, Field(strict=True, ge=1, le=4)] = 1
     """Which solution is shown, where there are several."""
+    static: Flag = False
+    """Two masses at two given places: the link's mass and centre, and a correction couple for the rest."""
 
 
 def needs_inertia(document: SceneDocument, link: str) -> bool:
@@ -185,7 +187,7 @@ def studies_of(
             if m.at is not None:
                 x, y = centres.get(name, (0.0, 0.0)) if m.at == "centre" else own.get(m.at, (0.0, 0.0))
             points.append((mass, x, y))
-        substitutes.append(SubstituteStudy(link=name, points=tuple(points), solution=entry.solution))
+        substitutes.append(SubstituteStudy(link=name, points=tuple(points), solution=entry.solution, static=entry.static))
     reduced = []
     for text in document.reduced:
         link, _, point = text.partition(".")

@@ -35,7 +35,7 @@ class Area:
 
 
 def area_of(vertices: ArrayLike, bulges: Sequence[float] | None = None) -> Area:
-    """Integrals over the inside of an outline (n, 2) [m], in either sense of rotation."""
+    """Integrals over the inside of an outline (n, 2) [m], in either sense of rotation. `MechanismError` where it has no area."""
     z = np.asarray(vertices, float)
     middle = z.mean(axis=0)
     p = z - middle  # integrals about a point inside: no cancellation for outlines far from the origin
@@ -48,6 +48,8 @@ def area_of(vertices: ArrayLike, bulges: Sequence[float] | None = None) -> Area:
         if bulge:
             da, df, ds = _segment(a, b, bulge)
             area, first, second = area + da, first + df, second + ds
+    if abs(area) <= 1e-12 * float((p * p).sum()):
+        raise MechanismError(Fault("outline", "the outline has no area.", "Check its corners and bulges."))
     if area < 0.0:
         area, first, second = -area, -first, -second
     centre = first / area
