@@ -11,6 +11,7 @@ from test_pairs import THETA, sound, wheel
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.laws import ConstantSpeed, Oscillation, Piecewise, polynomial_through, zones
+from mechcore.reach import reachable_ranges
 from mechcore.spec import Drive, Gear, Link, Mechanism, Prismatic, Revolute, Rolling, Torque
 
 TURN = 2.0 * np.pi
@@ -211,3 +212,30 @@ def test_pins_at_the_same_place_in_another_order():
     a, b = load(m, THETA), load(replace(turned, modes={"D": "right"}), THETA)
     for name, sign in (("A", 1.0), ("B", -1.0), ("D", -1.0), ("E", -1.0)):
         np.testing.assert_allclose(b.reaction(name), sign * a.reaction(name), rtol=1e-9, atol=1e-12)
+
+
+def test_two_groups_with_a_limit_each():
+    """The range is that of the narrower one, whichever comes first."""
+    base = four_bar(E=(1.0, 0.0), AB=0.9, BD=0.6, DE=0.7, start=0.4)  # limit: B and E farther apart than 1.3
+    frame = replace(base.links[0], points={**base.links[0].points, "H": (0.4, 1.0)})
+    rod = Link(name="rod", points={"F": (0.0, 0.0), "G": (0.9, 0.0)})
+    last = Link(name="last", points={"H": (0.0, 0.0), "G": (0.5, 0.0)})
+    crank = replace(base.links[1], points={**base.links[1].points, "F": (0.5, 0.0)})
+    m = replace(
+        base,
+        links=(frame, crank, *base.links[2:], rod, last),
+        pairs=(*base.pairs, pin("F", "crank", "rod"), pin("G", "rod", "last"), pin("H", "frame", "last")),
+        modes={**base.modes, "G": "left"},
+    )
+    low, high = reachable_ranges(compile_mechanism(m))[0]
+    outer = np.arccos((0.81 + 1.0 - 1.69) / 1.8)
+    assert high == pytest.approx(outer, abs=1e-9)
+    f = np.linspace(low, high, 1001)
+    away = np.abs(0.5 * np.exp(1j * f) - (0.4 + 1.0j))
+    assert away.max() <= 1.4 + 1e-9 and low == pytest.approx(max(-outer, _angle_at(1.4)), abs=1e-9)
+
+
+def _angle_at(reach: float) -> float:
+    """Crank angle below zero at which F is ``reach`` away from H: law of cosines about A."""
+    h = 0.4 + 1.0j
+    return float(np.angle(h) - np.arccos((0.25 + abs(h) ** 2 - reach**2) / (2 * 0.5 * abs(h))))

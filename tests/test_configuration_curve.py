@@ -227,3 +227,33 @@ def test_a_course_is_walked_once(monkeypatch):
     solve_motion(compiled, np.linspace(0.0, 4 * TURN, 100))
     monkeypatch.setattr(tracking, "follow", None)
     solve_motion(compiled, np.linspace(0.1, 50 * TURN, 100))
+
+
+def test_one_frame_of_a_followed_group():
+    motion = solve_motion(compile_mechanism(geared_parallelogram("left")), [0.0])
+    assert motion.closure.max() < 1e-14 and motion.pose("rocker")[0, 2] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_wheel_on_a_rocker_that_comes_close_to_its_limit_keeps_its_turn(seed):
+    """Next to a limit speeds have no bounds; the angle must not jump by a turn there."""
+    from mechcore.reach import reachable_ranges
+
+    rng = np.random.default_rng(seed)
+    low, high = 0.0, TURN
+    while high - low > TURN - 1e-6:
+        a, b, c, d = rng.uniform(0.3, 1.5, 4)
+        base = with_pinion(four_bar(E=(d, 0.0), AB=a, BD=b, DE=c, start=0.0), "rocker", (d + 2.0, 0.0))
+        try:
+            low, high = reachable_ranges(compile_mechanism(replace(base, drives=(Drive(pair="A", law=ConstantSpeed(1.0, 1.0)),))))[
+                0
+            ]
+        except MechanismError:
+            continue
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    m = replace(base, drives=(Drive(pair="A", law=Oscillation(middle, half * (1.0 - 1e-7), 1.0)),))
+    t = np.linspace(0.0, 1.0, 401)
+    motion = solve_motion(compile_mechanism(m), t)
+    assert motion.closure.max() < 1e-12
+    for link in ("rocker", "pinion"):
+        assert np.abs(np.diff(motion.pose(link)[:, 2])).max() < 0.5

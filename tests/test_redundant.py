@@ -154,3 +154,16 @@ def test_impossible_input_has_its_own_message_each():
         assert words in str(e.value)
         said.append(str(e.value))
     assert all(sum(words in text for text in said) == 1 for words in cases)
+
+
+def test_a_group_between_coincident_points_is_named():
+    """Frame points that coincide, with equal links between them: the two links turn freely."""
+    m = four_bar(E=(0.1, 0.0), AB=0.1, BD=0.3, DE=0.3, start=0.0)  # B is where E is
+    with pytest.raises(MechanismError, match="outer pins of its group are at the same point at the start"):
+        compile_mechanism(m)
+    late = solve_motion(compile_mechanism(replace(m, drives=(Drive(pair="A", law=ConstantSpeed(0.1, 1.0)),))), [0.0, 7.0])
+    assert late.closure.max() < 1e-14
+    loop = {"A": (0, 0), "B": (1, 0), "C": (1.5, 1), "D": (0.2, 1.0)}
+    free = drawn(loop, {"a": "ABD", "b": "BC", "c": "DC"}, "A", drive="C", law=ConstantSpeed(0.5, 1.0))
+    with pytest.raises(MechanismError):  # the drive moves links against each other, and nothing holds the whole
+        compile_mechanism(free)

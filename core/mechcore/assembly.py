@@ -52,6 +52,9 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
                 if miss > 1e-14 * model.size:
                     faults.append(_apart(model, block, miss))
                     break
+                if block.kind != "theta_slide" and bl.span(model, block, state) <= 1e-14 * model.size:
+                    faults.append(_unspanned(block))
+                    break
                 mode, fault = _mode(model, block, state, pair)
                 faults += fault
                 bl.place(model, block, state, mode)
@@ -108,6 +111,14 @@ def _apart(model: Model, block: Block, miss: float) -> Fault:
         f"pairs.{block.name}",
         f"cannot be assembled at the start: the links miss each other by {1e3 * miss:.6g} mm.",
         "Change a length or the start of the drive.",
+    )
+
+
+def _unspanned(block: Block) -> Fault:
+    return Fault(
+        f"pairs.{block.name}",
+        "the outer pins of its group are at the same point at the start: the group can turn about it freely.",
+        "Move a pin or start the drives a little before or after; if it is so in every position, drive one of its pins instead.",
     )
 
 

@@ -34,6 +34,7 @@ __all__ = [
     "matrix_of",
     "place",
     "rates",
+    "span",
     "transposed",
     "vectors",
 ]
@@ -251,6 +252,11 @@ def gap(model: Model, block: Block, state: State) -> Array:
     if block.kind == "arm_slide":
         return cf.gap_arm_slide(arms.get(block.angles[0], 0j), slides[0][1], target)
     return np.zeros(np.shape(target))
+
+
+def span(model: Model, block: Block, state: State) -> float:
+    """Distance of a group's outer pins [m], which its two links have to bridge."""
+    return float(np.max(np.abs(_split(model, block, block.contours[0], state)[0])))
 
 
 def _turn(model: Model, state: State, group: int, e: Array) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from . import blocks as bl
 from .assembly import Assembly
@@ -44,7 +44,7 @@ class Track:
     """
 
     ends: tuple[float, float]
-    splines: dict[str, CubicHermiteSpline]
+    splines: dict[str, Callable[[Array], Array]]
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
     singular: bool = False
@@ -64,12 +64,14 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
     loose = tuple(dict.fromkeys(name for rows in stopped for name in _loose(model, rows[-1])))
     rows = backward[:0:-1] + forward
     p = np.array([r[0] for r in rows])
-    splines = {}
+    splines: dict[str, Callable[[Array], Array]] = {}
     for name in assembly.starts:
         x, slope = np.array([r[1][name] for r in rows]), np.array([r[2][name] for r in rows])
         if len(p) == 1:
-            p1, x, slope = np.array([p[0], p[0] + 1.0]), np.repeat(x, 2, 0), np.zeros((2, x.shape[1]))
+            p1, x, slope = np.array([p[0], p[0] + 1.0]), np.repeat(x, 2, 0), np.zeros((2, *x.shape[1:]))
             splines[name] = CubicHermiteSpline(p1, x, slope)
+        elif name.startswith("angle "):  # decides the turn only; next to a limit its slope has no bounds
+            splines[name] = make_interp_spline(p, x, k=1)
         else:
             splines[name] = CubicHermiteSpline(p, x, slope)
     beyond = (min(low, start), max(high, start))  # a step through a singular position may go a little too far

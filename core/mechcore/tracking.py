@@ -109,11 +109,21 @@ def course_of(
     short = course.track.ends[0] > low or course.track.ends[1] < high  # it met a limit
     close = len(q) and (high > course.track.ends[1] - near or low < course.track.ends[0] + near)
     turns_back = not given and stands
-    if turns_back and close and (short or course.track.singular):
+    if turns_back and close and (short or _flat_at_ends(course)):
         through = _in_time(model, assembly, laws, min(0.0, first), max(last, 1e-9))
         if bool(through.reached(np.array(last))) and _reaches_dead_points(through):
             return through
     return course
+
+
+def _flat_at_ends(course: Course) -> bool:
+    """Whether a group with a closed form is all but flat where a walk ended."""
+    model, p = course.model, np.array(course.track.ends)
+    state = place_all(
+        model, _positions(course.laws, (), p), course.assembly.modes, course.track.starts(p), constants=course.assembly.constants
+    )
+    two = (b for b in model.blocks if b.kind in TWO_MODES)
+    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in bl.flatness(model, b, state))
 
 
 def _reaches_dead_points(course: Course) -> bool:
