@@ -64,9 +64,8 @@ def test_a_parallelogram_stays_one_whatever_its_drive_does(law, end):
     assert motion.closure.max() < 1e-12 * 2.0
 
 
-@pytest.mark.parametrize("ratio", [1.0 / 3.0, 1.618])
-def test_two_drives_whose_cycles_do_not_fit_together(ratio):
-    a = parallelogram(ConstantSpeed(1.0, 1.0))
+def two_parallelograms(first, second_law) -> Mechanism:
+    a = parallelogram(first)
     rename = {"crank": "crank2", "coupler": "coupler2", "rocker": "rocker2"}
     frame = replace(a.links[0], points={**a.links[0].points, "A2": (0.0, 5.0), "E2": (2.0, 5.0)})
     pins = {"A": "A2", "E": "E2"}
@@ -78,17 +77,32 @@ def test_two_drives_whose_cycles_do_not_fit_together(ratio):
         )
         for p in a.pairs
     ]
-    m = replace(
+    return replace(
         a,
         links=(frame, *a.links[1:], *(replace(x, name=rename[x.name]) for x in a.links[1:])),
         pairs=(*a.pairs, *second),
-        drives=(*a.drives, Drive(pair="A2", law=ConstantSpeed(0.7, ratio))),
+        drives=(*a.drives, Drive(pair="A2", law=second_law)),
         modes={"D": "left", "D2": "left"},
     )
+
+
+@pytest.mark.parametrize("ratio", [1.0 / 3.0, 1.618])
+def test_two_drives_whose_cycles_do_not_fit_together(ratio):
+    m = two_parallelograms(ConstantSpeed(1.0, 1.0), ConstantSpeed(0.7, ratio))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 40.0, 2001))
     for crank, rocker in (("crank", "rocker"), ("crank2", "rocker2")):
         np.testing.assert_allclose(motion.velocity(rocker)[:, 2], motion.velocity(crank)[:, 2], atol=1e-8)
     assert motion.closure.max() < 1e-11
+
+
+@pytest.mark.parametrize("least", [0.0, 0.1, -0.1])
+def test_a_drive_that_turns_back_just_at_a_change_point_or_beside_it(least):
+    """Led by two laws: where the first turns back on the flat position itself, the modes meet but are not exchanged."""
+    law = Oscillation(0.6, 0.6 - least, 0.5)
+    motion = solve_motion(compile_mechanism(two_parallelograms(law, ConstantSpeed(0.7, 0.9))), np.linspace(0.0, 6.0, 1441))
+    for crank, rocker in (("crank", "rocker"), ("crank2", "rocker2")):
+        np.testing.assert_allclose(motion.pose(rocker)[:, 2], motion.pose(crank)[:, 2], atol=1e-9)
+        np.testing.assert_allclose(motion.velocity(rocker)[:, 2], motion.velocity(crank)[:, 2], atol=1e-6)
 
 
 @pytest.mark.parametrize(("frames", "cycles"), [(360, 1000), (12, 10), (10, 10), (2, 1)])

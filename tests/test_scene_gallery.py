@@ -40,6 +40,7 @@ def test_the_gallery_has_what_it_promises():
         "shaking-four-bar", "shaking-engine", "percussion-centre", "inertia-translation", "inertia-uniform-translation",
         "inertia-rotation-about-centre", "inertia-uniform-rotation-about-centre", "inertia-uniform-rotation",
         "counterweighted-four-bar", "lumped-rod",
+        "coupled-antiparallelograms", "parallelogram-six-bar", "four-bar-chain",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES
@@ -309,3 +310,26 @@ def test_micro_gripper_is_symmetric_and_the_same_in_millimetres():
     large = mechviz.loads(scene.text.replace('"um"', '"mm"')).mechanism
     big = solve_motion(compile_mechanism(large), default_times(large, scene.frames, scene.cycles))
     np.testing.assert_allclose(1e3 * upper, big.point("jaw", "T"), rtol=1e-13)
+
+
+def test_coupled_antiparallelograms_run_up_to_nine_times_as_fast():
+    motion = motion_of("coupled-antiparallelograms")
+    ratio = spin(motion, "rocker2") / spin(motion, "crank")
+    assert ratio.max() == pytest.approx(9.0, rel=1e-3) and ratio.min() == pytest.approx(1.0 / 9.0, rel=1e-3)
+    assert len(motion.changes) == 4 and not any(change.dead for change in motion.changes)
+
+
+def test_the_large_group_of_the_six_bar_stays_a_parallelogram_through_its_change_points():
+    motion = motion_of("parallelogram-six-bar")
+    assert [block.kind for block in motion.model.blocks] == ["general"]
+    np.testing.assert_allclose(spin(motion, "bar"), 0.0, atol=1e-9 * np.abs(spin(motion, "r1")).max())
+    np.testing.assert_allclose(spin(motion, "r2"), spin(motion, "r1"), rtol=1e-9)
+    assert len(motion.changes) == 4
+
+
+def test_every_loop_of_the_chain_stays_a_parallelogram():
+    motion = motion_of("four-bar-chain")
+    speeds = np.array([spin(motion, link.name) for link in motion.mechanism.links if link.name != "frame"])
+    fastest = np.abs(speeds).max()
+    assert np.minimum(np.abs(speeds), np.abs(np.abs(speeds) - fastest)).max() < 1e-9 * fastest
+    assert len(motion.changes) % 8 == 0 and motion.changes

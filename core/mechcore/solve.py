@@ -29,7 +29,6 @@ __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
 Array = Any
 TURN = 2.0 * np.pi
-MOST_BETWEEN = 20_000  # positions that are looked at between frames that are far apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +124,6 @@ def solve_motion(
     state = place_all(solved, positions, modes, starts, patches, constants)
     again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
     motion = Motion(model, time, values, state, patches, passed, again)
-    if strict and drives is None and changes is None:
-        _check_between(compiled, motion)
     if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, course, parameter)
         if faults:
@@ -185,17 +182,6 @@ def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: A
         faults = _faults(compiled, motion, course, inside)
         if faults:
             raise MechanismError(faults)
-
-
-def _check_between(compiled: Compiled, motion: Motion) -> None:
-    """Frames that are far apart must not hide a stretch between them that cannot be assembled."""
-    far = motion.stride
-    if far <= 1.0 or len(motion.time) < 2:
-        return
-    parts = int(np.ceil(min(far, MOST_BETWEEN / len(motion.time))))
-    fine = np.interp(np.arange((len(motion.time) - 1) * parts + 1) / parts, np.arange(len(motion.time)), motion.time)
-    if parts > 1:
-        solve_motion(compiled, fine)  # raises where it cannot go on
 
 
 def _law_time(
