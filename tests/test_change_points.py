@@ -332,3 +332,16 @@ def test_change_points_at_every_scale_and_far_from_the_origin(scale, shift, mode
     np.testing.assert_allclose(
         motion.point("coupler", "D") - [shift, -shift], scale * base.point("coupler", "D"), atol=tolerance * scale
     )
+
+
+def test_a_single_frame_on_a_change_point_whose_nodes_run_over_another_one():
+    """The neighbour's change is not near any frame, yet the interpolation must not use its ill-conditioned positions."""
+    compiled = compile_mechanism(coupled(("right", "right"), (0.0, 0.1, 0.0), 2.0))
+    dense = solve_motion(compiled, np.linspace(0.0, TURN, 1441))
+    for change in dense.changes:
+        alone = solve_motion(compiled, [change.time])
+        around = solve_motion(compiled, change.time + np.linspace(-0.3, 0.3, 241))
+        assert alone.closure.max() < 1e-12
+        for link in ("c1", "c2"):
+            np.testing.assert_allclose(alone.velocity(link)[0, 2], around.velocity(link)[120, 2], atol=1e-10)
+            np.testing.assert_allclose(alone.acceleration(link)[0, 2], around.acceleration(link)[120, 2], atol=1e-8)

@@ -257,3 +257,36 @@ def test_a_wheel_on_a_rocker_that_comes_close_to_its_limit_keeps_its_turn(seed):
     assert motion.closure.max() < 1e-12
     for link in ("rocker", "pinion"):
         assert np.abs(np.diff(motion.pose(link)[:, 2])).max() < 0.5
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_geared_crank_that_is_back_only_after_three_turns(side):
+    """Two antiparallelograms, the second crank geared 2 : 3: their change points fall at other places in every turn."""
+    first = coupled(("right",), (0.0, 0.0), 2.0)
+    frame = replace(first.links[0], points={**first.links[0].points, "W": (-3.0, 0.0), "V": (-5.0, 0.0)})
+    second = [
+        Link(name="w", points={"A": (0.0, 0.0), "B": (1.0, 0.0)}),
+        Link(name="bar", points={"B": (0.0, 0.0), "C": (2.0, 0.0)}),
+        Link(name="v", points={"A": (0.0, 0.0), "C": (1.0, 0.0)}),
+    ]
+    pins = [("W", "frame", "w", "W", "A"), ("B", "w", "bar", "B", "B"), ("C", "bar", "v", "C", "C"), ("V", "frame", "v", "V", "A")]
+    m = replace(
+        first,
+        links=(frame, *first.links[1:], *second),
+        pairs=(
+            *first.pairs,
+            *(Revolute(name=n, links=(a, b), points=(p, q)) for n, a, b, p, q in pins),
+            Gear(name="G", links=("c0", "w"), carrier="frame", sizes=(20, 30)),
+        ),
+        modes={**first.modes, "C": side},
+        sketch={"w": (-3.0, 0.0, 0.5)},
+    )
+    t = np.linspace(0.0, 7 * TURN, 2001)
+    motion = solve_motion(compile_mechanism(m), t)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    w = motion.pose("w")[:, 2]
+    np.testing.assert_allclose(motion.velocity("w")[:, 2], -2.0 / 3.0, rtol=1e-12)
+    parallel = np.abs(motion.velocity("v")[0, 2] + 2.0 / 3.0) < 1e-9
+    ratio = 1.0 if parallel else -3.0 / (5.0 - 4.0 * np.cos(w + np.pi))  # its frame points the other way
+    np.testing.assert_allclose(motion.velocity("v")[:, 2], -2.0 / 3.0 * ratio * np.ones_like(t), atol=1e-9)
+    np.testing.assert_allclose(motion.velocity("c1")[:, 2], -3.0 / (5.0 - 4.0 * np.cos(t + 0.5)), atol=1e-9)

@@ -29,7 +29,7 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     q0 = compiled.start[0]
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
     half = 0.5 * TURN if rotary else 5.0 * model.size
-    if compiled.assembly.starts:
+    if compiled.followed:
         step = STEP["angle"] if rotary else STEP["slide"] * model.size
         full = half * (2.0 if rotary else 1.0)
         lead = (ConstantSpeed(0.0, 1.0),)  # the parameter is the first drive's position

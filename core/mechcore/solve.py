@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from . import blocks as bl
 from .assembly import Assembly, assemble
-from .changes import Changes, find_changes, needs_span, passages
+from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
 from .errors import Fault, MechanismError
 from .laws import ConstantSpeed
 from .memory import keep_freed_memory
@@ -40,6 +40,11 @@ class Compiled:
     start: tuple[float, ...]  # drive positions for which the assembly was made
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
     courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
+
+    @property
+    def followed(self) -> bool:
+        """Whether groups have to be followed along their course; with gears a turn of the drive need not bring all back."""
+        return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
 
     @property
     def mechanism(self) -> Mechanism:
@@ -104,7 +109,7 @@ def solve_motion(
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
-    if compiled.assembly.starts:
+    if compiled.followed and model.mechanism.drives and len(time):
         course = _course(compiled, time, positions, given=drives is not None)
         solved, changes = course.model, course.changes
         parameter = time if course.by_time else positions[0]
