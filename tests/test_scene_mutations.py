@@ -77,7 +77,7 @@ def test_a_long_chain_with_a_fault_in_every_link_is_reported_in_bearable_time():
     pairs: dict[str, Any] = {f"P{k}": {"revolute": [f"l{k - 1}", f"l{k}"]} for k in range(1, n)}
     pairs["A"] = {"revolute": ["frame", "l0"], "at": ["A", "P0"], "drive": {"speed": "60 rpm"}}
     for k in range(1, n, 10):
-        pairs[f"P{k}"]["revolute"][0] = f"zz{k}z"
+        pairs[f"P{k}"]["revolute"][0] = f"zz{k}"  # as like the wrong link as the right one
     with pytest.raises(SceneError) as error:
         Scene.build(name="x", links=links, pairs=pairs)
     paths = [fault.path for fault in error.value.faults]

@@ -58,11 +58,13 @@ def _pair_links(reading: Reading, name: str, pair: PairDocument, links: Collecti
     changes: dict[str, Any] = {}
     points = points_of_pair(name, pair)
     for kind in pair.kinds:
-        named = [_nearest(link, links) for link in getattr(pair, kind)]
-        for k, link in enumerate(named):
-            if isinstance(link, Unknown) and KINDS[kind].joins:  # the only other link with this point?
-                owners = [other for other in _owners(reading, points[k]) if other not in named]
-                named[k] = owners[0] if len(owners) == 1 else link
+        written = getattr(pair, kind)
+        named = list(written)
+        for k, link in enumerate(written):
+            if link not in links:  # the only other link with this point, else one of a similar name
+                owners = [other for other in _owners(reading, points[k]) if other not in written] if KINDS[kind].joins else []
+                near = _nearest(link, links)
+                named[k] = owners[0] if len(owners) == 1 else Unknown(link) if near in named else near
         changes[kind] = named
     if pair.carrier is not None:
         changes["carrier"] = _nearest(pair.carrier, links)
