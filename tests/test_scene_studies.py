@@ -237,6 +237,15 @@ def test_a_static_replacement_with_its_correction_couple_is_the_link():
         run_scene(with_(substitutes={"coupler": {"masses": [{"at": "B"}, {"at": "D"}], "static": True}}))
 
 
+def test_counterweights_are_drawn_on_their_links(tmp_path):
+    path = tmp_path / "lumps.rrd"
+    write_recording(run_scene(mechviz.load("counterweighted-four-bar"), frames=6), path)
+    found = Recording(path)
+    at = found.static("mechanism", "links", "crank", "lumps", component="Points3D:positions")
+    assert np.ravel(at)[:2] == pytest.approx([-0.05, 0.0])
+    assert found.static("mechanism", "links", "coupler", "lumps", component="Points3D:positions") is None
+
+
 def test_a_plan_without_a_moving_point_is_empty_and_says_so(tmp_path):
     data = mechviz.load("gear-train").document.model_dump(exclude_defaults=True)
     run = run_scene(mechviz.Scene.build(name="gears", **{**data, "plans": ["velocity"]}), frames=6)

@@ -22,6 +22,7 @@ from .arrows import extent, shapes
 from .blueprint import BACKGROUND, make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
+from .lumps import lump_shapes
 from .paths import entity
 from .plots import plot_streams, plot_styles
 from .polygons import overlay_box, polygon_shapes, polygon_streams, polygon_views
@@ -125,7 +126,7 @@ def write_recording(
         blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, polygons)
         streams += [*plot_streams(run, every), *polygon_streams(run, drawings, solids, every)]
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
-        statics += polygon_shapes(run, drawings, solids)
+        statics += [*polygon_shapes(run, drawings, solids), *lump_shapes(run, solids)]
         statics += linker_styles(linkers, solids.size)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
