@@ -251,3 +251,12 @@ def test_many_independent_slips_are_reported_together(seed):
         if all(independent(slip, other) for other in chosen):
             chosen.append(slip)
     check(chosen)
+
+
+def test_a_misspelt_point_of_the_sketch_does_not_make_a_drawn_link_incomplete():
+    data = copy.deepcopy(RICH)
+    data["links"]["rod"]["points"] = ["R", "S", "C"]
+    data["sketch"] |= {"R": [210, 150], "S": [470, 0], "C": [220, 150]}
+    Scene.build(**data)
+    data["sketch"]["Ss"] = data["sketch"].pop("S")
+    assert [(fault.path, fault.remedy) for fault in faults_of(data)] == [("sketch.Ss", "Did you mean 'S'?")]
