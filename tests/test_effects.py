@@ -249,6 +249,24 @@ def test_damper_over_a_harmonic_stroke():
         assert dashpot.energy[-1, 3] == pytest.approx(np.pi * 40.0 * w * amplitude**2, rel=1e-9)
 
 
+def test_viscous_friction_and_gas_do_not_depend_on_which_link_is_named_first():
+    law = Oscillation(0.1, 0.05, 2.0)
+    cycle = Diagram(stroke=0.1, outward=lambda x: 3e5 + 0.0 * x, inward=lambda x: 2e5 + 0.0 * x)
+    loads = (
+        Viscous(name="v", pair="S", coefficient=40.0),
+        GasPressure(name="g", pair="S", area=0.01, cycle=cycle, top=0.15, back=1e5),
+    )
+    one = slide(law, loads)
+    turned = replace(one.pairs[0], links=("slider", "frame"), points=("P", "O"), guide=1)
+    a, b = run(one, 200), run(replace(one, pairs=(turned,)), 200)
+    np.testing.assert_allclose(b.effort("S"), a.effort("S"), rtol=1e-12, atol=1e-9)
+    for forces in (a, b):
+        lost = forces.power_by_cause(["viscous"])
+        np.testing.assert_allclose(lost, -40.0 * forces.motion.coordinate("S")[:, 1] ** 2, atol=1e-12)
+        assert np.abs(forces.power_balance).max() < 1e-12 and balance_of_links(forces) < 1e-12
+        assert forces.loads["g"].links == ("slider", "frame")
+
+
 @pytest.mark.parametrize("exponent", [1.0, 1.25, 1.4])
 def test_gas_spring_work_and_thrust(exponent):
     law = Oscillation(0.0, 0.2, 1.0, phase=np.pi / 2)
