@@ -125,6 +125,10 @@ def _joints(run: Run) -> Iterator[Table]:
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
             yield Table((*path, "reaction"), f"{name}.reaction", columns, forces.reaction(name))
+            if forces.friction is not None and name in forces.friction.pairs:
+                yield Table((*path, "friction"), f"{name}.friction", columns, forces.friction.wrench(name))
+                loss = forces.friction.losses(name)[:, None]
+                yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
 
 
 def _drives(run: Run) -> Iterator[Table]:

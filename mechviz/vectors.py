@@ -24,6 +24,7 @@ __all__ = [
     "Moment",
     "Scales",
     "Vector",
+    "calm_frames",
     "centre_name",
     "find_moments",
     "find_scales",
@@ -34,6 +35,7 @@ __all__ = [
 Real = NDArray[np.float64]
 
 LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
+CALM = 0.2  # stability of friction above which forces count for the scale of arrows
 LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
 
 
@@ -55,12 +57,13 @@ FAMILIES: Mapping[str, Family] = {
         Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0)),
         Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38)),
         Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178)),
+        Family("friction", "Friction", "dry friction on the second link of its pair", "N", (190, 150, 0)),
         Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70)),
         Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220)),
         Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170)),
     )
 }
-FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "drive")
+FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "drive")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,27 +132,48 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
         if load.free:
             found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
     for pair in motion.mechanism.pairs:
-        found.append(Moment("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, 2]))
-    largest = max((_peak(m.value) for m in found), default=0.0)
-    pull = max((_peak(forces.reaction(pair.name)[:, :2]) for pair in motion.mechanism.pairs), default=0.0)
+        couple, rubs = forces.reaction(pair.name)[:, 2], np.zeros(0)
+        if forces.friction is not None and pair.name in forces.friction.pairs:
+            rubs = forces.friction.wrench(pair.name)[:, 2]
+            found.append(Moment("friction", pair.name, forces.position(pair.name), rubs))
+        if not np.array_equal(couple, rubs, equal_nan=True):  # the couple of a pin is all friction
+            found.append(Moment("reaction", pair.name, forces.position(pair.name), couple))
+    largest = max((_largest(m.value) for m in found), default=0.0)
+    pull = max((_largest(forces.reaction(pair.name)[:, :2]) for pair in motion.mechanism.pairs), default=0.0)
     largest = max(largest, pull * motion.model.size)  # where forces balance, all moments may be nothing
-    found = [m for m in found if _peak(m.value) > 1e-9 * largest]  # the rest is round-off
+    found = [m for m in found if _largest(m.value) > 1e-9 * largest]  # the rest is round-off
     return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
 
 
-def find_scales(vectors: Mapping[str, Mapping[str, Vector]], moments: Mapping[str, Mapping[str, Moment]], size: float) -> Scales:
+def calm_frames(run: Run) -> NDArray[np.bool_] | None:
+    """Frames (F,) by which forces are scaled: near a jam they grow beyond all bounds. None where that is all of them."""
+    if run.forces is None or run.forces.friction is None or not run.forces.friction.jammed.any():
+        return None
+    calm = np.nan_to_num(run.forces.friction.stability) > CALM
+    return calm if calm.any() else None
+
+
+def find_scales(
+    vectors: Mapping[str, Mapping[str, Vector]],
+    moments: Mapping[str, Mapping[str, Moment]],
+    size: float,
+    calm: NDArray[np.bool_] | None = None,
+) -> Scales:
     """Scales by which the largest force, velocity and acceleration is drawn as a third of ``size`` [m].
 
-    Where nothing is to be drawn a scale is 1.
+    Where nothing is to be drawn a scale is 1. ``calm``: the frames that count, all of them where it is None.
     """
 
+    def peak(values: Real) -> float:
+        return _largest(values if calm is None else values[calm])
+
     def largest(families: Iterable[str]) -> float:
-        return max((_peak(v.magnitude) for f in families for v in vectors.get(f, {}).values()), default=0.0)
+        return max((peak(v.magnitude) for f in families for v in vectors.get(f, {}).values()), default=0.0)
 
-    def scale(peak: float, length: float) -> float:
-        return peak / (length * size) if peak > 0.0 else 1.0
+    def scale(value: float, length: float) -> float:
+        return value / (length * size) if value > 0.0 else 1.0
 
-    turning = max((_peak(m.value) for items in moments.values() for m in items.values()), default=0.0)
+    turning = max((peak(m.value) for items in moments.values() for m in items.values()), default=0.0)
     return Scales(
         newtons_per_metre=scale(largest(FORCE_FAMILIES), LARGEST_ARROW),
         newton_metres_per_metre=scale(turning, LARGEST_ARC),
@@ -158,7 +182,7 @@ def find_scales(vectors: Mapping[str, Mapping[str, Vector]], moments: Mapping[st
     )
 
 
-def _peak(values: Real) -> float:
+def _largest(values: Real) -> float:
     return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
 
 
@@ -185,6 +209,11 @@ def _force_vectors(run: Run) -> list[Vector]:
         if not load.free:
             family, item = ("gravity", load.link) if load.kind == "gravity" else ("applied", name)
             found.append(Vector(family, item, load.values[:, 3:], load.values[:, :2]))
+    if forces.friction is not None:
+        for name in forces.friction.pairs:
+            force = forces.friction.wrench(name)[:, :2]
+            if np.any(np.nan_to_num(force)):
+                found.append(Vector("friction", name, forces.position(name), force))
     if "inertia" in mechanism.effects:
         found += [_inertia_resultant(run, link) for link in _links_with_mass(mechanism)]
     for drive in mechanism.drives:

@@ -310,6 +310,32 @@ def test_pin_in_a_slot():
     assert np.abs(forces.power_balance).max() < 1e-14
 
 
+def test_offset_of_a_bearing_that_slides_along():
+    """The middle of the bearing lies 30 mm ahead of the slider's point: the arm of a load at 50 mm is 20 mm."""
+    b, mu, f = 0.02, 0.1, 100.0
+    m = Mechanism(
+        name="bearing",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (0.05, 0.0)})),
+        pairs=(
+            Prismatic(
+                name="S", links=("frame", "block"), points=("O", "S"), friction=Friction(coefficient=mu, length=b, offset=0.03)
+            ),
+        ),
+        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
+        loads=(Force(name="F", link="block", point="E", vector=(0.0, -f)),),
+        effects=("friction",),
+    )
+    np.testing.assert_allclose(load(m, [0.0, 0.4], 1.0).effort("S"), mu * f * 2 * 0.02 / b, rtol=1e-13)
+
+
+def test_numbers_that_are_no_friction_are_refused():
+    m, _ = reference_slider_crank()
+    for wrong in (Friction(coefficient=-0.1, radius=0.01), Friction(coefficient=np.nan, radius=0.01), Friction(coefficient=0.1)):
+        with pytest.raises(MechanismError, match=r"pairs\.B\.friction"):
+            load(rub(m, B=wrong), TURN, 1.0)
+
+
 # -- what always holds ------------------------------------------------------------------------------------------------
 def test_losses_are_linear_in_small_coefficients():
     """mu -> 0 gives the frictionless answer; halving a small coefficient halves the loss, the rest is of second order."""

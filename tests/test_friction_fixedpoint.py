@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechcore.friction.fixedpoint import solve_normal_loads, spectral_radius
+from mechcore.friction.fixedpoint import several, solve_normal_loads, spectral_radius, stability
 
 
 def one(a, b, euclidean=True):
@@ -16,6 +16,12 @@ def one(a, b, euclidean=True):
     return solve_normal_loads(*parts, np.array([euclidean]))
 
 
+def one_stability(a, b, found):
+    a, b = np.broadcast_arrays(np.atleast_1d(np.asarray(a, complex)), np.atleast_1d(np.asarray(b, complex)))
+    parts = np.stack([a.real, a.imag], -1)[:, None, :], np.stack([b.real, b.imag], -1)[:, None, :, None]
+    return stability(*parts, np.array([True]), found.loads)
+
+
 def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
     b = np.array([-50.0, -3.0, -1.0, -0.5, 0.0, 0.5, 0.99, 1.0 - 1e-9, 1.0 + 1e-9, 1.5, 30.0])
     found = one(2.0, b)
@@ -24,8 +30,17 @@ def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
     np.testing.assert_allclose(found.loads[:7, 0], 2.0 / (1.0 - b[:7]), rtol=1e-13)
     assert (found.jammed == ~good).all() and np.isnan(found.loads[~good]).all()
     np.testing.assert_allclose(found.reached[~good], 1.0 / b[~good], rtol=1e-9)
-    np.testing.assert_allclose(found.stability[good], 1.0 - b[good], rtol=1e-12)
+    np.testing.assert_allclose(one_stability(2.0, b, found)[good], 1.0 - b[good], rtol=1e-12)
     assert (found.share[~good] == 1.0).all()
+
+
+def test_a_second_state_is_found_where_there_is_one():
+    """2 + b g = -g has a solution g = -2 / (1 + b) beside 2 / (1 - b) where b < -1, as the contact is then reversed."""
+    b = np.array([-50.0, -3.0, -1.01, -0.99, -0.5, 0.5, 0.9, 1.5])
+    found = one(2.0, b)
+    parts = np.zeros((len(b), 1, 2)), np.zeros((len(b), 1, 2, 1))
+    parts[0][:, 0, 0], parts[1][:, 0, 0, 0] = 2.0, b
+    np.testing.assert_array_equal(several(*parts, np.array([True]), found.loads), b < -1.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 1.5, 2.2, 3.0])
@@ -42,7 +57,7 @@ def test_one_pin_is_a_quadratic(angle):
         if size < 1.0 or (c < 0 and size < ends):
             wanted = abs(a) ** 2 / (np.sqrt(disc) - c)
             assert found.loads[0, 0] == pytest.approx(wanted, rel=1e-12)
-            assert not found.jammed[0] and found.stability[0] > 0.0
+            assert not found.jammed[0] and one_stability(a, b, found)[0] > 0.0
         else:
             assert found.jammed[0]
             # at a proportion p it ends: p size = 1 where it runs to infinity, p size sin = 1 where it turns back
@@ -76,7 +91,11 @@ def test_beyond_the_contraction_the_branch_is_followed():
     found = solve_normal_loads(a, k, kinds)
     good = ~found.jammed
     assert 20 < good.sum() < 280
-    assert found.residual[good].max() < 1e-11 and (found.stability[good] > 0).all() and (found.loads[good] >= -1e-12).all()
+    assert (
+        found.residual[good].max() < 1e-11
+        and (stability(a, k, kinds, found.loads)[good] > 0).all()
+        and (found.loads[good] >= -1e-12).all()
+    )
     assert (found.share[found.jammed].max(axis=1) == 1.0).all()
     # just short of where a branch ends it is still there, just beyond it is not
     bad = found.jammed

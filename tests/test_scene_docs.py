@@ -11,6 +11,7 @@ import pytest
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
 from mechviz.scene.document import LinkDocument, LoadDocument, PairDocument, SceneDocument
+from mechviz.scene.frictions import FrictionDefaults, FrictionDocument
 from mechviz.scene.motions import DriveDocument
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "scenes.md"
@@ -60,6 +61,6 @@ def test_the_report_of_the_page_is_the_real_one():
 
 def test_every_key_of_the_format_is_on_the_page():
     page = PAGE.read_text(encoding="utf-8")
-    for table in (SceneDocument, LinkDocument, PairDocument, DriveDocument, LoadDocument):
+    for table in (SceneDocument, LinkDocument, PairDocument, DriveDocument, LoadDocument, FrictionDocument, FrictionDefaults):
         for key in table.model_fields:
             assert re.search(rf"(`{key}`|\b{key} = )", page), f"{table.__name__}.{key}"

@@ -15,7 +15,7 @@ from .extremes import peak, zeros
 from .leastnorm import indeterminate
 from .motion import Motion
 
-__all__ = ["SINGULAR", "Event", "find_events"]
+__all__ = ["SINGULAR", "Event", "at_drive", "find_events", "runs", "turning_points"]
 
 Real = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def _words(motion: Motion, pair: str, value: float) -> str:
     return f"{1e3 * value:.5g} mm"
 
 
-def _at_drive(motion: Motion, t: float) -> str:
+def at_drive(motion: Motion, t: float) -> str:
     """Where the drives are at a time, in words."""
     places = []
     for d in motion.mechanism.drives:
@@ -132,7 +132,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
         times = zeros(motion, partial(_rates, pair.name), times)
         for t, value in zip(times, _exactly(motion, pair.name, times), strict=True):
             side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            text = f"limit position: coordinate {side}, {_words(motion, pair.name, value)}, {_at_drive(motion, float(t))}"
+            text = f"limit position: coordinate {side}, {_words(motion, pair.name, value)}, {at_drive(motion, float(t))}"
             yield Event(float(t), "INFO", pair.name, text, float(value))
 
 
@@ -151,7 +151,7 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
             where = _words(motion, drive.pair, _at(motion, rows, float(t)))
             yield Event(float(t), "INFO", drive.pair, f"drive reverses at {where}")
-        rests = _runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
+        rests = runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
         for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
             if start > 0 and (end > start or end == motion.frames - 1):
                 yield Event(float(motion.time[start]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, q[start])}")
@@ -174,10 +174,10 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
 def _singular(motion: Motion) -> Iterator[Event]:
     """Ranges of frames in which a group's equations are near singular."""
     bad = ~(motion.condition <= SINGULAR)
-    for start, end in _runs(bad):
+    for start, end in runs(bad):
         worst = float(np.max(motion.condition[start : end + 1]))
         t0, t1 = float(motion.time[start]), float(motion.time[end])
-        text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {_at_drive(motion, t0)}"
+        text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {at_drive(motion, t0)}"
         yield Event(t0, "WARN", "mechanism", text)
 
 
@@ -185,9 +185,9 @@ def _changes(motion: Motion) -> Iterator[Event]:
     """Where assembly modes meet and the motion goes through."""
     for change in motion.changes:
         if change.dead:
-            text = f"dead point of the drive: the group at {change.name} goes through its limit, {_at_drive(motion, change.time)}"
+            text = f"dead point of the drive: the group at {change.name} goes through its limit, {at_drive(motion, change.time)}"
         else:
-            where = _at_drive(motion, change.time)
+            where = at_drive(motion, change.time)
             text = f"change point: the two assembly modes of {change.name} meet, the motion goes through, {where}"
         yield Event(float(change.time), "WARN", change.name, text)
 
@@ -201,7 +201,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
             if np.isfinite(t):
                 angle = float(_there(motion, partial(_transmission_angle, pair), t))
                 level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
-                text = f"worst transmission angle of the run, {np.degrees(angle):.4g}°, {_at_drive(motion, t)}"
+                text = f"worst transmission angle of the run, {np.degrees(angle):.4g}°, {at_drive(motion, t)}"
                 yield Event(t, level, pair, text, angle)
     if "velocity_ratio" in asked or "mechanical_advantage" in asked:
         yield from _ratios(motion, asked)
@@ -232,10 +232,10 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
             value = float(_there(motion, partial(_ratio, pair), t))
             words = f"largest velocity ratio of the run, {value:.5g}"
         if "velocity_ratio" in asked:
-            yield Event(t, "INFO", pair, f"{words}, {_at_drive(motion, t)}", value)
+            yield Event(t, "INFO", pair, f"{words}, {at_drive(motion, t)}", value)
         if "mechanical_advantage" in asked and pair in at_frame:
             least = 0.0 if np.isinf(value) else 1.0 / abs(value)
-            yield Event(t, "INFO", pair, f"smallest mechanical advantage of the run, {least:.5g}, {_at_drive(motion, t)}", least)
+            yield Event(t, "INFO", pair, f"smallest mechanical advantage of the run, {least:.5g}, {at_drive(motion, t)}", least)
             yield from _toggles(motion, pair)
 
 
@@ -249,7 +249,7 @@ def _toggles(motion: Motion, pair: str) -> Iterator[Event]:
 
     own = rows(motion)
     for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
-        text = f"mechanical advantage without bound (toggle), {_at_drive(motion, float(t))}"
+        text = f"mechanical advantage without bound (toggle), {at_drive(motion, float(t))}"
         yield Event(float(t), "INFO", pair, text, np.inf)
 
 
@@ -294,7 +294,7 @@ def _indeterminate(motion: Motion) -> Iterator[Event]:
         yield Event(float(motion.time[0]), "WARN", "mechanism", text)
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

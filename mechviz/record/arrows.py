@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables import joints_of, links_with_mass
-from ..vectors import LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, centre_name, find_moments, find_scales, find_vectors
+from ..vectors import (
+    LARGEST_ARC,
+    LARGEST_ARROW,
+    Moment,
+    Scales,
+    Vector,
+    calm_frames,
+    centre_name,
+    find_moments,
+    find_scales,
+    find_vectors,
+)
 
 if TYPE_CHECKING:
     from ..run import Run
@@ -26,11 +37,13 @@ COLORS: Mapping[str, tuple[int, int, int]] = {
     "gravity": (214, 178, 130),
     "inertia": (208, 112, 246),
     "drive": (72, 222, 128),
+    "friction": (255, 214, 92),
     "velocity": (84, 168, 255),
     "acceleration": (52, 214, 220),
 }
 """The hues that the viewer gives to the families, lighter: the background is dark."""
 
+LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
 ARC_RADIUS = 0.085  # in sizes of the mechanism; the longest arc is then a little over 300°
 ARC_POINTS = 24
@@ -65,14 +78,17 @@ def shapes(run: Run, size: float) -> tuple[list[Arrow], list[Arc], Scales]:
         if name not in idle or family not in ("velocity", "acceleration")
     ]
     kept = {f: {a.vector.item: a.vector for a in arrows if a.vector.family == f} for f in vectors}
+    friction = None if run.forces is None else run.forces.friction
+    pins = set() if friction is None else {e.pair for e in friction.elements if e.kind == "pin"}
     everywhere = np.ones(run.motion.frames, bool)
     arcs = [
         Arc(_arc_path(family, name), moment, everywhere)
         for family, items in find_moments(run).items()
         for name, moment in items.items()
+        if family != "friction" or name not in pins  # these have their friction circle
     ]
-    arcs += _inertia_moments(run, arrows, find_scales(kept, {}, size), size)
-    scales = find_scales(kept, _by_family(arcs), size)
+    arcs += _inertia_moments(run, arrows, find_scales(kept, {}, size, calm_frames(run)), size)
+    scales = find_scales(kept, _by_family(arcs), size, calm_frames(run))
     return arrows, arcs, scales
 
 
@@ -91,9 +107,9 @@ def _with_all_reactions(run: Run, vectors: dict[str, dict[str, Vector]]) -> dict
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:
-    """Which vectors (F, 2) are finite and long enough to be seen (F,)."""
-    length = np.hypot(vectors[:, 0], vectors[:, 1])
-    return np.isfinite(length) & (length > SHORTEST * size * scale)
+    """Which vectors (F, 2) are finite, long enough to be seen and short enough to make sense (F,)."""
+    length = np.hypot(vectors[:, 0], vectors[:, 1]) / (size * scale)
+    return np.isfinite(length) & (length > SHORTEST) & (length < LONGEST)
 
 
 def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Real:

@@ -10,6 +10,7 @@ import numpy as np
 from mechcore.events import Event
 
 from ..tables import pair_unit
+from ..vectors import FORCE_FAMILIES
 from .paths import entity
 from .plots import Output, main_outputs, study_outputs
 from .polygons import OVERLAYS
@@ -74,7 +75,7 @@ def _playback_speed(run: Run) -> float:
 def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
     """3D views: one with forces where there are any, one with velocities and accelerations."""
     motion = ["vectors/velocity", "vectors/acceleration"]
-    forces = [f"vectors/{family}" for family in ("reaction", "applied", "gravity", "inertia", "drive")]
+    forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
     views = []
     if run.forces is not None:
         views.append(_picture("Mechanism with forces", forces, bounds["forces"]))
@@ -181,5 +182,9 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
     views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
     if run.forces is not None:
         views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
+    if run.forces is not None and run.forces.friction is not None:
+        views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name="Friction: states"))
+        losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.pairs)
+        views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
     return rrb.Tabs(*views, active_tab=0)

@@ -67,6 +67,7 @@ class Inspection:
     effects: tuple[str, ...]
     skipped: tuple[str, ...]
     peaks: tuple[Peak, ...]
+    losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
     health: tuple[Peak, ...]
     events: tuple[LoggedEvent, ...]
 
@@ -98,6 +99,7 @@ def inspect(path: Path | str) -> Inspection:
         effects=tuple(properties.get("effects", ())),
         skipped=tuple(properties.get("skipped", ())),
         peaks=tuple(_peaks(recording, model)),
+        losses=tuple(_losses(recording, model)),
         health=tuple(_health(recording)),
         events=recording.events,
     )
@@ -115,12 +117,32 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
         found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
         if model["joints"][joint]["type"] == "prismatic":
             found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "friction")
+        rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
+        turns = _peak(recording, path, f"friction moment {joint}", "N m", [2], signed=True)
+        found += [p for p in (rubs, turns) if p is not None and p.value != 0.0]
     for load, about in model["loads"].items():
         if about["kind"] != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
             free = force is not None and force.value == 0.0
             found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True) if free else force)
     return [p for p in found if p is not None]
+
+
+def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float]]:
+    """Mean power that friction takes in each joint that has any [W], the largest first; up to where the mechanism jams."""
+    found = []
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "friction_loss")
+        if recording.has(*path):
+            rows = recording.rows(*path, component="Scalars:scalars")
+            time, values = 1e-9 * rows.time.astype(float), rows.values.reshape(len(rows.time))
+            known = len(values) if np.isfinite(values).all() else int(np.argmax(~np.isfinite(values)))
+            time, values = time[: max(known, 1)], values[: max(known, 1)]
+            span = float(np.ptp(time))
+            found.append((joint, float(np.trapezoid(values, time)) / span if span > 0 else float(values.mean())))
+    return sorted(found, key=lambda item: -item[1])
 
 
 def _health(recording: Recording) -> list[Peak]:
@@ -184,6 +206,11 @@ def format_inspection(found: Inspection) -> str:
     lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
     if found.peaks:
         lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
+    if found.losses:
+        total = sum(loss for _, loss in found.losses)
+        lines += ["", "Friction losses, mean of the run"]
+        lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
+        lines.append(f"  {'all':<12}  {total:>12.5g} W")
     if found.health:
         lines += ["", "Worst health", *_peak_lines(found.health)]
     lines += ["", "Events", *(f"  {e.level:<4}  {e.text}" for e in found.events)]

@@ -24,6 +24,7 @@ __all__ = [
     "Stream",
     "Timelines",
     "arrow_streams",
+    "in_space",
     "linker_streams",
     "linker_styles",
     "magnification",
@@ -144,7 +145,7 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
             half = 0.5 * pose[frames, 2]
             nothing = np.zeros(len(frames))
             return rr.Transform3D.columns(
-                translation=_in_space(pose[frames, :2], 0.0),
+                translation=in_space(pose[frames, :2], 0.0),
                 quaternion=np.column_stack([nothing, nothing, np.sin(half), np.cos(half)]).astype(np.float32),
             )
 
@@ -153,7 +154,7 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
         position = motion.pair_position(joint.name)
 
         def point(frames: Index, position: Real = position) -> Any:
-            return rr.Points3D.columns(positions=_in_space(position[frames], solids.z_top))
+            return rr.Points3D.columns(positions=in_space(position[frames], solids.z_top))
 
         yield Stream(entity("mechanism", "joints", joint.name), point)
 
@@ -171,7 +172,7 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
         def draw(frames: Index, vector: Vector = arrow.vector, seen: Any = seen, scale: float = scale) -> Any:
             shown = frames[seen[frames]]
             return rr.Arrows3D.columns(
-                origins=_in_space(vector.origin[shown], z), vectors=_in_space(vector.value[shown] / scale, 0.0)
+                origins=in_space(vector.origin[shown], z), vectors=in_space(vector.value[shown] / scale, 0.0)
             ).partition(seen[frames].astype(np.int64))
 
         yield Stream(entity(*arrow.path), draw, every)
@@ -247,7 +248,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         style = rr.Points3D.from_fields(colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label))
         yield Static(entity("mechanism", "joints", joint), style)
     for link, point in motion.mechanism.traced:
-        path = _in_space(motion.point(link, point), solids.z_top)
+        path = in_space(motion.point(link, point), solids.z_top)
         color = tuple(int(0.5 * c + 127) for c in solids.links[link].color[:3])
         strip = rr.LineStrips3D([path], colors=[color], radii=[0.0025 * size])
         yield Static(entity("mechanism", "paths", point_name(link, point)), strip)
@@ -283,6 +284,6 @@ def _check_mesh(name: str, solid: Any) -> None:
         raise ValueError(f"the mesh of link '{name}' is broken")
 
 
-def _in_space(xy: Real, z: float) -> NDArray[np.float32]:
+def in_space(xy: Real, z: float) -> NDArray[np.float32]:
     """Points or vectors (n, 2) of the plane -> (n, 3) float32."""
     return np.column_stack([xy, np.full(len(xy), z)]).astype(np.float32)

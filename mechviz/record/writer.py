@@ -11,6 +11,7 @@ from uuid import uuid4
 import numpy as np
 
 from mechcore.events import Event, find_events
+from mechcore.friction.events import friction_events
 
 from ..drawings import drawings_of
 from ..linkers import find_linkers
@@ -22,6 +23,7 @@ from .arrows import extent, shapes
 from .blueprint import BACKGROUND, make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
+from .frictions import friction_streams, friction_styles, send_lanes
 from .lumps import lump_shapes
 from .paths import entity
 from .plots import plot_streams, plot_styles
@@ -106,12 +108,14 @@ def write_recording(
         arrows, arcs, scales = shapes(run, solids.size)
         every = picture_stride(run)
         timelines = Timelines.of(run)
-        events = sorted([*find_events(run.motion), *peak_events(run)], key=lambda e: e.time)
+        rubbing = [] if run.forces is None else friction_events(run.forces)
+        events = sorted([*find_events(run.motion), *peak_events(run), *rubbing], key=lambda e: e.time)
         all_tables = tables(run)
         streams = [*mechanism_streams(run, solids), *table_streams(all_tables)]
         streams += arrow_streams(arrows, arcs, scales, solids, every)
         linkers = list(find_linkers(run, solids.size))
         streams += linker_streams(linkers, solids, every)
+        streams += friction_streams(run, solids, every)
     with stopwatch(stages, "blueprint"):
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
@@ -128,6 +132,7 @@ def write_recording(
         statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
         statics += [*polygon_shapes(run, drawings, solids), *lump_shapes(run, solids)]
         statics += linker_styles(linkers, solids.size)
+        statics += friction_styles(run, solids)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
             _describe(part.stream, run, solids, scales, stages, every, complete=False)
@@ -136,6 +141,7 @@ def write_recording(
             for link in _properties_of_links(run):
                 part.stream.log(*link, static=True)
             _send_events(part.stream, timelines, events)
+            send_lanes(part.stream, timelines, run)
             _send_streams(part, streams, timelines, progress)
         _describe(part.stream, run, solids, scales, stages, every, complete=True)
     return RecordingSummary(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from mechcore.errors import Fault
 from mechcore.laws import Law
-from mechcore.spec import Drive, Link, Mechanism
+from mechcore.spec import Drive, Link, Mechanism, friction_of
 
 from .convert import Converter
 from .couplings import check_couplings
 from .drives import law_of
+from .frictions import idle_effect
 from .load_references import check_loads
 from .load_specs import load_spec
 from .masses import links_that_cannot_turn, mass_properties
@@ -46,7 +47,8 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
     parallel = links_that_cannot_turn(document, touched)
     links = []
     for key, link in document.links.items():
-        needed = [*document.effects, *(["inertia"] if needs_inertia(document, key) else [])]
+        named = [name for name in document.effects if name != "friction"]  # which no mass makes
+        needed = [*named, *(["inertia"] if needs_inertia(document, key) else [])]
         effects = () if key == document.frame else tuple(dict.fromkeys(needed))
         points = placement.points.get(key, {})
         try:
@@ -59,6 +61,8 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
     pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items() if len(pair.kinds) == 1]
+    if not reading.faults:
+        idle_effect(document.effects, document.pairs, [friction_of(pair) for pair in pairs], convert)
     laws: dict[str, Law] = {}
     masters: dict[str, Law | None] = {}
     moved = document.pairs | reading.shapeless

@@ -80,6 +80,7 @@ class SceneBuilder:
         side: str | None = None,
         assembly: str | None = None,
         branch: str | None = None,
+        friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A pin between two links; the keywords are the keys of a scene file."""
@@ -89,6 +90,7 @@ class SceneBuilder:
             "side": side,
             "assembly": assembly,
             "branch": branch,
+            "friction": friction,
             "drive": drive,
         }
         return self._add("pairs", name, entry)
@@ -104,6 +106,7 @@ class SceneBuilder:
         guide: str | None = None,
         angle: Value | None = None,
         branch: str | None = None,
+        friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A sliding pair between two links; the keywords are the keys of a scene file."""
@@ -114,6 +117,7 @@ class SceneBuilder:
             "guide": guide,
             "angle": angle,
             "branch": branch,
+            "friction": friction,
             "drive": drive,
         }
         return self._add("pairs", name, entry)
@@ -134,10 +138,19 @@ class SceneBuilder:
         along: Sequence[float] | Sequence[str] | None = None,
         guide: str | None = None,
         branch: str | None = None,
+        friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A pin of one link in a straight slot of the other; ``guide`` names the link with the slot."""
-        entry = {"pin_slot": [first, second], "at": at, "along": along, "guide": guide, "branch": branch, "drive": drive}
+        entry = {
+            "pin_slot": [first, second],
+            "at": at,
+            "along": along,
+            "guide": guide,
+            "branch": branch,
+            "friction": friction,
+            "drive": drive,
+        }
         return self._add("pairs", name, entry)
 
     def rolling(
@@ -151,6 +164,7 @@ class SceneBuilder:
         along: Sequence[float] | Sequence[str] | None = None,
         side: str | None = None,
         branch: str | None = None,
+        friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A wheel that rolls on a straight edge of another link without slipping."""
@@ -161,6 +175,7 @@ class SceneBuilder:
             "radius": radius,
             "side": side,
             "branch": branch,
+            "friction": friction,
             "drive": drive,
         }
         return self._add("pairs", name, entry)
@@ -176,6 +191,7 @@ class SceneBuilder:
         carrier: str | None = None,
         internal: bool = False,
         pressure_angle: Value | None = None,
+        friction: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A gear pair; ``internal``: the second wheel is a ring."""
         entry = {
@@ -185,6 +201,7 @@ class SceneBuilder:
             "radii": radii,
             "internal": internal,
             "pressure_angle": pressure_angle,
+            "friction": friction,
         }
         return self._add("pairs", name, entry)
 
@@ -208,9 +225,17 @@ class SceneBuilder:
         radius: Value,
         side: str | None = None,
         pressure_angle: Value | None = None,
+        friction: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A pinion and a rack that the prismatic pair ``slider`` guides."""
-        entry = {"rack": [pinion, rack], "slider": slider, "radius": radius, "side": side, "pressure_angle": pressure_angle}
+        entry = {
+            "rack": [pinion, rack],
+            "slider": slider,
+            "radius": radius,
+            "side": side,
+            "pressure_angle": pressure_angle,
+            "friction": friction,
+        }
         return self._add("pairs", name, entry)
 
     def cylinder(
@@ -253,8 +278,13 @@ class SceneBuilder:
             self._add("sketch", name, place)
         return self
 
+    def friction(self, **defaults: Any) -> SceneBuilder:
+        """Friction of all pairs that do not say otherwise: ``coefficient``, ``radius`` of pins, ``length`` of bearings."""
+        self._data["friction"] = defaults
+        return self
+
     def effect(self, *names: str) -> SceneBuilder:
-        """Effects to compute: "inertia", "gravity"."""
+        """Effects to compute: "inertia", "gravity", "friction"."""
         self._data["effects"].extend(names)
         return self
 

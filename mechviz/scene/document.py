@@ -24,6 +24,7 @@ from .fields import (
     describe,
     fault,
 )
+from .frictions import FrictionDefaults
 from .load_documents import LoadDocument
 from .pairs import PairDocument
 from .studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
@@ -175,6 +176,8 @@ class SceneDocument(Table):
     """Links, or points such as "rocker.D", to which the mass of the whole mechanism and the forces on it are reduced."""
     shaking: ShakingDocument | None = None
     """Shaking force and moment on the frame."""
+    friction: FrictionDefaults | None = None
+    """Friction of all pairs that do not say otherwise, used only where effects names friction."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     links: dict[Name, LinkDocument] = Field(default={})

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from mechcore.spec import Belt, Cylinder, Gear, Pair, PinSlot, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
+from mechcore.spec import Belt, Cylinder, Friction, Gear, Pair, PinSlot, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
 
 from .convert import Converter
 from .couplings import carrier_of, check_gear
 from .document import SceneDocument
+from .frictions import friction_spec
 from .pairs import PairDocument
 from .placement import Placement
 from .references import points_of_pair
@@ -89,6 +90,10 @@ class _Maker:
         return value
 
     @property
+    def friction(self) -> Friction | None:
+        return friction_spec(self.path, self.pair.kind, self.pair.friction, self.document.friction, self.convert)
+
+    @property
     def side(self) -> Literal["left", "right"]:
         return self.pair.side or "left"
 
@@ -98,11 +103,19 @@ class _Maker:
 
 
 def _revolute(m: _Maker) -> Pair:
-    return Revolute(name=m.name, links=m.pair.links, points=m.points)
+    return Revolute(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
 
 
 def _prismatic(m: _Maker) -> Pair:
-    return Prismatic(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, angle=m.angle)
+    return Prismatic(
+        name=m.name,
+        links=m.pair.links,
+        points=m.points,
+        along=m.along,
+        guide=m.guide,
+        angle=m.angle,
+        friction=m.friction,
+    )
 
 
 def _weld(m: _Maker) -> Pair:
@@ -110,11 +123,19 @@ def _weld(m: _Maker) -> Pair:
 
 
 def _pin_slot(m: _Maker) -> Pair:
-    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide)
+    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, friction=m.friction)
 
 
 def _rolling(m: _Maker) -> Pair:
-    return Rolling(name=m.name, links=m.pair.links, points=m.points, radius=m.radius, along=m.along, side=m.side)
+    return Rolling(
+        name=m.name,
+        links=m.pair.links,
+        points=m.points,
+        radius=m.radius,
+        along=m.along,
+        side=m.side,
+        friction=m.friction,
+    )
 
 
 def _gear(m: _Maker) -> Pair:
@@ -131,6 +152,7 @@ def _gear(m: _Maker) -> Pair:
         sizes=sizes,
         internal=m.pair.internal,
         pressure_angle=m.pressure_angle,
+        friction=m.friction,
     )
 
 
@@ -146,6 +168,7 @@ def _rack(m: _Maker) -> Pair:
         radius=m.radius,
         side=m.side,
         pressure_angle=m.pressure_angle,
+        friction=m.friction,
     )
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from .fields import Angle, Direction, Flag, Size, Text
+from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
 from .tables import Table, one_of, refuse
 
@@ -45,17 +46,21 @@ class Kind:
 _WHEELS = "Drive the revolute pair of one of its wheels instead."
 
 KINDS: Mapping[str, Kind] = {
-    "revolute": Kind("a revolute pair", ("at", "side", "assembly", "branch", "drive"), driven="angle"),
-    "prismatic": Kind("a prismatic pair", ("at", "along", "guide", "angle", "branch", "drive"), driven="length"),
+    "revolute": Kind("a revolute pair", ("at", "side", "assembly", "branch", "friction", "drive"), driven="angle"),
+    "prismatic": Kind("a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive"), driven="length"),
     "weld": Kind("a weld", ("at", "angle"), undriven="A weld does not move: leave it out."),
-    "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "drive"), driven="length"),
-    "rolling": Kind("a rolling pair", ("at", "along", "radius", "side", "branch", "drive"), needs=("radius",), driven="length"),
-    "gear": Kind("a gear pair", ("carrier", "teeth", "radii", "internal", "pressure_angle"), undriven=_WHEELS, joins=False),
+    "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "friction", "drive"), driven="length"),
+    "rolling": Kind(
+        "a rolling pair", ("at", "along", "radius", "side", "branch", "friction", "drive"), needs=("radius",), driven="length"
+    ),
+    "gear": Kind(
+        "a gear pair", ("carrier", "teeth", "radii", "internal", "pressure_angle", "friction"), undriven=_WHEELS, joins=False
+    ),
     "belt": Kind("a belt", ("carrier", "radii", "crossed"), needs=("radii",), undriven=_WHEELS, joins=False),
     "chain": Kind("a chain", ("carrier", "radii"), needs=("radii",), undriven=_WHEELS, joins=False),
     "rack": Kind(
         "a rack",
-        ("slider", "radius", "side", "pressure_angle"),
+        ("slider", "radius", "side", "pressure_angle", "friction"),
         needs=("slider", "radius"),
         undriven="Drive the pinion's revolute pair, or the rack's prismatic one, instead.",
         joins=False,
@@ -136,6 +141,8 @@ class PairDocument(Table):
     """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
     branch: Literal["ahead", "behind"] | None = None
     """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
+    friction: FrictionDocument | None = None
+    """Dry friction in this pair, where `effects` names friction."""
     drive: DriveDocument | None = None
     """Prescribed motion of this pair."""
 
@@ -192,6 +199,8 @@ class PairDocument(Table):
         for key in kind.needs:
             if getattr(self, key) is None:
                 found.append(("", f"'{key}' is missing.", f"Add {key} = {_EXAMPLES[key]}."))
+        if self.friction is not None:
+            found += friction_faults(self.kind, kind.words, self.friction)
         if self.kind == "gear":
             found += one_of(self, ("teeth", "radii"), "the gear pair")
         modes = [key for key in _MODES if getattr(self, key) is not None and key in kind.keys]

@@ -58,7 +58,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     listed = "*" not in reading.broken["links"]
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
-    effects = [name for name in document.effects if not isinstance(name, Unknown)]
+    effects = [name for name in document.effects if not isinstance(name, Unknown) and name != "friction"]  # those that masses make
     weightless = all(link.mass is None and not link.lumps and "*" not in link.unread for link in document.links.values())
     if effects and listed and weightless:
         remedy = "Give the moving links a mass, or leave out the effects."

@@ -149,6 +149,15 @@ def _of_pair(run: Run, pair: Pair) -> list[Quantity]:
         found.append(
             Quantity(f"pair {name}: reaction", "N", ("Fx", "Fy", "|F|"), lambda: _with_length(forces.reaction(name)[:, :2]))
         )
+        rubs = forces.friction
+        if rubs is not None and name in rubs.pairs:
+            found.append(Quantity(f"pair {name}: friction loss", "W", ("loss",), lambda: _column(rubs.losses(name))))
+            if sliding:
+                found.append(
+                    Quantity(f"pair {name}: friction", "N", ("Fx", "Fy", "|F|"), lambda: _with_length(rubs.wrench(name)[:, :2]))
+                )
+            else:
+                found.append(Quantity(f"pair {name}: friction", "N m", ("moment",), lambda: _column(rubs.wrench(name)[:, 2])))
         if sliding:
             found.append(Quantity(f"pair {name}: couple", "N m", ("couple",), lambda: _column(forces.reaction(name)[:, 2])))
     return found
@@ -189,7 +198,7 @@ def _of_run(run: Run) -> list[Quantity]:
     motion, forces = run.motion, run.forces
     found = []
     if forces is not None:
-        found.append(Quantity("energy", "J", ("kinetic", "potential", "work"), lambda: forces.energy[:, :3]))
+        found.append(Quantity("energy", "J", ("kinetic", "potential", "work", "dissipated"), lambda: forces.energy))
         found.append(Quantity("health: power balance", "1", ("residual",), lambda: _column(forces.power_balance)))
     found.append(Quantity("health: closure", "m", ("residual",), lambda: _column(motion.closure)))
     found.append(Quantity("health: condition", "1", ("condition",), lambda: _column(motion.condition)))

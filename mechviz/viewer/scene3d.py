@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..linkers import find_linkers
 from ..meshes import build_solids
 from ..run import Run
-from ..vectors import find_moments, find_scales, find_vectors
+from ..vectors import calm_frames, find_moments, find_scales, find_vectors
 from .arrows3d import ArrowNodes
 from .camera import FittedCameras, set_first_view
 from .linkers3d import LinkerNodes
@@ -22,7 +22,7 @@ from .stage import set_stage
 __all__ = ["Scene3D"]
 
 FRAMES_FOR_LAYERS = 721
-SHOWN_FIRST = ("reaction", "applied", "inertia", "drive")
+SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
 
 
 class Scene3D:
@@ -36,7 +36,7 @@ class Scene3D:
         self.size = solids.size
         self.traced = tuple(point for _, point in motion.mechanism.traced)
         vectors, moments = find_vectors(run), find_moments(run)
-        self.scales = find_scales(vectors, moments, solids.size)
+        self.scales = find_scales(vectors, moments, solids.size, calm_frames(run))
         with server.atomic():
             grid = set_stage(server, solids.bounds, solids.size)
             self._links = SolidNodes(server, motion, solids)

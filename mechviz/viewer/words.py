@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from ..run import Run
-from ..vectors import FAMILIES, Scales
+from ..vectors import FAMILIES, FORCE_FAMILIES, Scales
 from .marks3d import PATH
 from .quantities import slides
 from .stage import grid_cell
@@ -41,7 +41,7 @@ def legend(families: Iterable[str], paths: Iterable[str], scales: Scales, factor
         rows.append(_swatch(PATH, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
     for unit, some, per_metre in (
-        ("N", shown & {"reaction", "applied", "gravity", "inertia", "drive"}, scales.newtons_per_metre),
+        ("N", shown & set(FORCE_FAMILIES), scales.newtons_per_metre),
         ("m/s", shown & {"velocity"}, scales.mps_per_metre),
         ("m/s²", shown & {"acceleration"}, scales.mps2_per_metre),
     ):

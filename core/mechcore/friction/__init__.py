@@ -20,7 +20,7 @@ from ..errors import Fault, MechanismError
 from ..kinetostatics import transmit
 from ..leastnorm import indeterminate
 from ..motion import Motion
-from ..spec import braked
+from ..spec import Revolute, braked, friction_of
 from .elements import Element, elements_of
 from .fixedpoint import solve_normal_loads
 from .response import respond, system
@@ -40,6 +40,7 @@ def solve_friction(
     ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a pair
     with friction undetermined.
     """
+    _check(motion)
     _refuse_indeterminate(motion)
     elements = elements_of(motion)
     flanks = None
@@ -60,6 +61,24 @@ def solve_friction(
         transmitted = [(f * gap, c * gap) for f, c in transmitted]
         contacts = {name: (place, f * gap) for name, (place, f) in contacts.items()}
     return transmitted, contacts, friction
+
+
+def _check(motion: Motion) -> None:
+    """Numbers that are no friction, where specs are made without a scene."""
+    faults = []
+    for pair in motion.mechanism.pairs:
+        f = friction_of(pair)
+        if f is None:
+            continue
+        path = f"pairs.{pair.name}.friction"
+        for name in ("coefficient", "radius", "length", "height", "lever"):
+            value = getattr(f, name)
+            if not 0.0 <= value < np.inf:
+                faults.append(Fault(path, f"{name} = {value:g} is no {name}.", "Give a finite number of zero or more."))
+        if isinstance(pair, Revolute) and f.radius == 0.0:
+            faults.append(Fault(path, "the pin has no radius, at which friction acts.", "Give radius = ..., or no coefficient."))
+    if faults:
+        raise MechanismError(faults)
 
 
 def _refuse_indeterminate(motion: Motion) -> None:

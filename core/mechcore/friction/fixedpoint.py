@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Solution", "solve_normal_loads"]
+__all__ = ["Solution", "several", "solve_normal_loads", "spectral_radius", "stability"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -27,6 +27,9 @@ Flags = NDArray[np.bool_]
 TOLERANCE = 1e-13  # of the largest normal load of the frame
 LARGEST = 1e13  # times the frictionless loads: beyond any machine, the branch runs to infinity
 SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
+STARTS = 24  # from which other solutions are looked for
+AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
+BOUNDS = 8  # vectors that are tried for the simple bound
 CLOSE = 0.9  # part of the proportion up to which the map contracts
 
 
@@ -34,14 +37,13 @@ CLOSE = 0.9  # part of the proportion up to which the map contracts
 class Solution:
     """``loads`` (F, n), NaN where ``jammed`` (F,); ``reached`` (F,): proportion of the coefficients that can still be moved.
 
-    ``stability`` (F,): det(I - D K), 1 without friction, 0 at a jam. ``share`` (F, n): how far each braked motion takes part in the
-    jam, the largest 1; zero elsewhere. ``residual`` (F,): error of the equations, relative. ``iterations``: most of any frame.
+    ``share`` (F, n): how far each braked motion takes part in the jam, the largest 1; zero elsewhere. ``residual`` (F,): error of
+    the equations, relative. ``iterations``: most of any frame.
     """
 
     loads: Real
     jammed: Flags
     reached: Real
-    stability: Real
     share: Real
     residual: Real
     iterations: int
@@ -53,24 +55,85 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags) -> Solution:
     Frames with numbers that are not finite stay NaN and do not count as jammed.
     """
     frames, n = a.shape[:2]
+    at_once = max(64, AT_ONCE // (n * n))
+    if frames > at_once:
+        cuts = range(0, frames, at_once)
+        parts = [solve_normal_loads(a[c : c + at_once], k[c : c + at_once], euclidean) for c in cuts]
+        whole = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in Solution.__annotations__
+            if name != "iterations"
+        }
+        return Solution(**whole, iterations=max(part.iterations for part in parts))
+    size = _sizes(k, euclidean)
+    bound = _simple_bound(size)  # does for most mechanisms
+    if (bound < 1.0).all() and np.isfinite(a).all():  # NaN is not below one
+        loads, residual, steps = _newton(a, k, euclidean, None, dominant=True)
+        return Solution(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
     loads = np.full((frames, n), np.nan)
-    reached, stability, residual = np.ones(frames), np.full(frames, np.nan), np.full(frames, np.nan)
+    reached, residual = np.ones(frames), np.full(frames, np.nan)
     share = np.zeros((frames, n))
     jammed = np.zeros(frames, bool)
-    sound = np.isfinite(a).all(axis=(1, 2)) & np.isfinite(k).all(axis=(1, 2, 3))
-    rows = np.flatnonzero(sound)
-    radius = spectral_radius(_sizes(k[rows], euclidean))
-    calm, rest = rows[radius < 1.0], rows[radius >= 1.0]
+    sound = np.isfinite(a).all(axis=(1, 2)) & np.isfinite(bound)
+    easy = np.flatnonzero(sound & (bound < 1.0))
+    hard = np.flatnonzero(sound & (bound >= 1.0))
+    radius = spectral_radius(size[hard])
+    calm, rest = hard[radius < 1.0], hard[radius >= 1.0]
     steps = 0
-    if len(calm):
-        loads[calm], residual[calm], steps = _newton(a[calm], k[calm], euclidean, None)
+    for some, dominant in ((easy, True), (calm, False)):
+        if len(some):
+            loads[some], residual[some], count = _newton(a[some], k[some], euclidean, None, dominant=dominant)
+            steps = max(steps, count)
     if len(rest):
         found = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
         loads[rest], reached[rest], share[rest], residual[rest] = found
         jammed[rest] = reached[rest] < 1.0
+    return Solution(loads, jammed, reached, share, residual, steps)
+
+
+def stability(a: Real, k: Real, euclidean: Flags, loads: Real) -> Real:
+    """det(I - D K) (F,) at solved loads: 1 without friction, 0 at a jam, NaN where there are no loads."""
+    out = np.full(len(a), np.nan)
     good = np.flatnonzero(np.isfinite(loads).all(axis=1))
-    stability[good] = np.linalg.det(_jacobian(a[good], k[good], euclidean, loads[good])[1])
-    return Solution(loads, jammed, reached, stability, share, residual, steps)
+    out[good] = np.linalg.det(_jacobian(a[good], k[good], euclidean, loads[good])[1])
+    return out
+
+
+def several(a: Real, k: Real, euclidean: Flags, loads: Real) -> Flags:
+    """Frames (F,) in which other loads than the given ones are in equilibrium too, looked for from many starts.
+
+    Where the map contracts there are none; elsewhere two states can be possible, as they are for a rod that is pushed over a rough
+    floor (Painleve).
+    """
+    found = np.zeros(len(a), bool)
+    rows = np.flatnonzero(np.isfinite(loads).all(axis=1) & (loads.max(axis=1, initial=0.0) > 0.0))
+    rows = rows[spectral_radius(_sizes(k[rows], euclidean)) >= 1.0]
+    if not len(rows):
+        return found
+    aa, kk, own = a[rows], k[rows], loads[rows]
+    largest = own.max(axis=1, keepdims=True)
+    rng = np.random.default_rng(5)
+    for _ in range(STARTS):
+        start = largest * np.exp(rng.uniform(-2.0, 4.0)) * rng.uniform(0.0, 1.0, own.shape)
+        new, ok, _ = _arrive(aa, kk, euclidean, start)
+        found[rows] |= ok & (np.abs(new - own).max(axis=1) > 1e-6 * np.maximum(largest[:, 0], np.abs(new).max(axis=1)))
+    return found
+
+
+def _simple_bound(m: Real) -> Real:
+    """Bounds (F,) of the spectral radii of nonnegative matrices (F, n, n): the largest of (M x) / x for any x > 0 (Collatz).
+
+    With columns scaled by such an x for which it is below one, I - M is dominated by its diagonal.
+    """
+    x = np.ones(m.shape[:2])
+    bound = np.full(len(m), np.inf)
+    for _ in range(BOUNDS):
+        y = np.einsum("fij,fj->fi", m, x)
+        bound = np.minimum(bound, (y / x).max(axis=1))
+        if (bound < 1.0).all() or not np.isfinite(bound).any():
+            break
+        x = y / np.maximum(y.max(axis=1, keepdims=True), 1e-300) + 1e-2
+    return bound
 
 
 def spectral_radius(m: Real) -> Real:
@@ -122,43 +185,86 @@ def _solve(matrix: Real, rhs: Real) -> Real:
         return np.asarray((np.linalg.pinv(matrix) @ rhs[..., None])[..., 0])
 
 
-def _newton(a: Real, k: Real, euclidean: Flags, start: Real | None, most: int = 200) -> tuple[Real, Real, int]:
+def _newton(
+    a: Real, k: Real, euclidean: Flags, start: Real | None, *, most: int = 200, dominant: bool = False
+) -> tuple[Real, Real, int]:
     """Loads (F, n), relative residuals (F,) and the number of steps, from ``start`` or from the frictionless loads.
 
-    A step that does not come closer is replaced by a fixed-point step. Only frames that are not there yet go on.
+    A step that does not come closer is replaced by a fixed-point step. Frames that are there stay as they are; once they are the
+    larger part, only the others go on. ``dominant``: with some scaling of the columns the rows of ``|K|`` add up to less than one.
     """
-    g = _norm(a, euclidean)[0] if start is None else start.copy()
-    residual = np.full(len(g), np.inf)
-    active = np.arange(len(g))
+    # frames last: numpy is quick along the last axis, and all others are short
+    aw, kw = np.ascontiguousarray(np.moveaxis(a, 0, -1)), np.ascontiguousarray(np.moveaxis(k, 0, -1))
+    kinds = euclidean[:, None]
+    loads = _norm_last(aw, kinds)[0] if start is None else np.ascontiguousarray(start.T)
+    residual = np.full(loads.shape[1], np.inf)
+    here, index = loads, np.arange(loads.shape[1])
+    f, slope = _jacobian_last(aw, kw, kinds, here)
+    miss = np.abs(f).max(axis=0)
     steps = 0
-    f, matrix = _jacobian(a, k, euclidean, g)
-    miss = np.abs(f).max(axis=1)
     while steps < most:
-        steps += 1
-        size = np.maximum(np.abs(g[active]).max(axis=1), 1e-300)
-        residual[active] = miss / size
-        going = residual[active] > TOLERANCE
+        size = np.maximum(np.abs(here).max(axis=0), 1e-300)
+        going = miss > TOLERANCE * size
         if not going.any():
             break
-        active, f, matrix, miss = active[going], f[going], matrix[going], miss[going]
-        here, ka, aa = g[active], k[active], a[active]
-        step = here - _solve(matrix, f)
-        f_new, matrix_new = _jacobian(aa, ka, euclidean, step)
-        miss_new = np.abs(f_new).max(axis=1)
+        steps += 1
+        step = here - (_eliminate(slope, f) if dominant else _solve(np.moveaxis(slope, -1, 0), f.T).T)
+        f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
+        miss_new = np.abs(f_new).max(axis=0)
         worse = ~(miss_new < 0.7 * miss)
-        stuck = worse & (miss <= 1e-11 * np.abs(here).max(axis=1))  # rounding: this is as close as it gets
-        if worse.any():
-            again = worse & ~stuck
-            step[again] = (here - f)[again]
-            step[stuck] = here[stuck]
-            f_new[worse], matrix_new[worse] = _jacobian(aa[worse], ka[worse], euclidean, step[worse])
-            miss_new[worse] = np.abs(f_new[worse]).max(axis=1)
-        g[active] = step
-        keep = ~stuck
-        active, f, matrix, miss = active[keep], f_new[keep], matrix_new[keep], miss_new[keep]
-        if not len(active):
-            break
-    return g, residual, steps
+        stay = ~going | (worse & (miss <= 1e-11 * size))  # there, or as close as rounding lets it come
+        if (worse & ~stay).any():
+            step = np.where(worse & ~stay, here - f, step)
+            f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
+            miss_new = np.abs(f_new).max(axis=0)
+        if stay.any():
+            step, miss_new = np.where(stay, here, step), np.where(stay, miss, miss_new)
+            f_new, slope_new = np.where(stay, f, f_new), np.where(stay, slope, slope_new)
+        here, f, slope, miss = step, f_new, slope_new, miss_new
+        loads[:, index], residual[index] = here, miss / np.maximum(np.abs(here).max(axis=0), 1e-300)
+        if 2 * stay.sum() >= len(index):
+            index, here, f, slope, miss = index[~stay], here[:, ~stay], f[:, ~stay], slope[..., ~stay], miss[~stay]
+            aw, kw = aw[..., ~stay], kw[..., ~stay]
+            if not len(index):
+                break
+    residual[index] = miss / np.maximum(np.abs(here).max(axis=0), 1e-300)
+    return np.ascontiguousarray(loads.T), residual, steps
+
+
+def _norm_last(y: Real, kinds: Flags) -> tuple[Real, Real]:
+    """As `_norm`, for y (n, 2, F) and kinds (n, 1)."""
+    p, q = y[:, 0], y[:, 1]
+    length = np.hypot(p, q)
+    first = np.abs(p) >= np.abs(q)
+    g = np.where(kinds, length, np.where(first, np.abs(p), np.abs(q)))
+    safe = np.where(length > 0.0, length, 1.0)
+    d = np.empty_like(y)
+    d[:, 0] = np.where(kinds, p / safe, np.where(first, np.sign(p), 0.0))
+    d[:, 1] = np.where(kinds, q / safe, np.where(first, 0.0, np.sign(q)))
+    return g, d
+
+
+def _jacobian_last(a: Real, k: Real, kinds: Flags, g: Real) -> tuple[Real, Real]:
+    """As `_jacobian`, for a (n, 2, F), k (n, 2, n, F), g (n, F)."""
+    y = a + np.einsum("iajf,jf->iaf", k, g)
+    size, d = _norm_last(y, kinds)
+    slope = -(d[:, 0, None] * k[:, 0] + d[:, 1, None] * k[:, 1])
+    n = len(g)
+    slope[range(n), range(n)] += 1.0
+    return g - size, slope
+
+
+def _eliminate(matrix: Real, rhs: Real) -> Real:
+    """Solve matrices (n, n, F) with dominant diagonals for (n, F): elimination without pivots, all frames at once."""
+    m, x = matrix.copy(), rhs.copy()
+    n = len(x)
+    for i in range(n - 1):
+        factor = m[i + 1 :, i] / m[i, i]
+        m[i + 1 :, i + 1 :] -= factor[:, None] * m[i, i + 1 :]
+        x[i + 1 :] -= factor * x[i]
+    for i in range(n - 1, -1, -1):
+        x[i] = (x[i] - (m[i, i + 1 :] * x[i + 1 :]).sum(axis=0)) / m[i, i]
+    return x
 
 
 def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Real, Real, Real]:
@@ -210,9 +316,17 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
 
 def _correct(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags]:
     """Plain Newton from a prediction, and where it arrives at loads on the same branch."""
+    g, ok, matrix = _arrive(a, k, euclidean, g)
+    return g, ok & (np.linalg.det(matrix) > 0.0)
+
+
+def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, Real]:
+    """Plain Newton, where it arrives at loads that are not negative, and I - D K there."""
     with np.errstate(all="ignore"):
         for _ in range(8):
             f, matrix = _jacobian(a, k, euclidean, g)
+            if np.all(np.abs(f).max(axis=1) <= 1e-12 * np.abs(g).max(axis=1)):
+                break
             bad = ~np.isfinite(matrix).all(axis=(1, 2))
             matrix[bad], f[bad] = np.eye(g.shape[1]), np.nan
             g = g - _solve(matrix, f)
@@ -220,7 +334,7 @@ def _correct(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags]:
         ok = np.abs(f).max(axis=1) <= 1e-10 * np.abs(g).max(axis=1)
         ok &= (g >= -1e-9 * np.abs(g).max(axis=1, keepdims=True)).all(axis=1)
         matrix[~np.isfinite(matrix).all(axis=(1, 2))] = 0.0
-        return g, ok & (np.linalg.det(matrix) > 0.0)
+        return g, ok, matrix
 
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:

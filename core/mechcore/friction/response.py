@@ -78,14 +78,13 @@ def system(
     ``way`` = -1: the same loads while everything moves backwards.
     """
     frames, n = motion.frames, len(elements)
-    a = np.empty((frames, n, 2))
-    k = np.empty((frames, n, 2, n))
+    a, k = np.empty((n, 2, frames)), np.empty((n, 2, n, frames))  # frames last in memory, where numpy is quick
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, element in enumerate(elements):
             sign = way * element.sign
-            a[:, i, 0], a[:, i, 1] = element.normal(motion, *response.base[:2], sign)
+            a[i, 0], a[i, 1] = element.normal(motion, *response.base[:2], sign)
             for j, (source, unit) in enumerate(zip(elements, response.units, strict=True)):
                 p, q = element.normal(motion, *unit[:2], sign)
                 braking = -way * source.sign * source.factor
-                k[:, i, 0, j], k[:, i, 1, j] = braking * p, braking * q
-    return a, k, np.array([e.euclidean for e in elements])
+                k[i, 0, j], k[i, 1, j] = braking * p, braking * q
+    return np.moveaxis(a, -1, 0), np.moveaxis(k, -1, 0), np.array([e.euclidean for e in elements])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..effects import Wrench, power_of
 from ..motion import Motion
 from .elements import Element
-from .fixedpoint import Solution, solve_normal_loads
+from .fixedpoint import Solution, several, solve_normal_loads, stability
 from .response import Response, system
 
 __all__ = ["FrictionResult"]
@@ -29,7 +29,7 @@ class FrictionResult:
 
     ``jammed`` (F,): no friction of this direction is in equilibrium with any drive effort; all forces of these frames are NaN.
     ``reached`` (F,): proportion of the stated coefficients up to which the mechanism can be moved, 1 where it does not jam.
-    ``stability`` (F,): 1 without friction, falling to 0 at a jam. ``residual`` (F,): of the solved equations, relative.
+    ``residual`` (F,): of the solved equations, relative. ``iterations``: most Newton steps of any frame.
     """
 
     def __init__(
@@ -40,11 +40,20 @@ class FrictionResult:
         self.iterations = solution.iterations
         self.jammed = solution.jammed
         self.reached = solution.reached
-        self.stability = solution.stability
         self.residual = solution.residual
         self._applied = tuple(applied)
         self._response = response
         self._solution = solution
+
+    @cached_property
+    def stability(self) -> Real:
+        """How far the friction is from a jam (F,): 1 without any, 0 where the effort grows beyond all bounds, NaN at a jam."""
+        return stability(*system(self.motion, self.elements, self._response), self._solution.loads)
+
+    @cached_property
+    def ambiguous(self) -> Flags:
+        """Frames (F,) with other friction in equilibrium than that which grows out of the frictionless state, which is given."""
+        return several(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @property
     def pairs(self) -> tuple[str, ...]:

@@ -1,0 +1,153 @@
+"""Dry friction in a scene: the table of a pair, the scene's own for all pairs, and what becomes of them in the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import PlainValidator, WithJsonSchema
+
+from mechcore.spec import Friction
+
+from .fields import Flag, Length, Size, describe, fault
+from .tables import Table
+
+if TYPE_CHECKING:
+    from .convert import Converter
+    from .pairs import PairDocument
+
+__all__ = ["FRICTION_KEYS", "FrictionDefaults", "FrictionDocument", "friction_faults", "friction_spec", "idle_effect"]
+
+
+MOST = 1000.0
+"""Largest coefficient of friction: beyond anything that is meant seriously."""
+
+
+def _coefficient(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise fault(f"{describe(value)} where a coefficient of friction is wanted.", "Write a plain number such as 0.1.")
+    if value < 0.0:
+        raise fault(f"{describe(value)} is negative.", "Friction never pushes: give a coefficient of zero or more.")
+    if not value <= MOST:
+        raise fault(f"{describe(value)} is no coefficient of friction.", "Dry steel on steel has 0.1 to 0.2.")
+    return float(value)
+
+
+Coefficient = Annotated[float, PlainValidator(_coefficient), WithJsonSchema({"type": "number", "minimum": 0})]
+
+
+class FrictionDocument(Table):
+    """Dry friction in a pair. It acts only where `effects` names friction."""
+
+    coefficient: Coefficient | None = None
+    """Coefficient of friction. Default: the scene's."""
+    radius: Size | None = None
+    """Revolute, pin in slot: radius of the pin. Default of a revolute pair: the scene's."""
+    exact: Flag | None = None
+    """Revolute: friction circle of the radius r sin(atan(coefficient)) instead of the usual r times coefficient."""
+    length: Size | None = None
+    """Prismatic: length of the bearing, whose two ends press on the guide. Default: the scene's, or only the force counts."""
+    bearing: Literal["slider", "guide"] | None = None
+    """Prismatic: which link carries the bearing, the one that slides (default) or the one with the guide."""
+    offset: Length | None = None
+    """Prismatic: how far along the guide the bearing's middle lies from the point of the link that carries it. Default 0."""
+    height: Size | None = None
+    """Prismatic: distance of the two faces of the guide that the friction acts on. Default 0: on the line of the guide."""
+    lever: Size | None = None
+    """Rolling, gear, rack: lever arm of the force across the contact, against the rolling."""
+
+
+class FrictionDefaults(Table):
+    """Friction of all revolute, sliding and slot pairs that do not say otherwise."""
+
+    coefficient: Coefficient | None = None
+    """Coefficient of friction of every revolute, prismatic and slot pair without its own."""
+    radius: Size | None = None
+    """Radius of the pin of every revolute pair without its own. Without any a revolute pair has no friction."""
+    length: Size | None = None
+    """Length of the bearing of every prismatic pair without its own."""
+    exact: Flag = False
+    """Whether revolute pairs that do not say otherwise have the exact friction circle."""
+
+
+FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
+    "revolute": ("coefficient", "radius", "exact"),
+    "prismatic": ("coefficient", "length", "bearing", "offset", "height"),
+    "pin_slot": ("coefficient", "radius"),
+    "rolling": ("lever",),
+    "gear": ("lever",),
+    "rack": ("lever",),
+}
+"""The keys of a pair's table of friction that go with each kind of pair."""
+
+_LEVERS = ("rolling", "gear", "rack")
+
+
+def friction_faults(kind: str, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
+    """What does not fit in the table of a pair, each (key, message, remedy)."""
+    known = FRICTION_KEYS.get(kind, ())
+    if not known:
+        return []  # the pair itself refuses the table
+    found = []
+    for key in table.model_fields_set:
+        if key not in known and getattr(table, key) is not None:
+            remedy = f"Known here: {', '.join(known)}."
+            found.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
+    if kind in _LEVERS and table.lever is None and table.sound("lever") and not found:
+        found.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
+    return found
+
+
+def friction_spec(
+    path: str, kind: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
+) -> Friction | None:
+    """The core's friction of a pair, what its own table leaves out taken from the scene's; None where there is none."""
+    if kind not in FRICTION_KEYS or (table is None and (defaults is None or kind in _LEVERS)):
+        return None
+    own, default = table or FrictionDocument(), defaults or FrictionDefaults()
+
+    def length(key: str, fallback: float | str | None = None, at: str = f"{path}.friction") -> float:
+        value = getattr(own, key)
+        if value is not None:
+            return convert.si(value, "length", f"{at}.{key}")
+        return 0.0 if fallback is None else convert.si(fallback, "length", f"friction.{key}")
+
+    if kind in _LEVERS:
+        return Friction(lever=length("lever"))
+    coefficient = own.coefficient if own.coefficient is not None else default.coefficient
+    if coefficient is None:
+        if table is not None and own.sound("coefficient") and default.sound("coefficient"):
+            remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all pairs."
+            convert.note(f"{path}.friction", "'coefficient' is missing.", remedy)
+        return None
+    if kind == "revolute":
+        radius = length("radius", default.radius)
+        if not radius:
+            if table is not None and coefficient and own.sound("radius") and default.sound("radius"):
+                remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
+                convert.note(f"{path}.friction", "'radius' is missing: friction in a pin acts at its radius.", remedy)
+            return None
+        return Friction(coefficient=coefficient, radius=radius, exact=default.exact if own.exact is None else own.exact)
+    if kind == "pin_slot":
+        return Friction(coefficient=coefficient, radius=length("radius"))
+    bearing = length("length", default.length)
+    for key in ("offset", "height", "bearing"):
+        if not bearing and getattr(own, key) is not None and own.sound("length") and default.sound("length"):
+            remedy = 'Add length = "60 mm", the length of the bearing.'
+            convert.note(f"{path}.friction.{key}", "without a length of the bearing it has no meaning.", remedy)
+    return Friction(
+        coefficient=coefficient,
+        length=bearing,
+        bearing=own.bearing or "slider",
+        offset=length("offset"),
+        height=length("height"),
+    )
+
+
+def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: list[Friction | None], convert: Converter) -> None:
+    """Note a fault where friction is named and no pair has any."""
+    if "friction" in effects and pairs and not any(f is not None for f in found):
+        first = next((name for name, pair in pairs.items() if pair.kind in FRICTION_KEYS), "")
+        where = f"pairs.{first}" if first else "a pair"
+        remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'
+        convert.note("effects", "friction is named, but no pair has any.", remedy)
