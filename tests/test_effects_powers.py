@@ -102,6 +102,13 @@ def test_flywheel_of_a_harmonic_torque():
     assert abs(coarse.excess - 2.0) > 12.0 * abs(fine.excess - 2.0) or abs(fine.excess - 2.0) < 1e-12  # of order 4
 
 
+def test_flywheel_finds_its_extremes_between_the_frames():
+    """Twelve frames, none where the torque is its mean: the spline is solved for its crossings."""
+    phi = 0.2 + np.linspace(0.0, 2.0 * np.pi, 13)
+    wheel = flywheel_of_torque(phi, 3.0 * np.sin(phi), 1.0, 1.0)
+    assert wheel.excess == pytest.approx(6.0, rel=2e-3) and wheel.slowest == pytest.approx(np.pi, abs=2e-3)
+
+
 def test_flywheel_of_a_punch():
     """A press: torque 90 N m over 40 degrees, none over the other 320: excess = T theta (1 - theta / 2 pi), exactly."""
     theta = np.radians(40.0)
