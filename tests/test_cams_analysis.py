@@ -55,6 +55,10 @@ def test_eccentric_disc_of_the_reference(name):
         want = np.array([r[name][key] for r in rows])
         np.testing.assert_allclose(c.motion[k] * w**k, want, atol=1e-13 * np.abs(want).max())
     np.testing.assert_allclose(c.radius, i["r"], rtol=1e-12)
+    h = 1e-3  # the jerk: the contact runs unevenly along the disc, so that all terms of the chain rule count
+    near = [analyse(circle(i["r"], i["ecc"]), Follower(Translating(i["e"]), face), theta + j * h).motion[2] for j in (-2, -1, 1, 2)]
+    numeric = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 * h)
+    np.testing.assert_allclose(c.motion[3], numeric, atol=1e-9 * np.abs(c.motion[2]).max())
     if name == "flat":
         place = (c.point * np.exp(1j * theta)).real
         np.testing.assert_allclose(place, [r["flat"]["contact_offset"] for r in rows], atol=1e-15)

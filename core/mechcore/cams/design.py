@@ -191,7 +191,7 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
         low, high = max(abs(d - arm) - r, 0.0), d + arm - r
     low = max(low, at_least, 1e-6 * d)
 
-    def worst(base: float, count: int = 360) -> tuple[float, str]:
+    def worst(base: float, count: int = 144) -> tuple[float, str]:
         cam = cam_on_base(lift, follower, base, turn)
         top = lift(lift.start + lift.length * np.arange(64) / 64.0, 0)[0].max() + follower.base_coordinate(base)
         if top >= np.pi:
@@ -201,14 +201,14 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
         k = int(np.nanargmin(scale))
         return scale[k], verdicts[k].condition
 
-    grid = low + (high - low) * np.linspace(1e-6, 1.0 - 1e-6, 25) ** 1.5
+    grid = low + (high - low) * np.linspace(1e-6, 1.0 - 1e-6, 17) ** 1.5
     before = None
     for base in grid:
         value, _ = worst(float(base))
         if value >= 0.0:
             if before is None:
                 return _finish(cam_on_base(lift, follower, float(low) or float(base), turn), float(low), 0.0, "base circle", want)
-            root = float(brentq(lambda b: worst(b, 720)[0], before, base, xtol=1e-13 * d, rtol=1e-14))
+            root = float(brentq(lambda b: worst(b, 360)[0], before, base, xtol=1e-12 * d, rtol=1e-12))
             decides = worst(before + 0.999 * (root - before))[1]
             return _finish(cam_on_base(lift, follower, root, turn), root, 0.0, decides, want)
         before = float(base)
