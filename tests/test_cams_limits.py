@@ -31,13 +31,14 @@ from mechcore.cams import (
     cut_profile,
     find_limits,
     flat_base_chart,
+    judge,
     least_base,
     pressure_chart,
     spatial_limits,
     undercut_ranges,
 )
 from mechcore.errors import MechanismError
-from mechcore.laws import MotionCurve, Segment, peak_factors, program, rise
+from mechcore.laws import RISES, MotionCurve, Segment, peak_factors, program, rise
 
 PI = np.pi
 LIFT = program([Segment(2.0, 0.02), Segment(1.0), Segment(1.6, 0.0, "3-4-5"), Segment(2 * PI - 4.6)])
@@ -145,6 +146,33 @@ def test_least_base_of_oscillating_followers_is_the_least(face, side):
     limits = find_limits(smaller)
     fails = limits.undercut or limits.rise.value > want.pressure_rise or limits.fall.value > want.pressure_fall
     assert fails or limits.convex.value < want.radius
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sampled_from(sorted(set(RISES) - {"constant-velocity"})),
+    st.sampled_from(sorted(set(RISES) - {"constant-velocity"})),
+    st.floats(0.5, 2.4),
+    st.floats(-0.02, 0.02),
+    st.sampled_from([Knife(), Roller(0.007), Flat()]),
+    st.sampled_from([None, 0.3, 0.6]),
+    st.sampled_from([None, 0.006]),
+    st.sampled_from([1, -1]),
+)
+def test_least_base_keeps_its_limits_for_any_law(up, down, over, e, face, alpha, radius, turn):
+    lift = program([Segment(over, 0.03, up), Segment(0.5), Segment(over, 0.0, down), Segment(2 * PI - 0.5 - 2 * over)])
+    want = Requirement(radius, alpha, alpha)
+    best = least_base(lift, Follower(Translating(e), face), want, turn, at_least=0.002)
+    assert all(v.margin > -1e-9 for v in best.verdicts), (best.decides, best.verdicts)
+    if best.decides != "base circle" and not isinstance(face, Flat):
+        worse = judge(find_limits(Cam(lift.raised(best.start * (1 - 1e-4)), best.cam.follower, turn)), want)
+        assert not all(v.passed for v in worse)
+
+
+def test_a_law_whose_velocity_jumps_has_no_least_base():
+    lift = program([Segment(2.0, 0.02, "constant-velocity"), Segment(1.0), Segment(2.0, 0.0), Segment(2 * PI - 5)])
+    with pytest.raises(MechanismError, match="velocity jumps down at"):
+        least_base(lift, Follower(Translating(), Roller(0.01)), Requirement())
 
 
 def test_limits_that_cannot_be_kept_are_refused():

@@ -51,17 +51,15 @@ def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) 
         m = int(np.argmax(values))
         if values[m] > best:
             best, where = float(values[m]), float(angles[m])
+    # ever finer grids about the best sample: pieces of the law that meet nearby do not disturb them, as they would a parabola
     center, width = float(angle[k]), step
-    three = np.array([y[k - 1], y[k], y[(k + 1) % count]])
-    for _ in range(3):
-        bend = three[0] - 2.0 * three[1] + three[2]
-        if not (np.isfinite(bend) and bend < 0.0):
-            break
-        center += width * float(np.clip(0.5 * (three[0] - three[2]) / bend, -1.0, 1.0))
-        width *= 0.03
-        three = cost(lift(center + width * np.array([-1.0, 0.0, 1.0]), 3))
-        if three[1] > best:
-            best, where = float(three[1]), center
+    for _ in range(6):
+        near = center + width * np.linspace(-1.0, 1.0, 33)
+        values = cost(lift(near, 3))
+        m = int(np.argmax(values))
+        center, width = float(near[m]), width / 12.0
+        if values[m] > best:
+            best, where = float(values[m]), center
     return best, where
 
 
@@ -89,9 +87,8 @@ def _heights(
 ) -> tuple[float, str]:
     """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides."""
     s = samples
-    height, decides = max(
-        (float(np.sqrt(max((least + radius) ** 2 - e * e, 0.0))), "base circle"), *((b + c * e, name) for b, c, name in bounds)
-    )
+    hub = float(np.sqrt(max((least + radius) ** 2 - e * e, 0.0))), "base circle"
+    height, decides = max([hub, *((b + c * e, name) for b, c, name in bounds)])
     limit = radius + (want.radius or 0.0)
     if limit <= 0.0:
         return height, decides
@@ -105,6 +102,8 @@ def _heights(
     if height > 0.0 and excess(height) <= 0.0:
         return height, decides
     low = max(height, 1e-6 * stroke)
+    if excess(low) <= 0.0:
+        return low, decides
     high = low + 0.25 * stroke
     while excess(high) > 0.0:
         low, high = high, high + 1.5 * (high - low)
@@ -177,6 +176,12 @@ def _translating(lift: MotionCurve, follower: Follower, want: Requirement, turn:
 
 def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requirement) -> Design:
     limits = find_limits(cam)
+    corner = limits.sharpness.value == -np.inf or (limits.convex is not None and limits.convex.value == 0.0)
+    if corner and (want.radius or limits.undercut):
+        at = np.degrees((limits.convex or limits.sharpness).angle)
+        raise MechanismError(
+            Fault("cam.law", f"its velocity jumps down at {at:.6g} deg: a corner on a cam of any size.", "Take a smoother law.")
+        )
     start = float(cam.law.pieces[0].at(0.0, 0)[0])
     return Design(cam, base, start, offset, decides, limits, tuple(judge(limits, want)))
 

@@ -100,27 +100,24 @@ def _costs(s: Synthesis, flat: bool) -> list[Real]:
 
 
 def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Limits:
-    """Extremes over a cycle: on a grid (that of ``on``, else ``count`` angles), then at the vertex of the parabola through
-    each best
-    point and its neighbours, and at the law's knots from both sides. Values are right to about 1e-12; angles to about 1e-6.
+    """Extremes over a cycle: on a grid (that of ``on``, even over the cycle, else ``count`` angles), then on finer grids and a
+    parabola about each best point, and at the law's knots from both sides. Values are right to about 1e-12; angles to 1e-6.
     """
     flat = isinstance(cam.follower.face, Flat)
     grid, knots = _grid(cam, on, count)
     rows = _costs(grid, flat)
-    step = cam.law.length / max(grid.angle.size, 2)
-    where = np.empty((len(rows), 3))  # each best point with its neighbours, then twice the vertex of the parabola through them
-    values = np.empty((len(rows), 3))
-    n = grid.angle.size
-    for m, row in enumerate(rows):
-        k = int(np.argmin(row))
-        where[m] = grid.angle[k] + np.array([-step, 0.0, step])
-        values[m] = row[k - 1], row[k], row[(k + 1) % n]
-    vertex = _vertex(where, values)
-    near = 2e-2 * step
-    where = vertex[:, None] + np.array([-near, 0.0, near])
-    close = _costs(cam.at(where.ravel()), flat)
-    values = np.array([row.reshape(-1, 3)[m] for m, row in enumerate(close)])
-    fine = cam.at(np.concatenate([vertex, _vertex(where, values)]))
+    width = cam.law.length / max(grid.angle.size, 2)
+    center = np.array([grid.angle[int(np.argmin(row))] for row in rows])
+    # finer grids about each best sample, then the vertex of the parabola through the best three points of the finest
+    for _ in range(2):
+        spread = width * np.linspace(-1.0, 1.0, 17)
+        where = center[:, None] + spread
+        close = [row.reshape(-1, 17)[m] for m, row in enumerate(_costs(cam.at(where.ravel()), flat))]
+        spots = np.array([int(np.clip(np.argmin(row), 1, 15)) for row in close])
+        center, width = where[np.arange(len(spots)), spots], width / 8.0
+    three = np.array([row[m - 1 : m + 2] for row, m in zip(close, spots, strict=True)])
+    vertex = _vertex(center[:, None] + width * np.array([-1.0, 0.0, 1.0]), three)
+    fine = cam.at(np.concatenate([center, vertex]))
     rows_fine, rows_knots = _costs(fine, flat), _costs(knots, flat)
     out: dict[str, Reached | None] = {}
     for name, row, row_fine, row_knots in zip(_QUANTITIES, rows, rows_fine, rows_knots, strict=False):
