@@ -112,11 +112,12 @@ def _heights(
     return float(brentq(excess, low, high, xtol=1e-12 * high)), "least radius of curvature"
 
 
-def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement, height: float, decides: str) -> float:
-    """The sampled answer of the curvature with the sampling's error removed: its extreme taken between the samples too."""
-    if decides != "least radius of curvature":
-        return height
+def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement, height: float, decides: str) -> tuple[float, str]:
+    """The answer with the sampling's error in the curvature removed: its extreme taken between the samples too."""
     limit = radius + (want.radius or 0.0)
+    if limit <= 0.0:
+        return height, decides
+    height = max(height, 1e-9 * limit)
 
     def excess(h0: float) -> float:
         def cost(s: Real) -> Real:
@@ -126,10 +127,14 @@ def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement,
 
         return greatest(lift, cost)[0] * limit - 1.0
 
-    low, high = height * (1.0 - 1e-4), height * (1.0 + 1e-3)
-    if excess(low) * excess(high) > 0.0:  # a jump of the curvature at a knot decides
-        return height
-    return float(brentq(excess, low, high, xtol=1e-15, rtol=1e-14))
+    if excess(height) <= 0.0:
+        return height, decides
+    low, step = height, 1e-4 * height
+    while excess(low + step) > 0.0:
+        low, step = low + step, 2.0 * step
+        if low > 1e6 * limit:  # a corner of the pitch curve: no size helps, which the limits then say
+            return height, decides
+    return float(brentq(excess, low, low + step, xtol=1e-15, rtol=1e-14)), "least radius of curvature"
 
 
 def _samples(lift: MotionCurve, count: int) -> Real:
@@ -155,7 +160,7 @@ def least_base(
         e = turn * follower.guide.offset  # a cam that turns clockwise is the mirror image
         r = follower.radius
         height, decides = _heights(_pressure_bounds(lift, want), e, r, want, at_least, _samples(lift, count))
-        height = _exact_height(lift, e, r, want, height, decides)
+        height, decides = _exact_height(lift, e, r, want, height, decides)
         return _translating(lift, follower, want, turn, max(height, 0.0), decides)
     if isinstance(follower.guide, Translating):
         assert isinstance(follower.face, Flat)
