@@ -1,19 +1,21 @@
 """Makes the pictures of the README: the viewer in headless Chromium.
 
-python docs/make_pictures.py [SCENE ...]
+python docs/make_pictures.py [--to FOLDER] [SCENE ...]
 """
 
 from __future__ import annotations
 
+import argparse
 import shutil
-import sys
 from pathlib import Path
+from typing import Any
 
 from playwright.sync_api import sync_playwright
 
 import mechviz
 from mechviz.run import run_scene
 from mechviz.viewer import Viewer
+from mechviz.viewer.solids3d import link_path
 
 HERE = Path(__file__).parent / "images"
 ARGS = [
@@ -23,29 +25,42 @@ ARGS = [
     "--enable-unsafe-swiftshader",
     "--disable-background-networking",
 ]
+READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
+    names.every(n => m.nodeRefFromName[n]); }"""
+SETTLING = 3500  # [ms] that the page takes to fit its view and to draw it
 
 
-def shoot(scene: str, path: Path, *, part: float = 0.87) -> None:
-    """One picture of a scene at a part of its run."""
+def shoot(browser: Any, scene: str, path: Path, *, part: float | None = None) -> None:
+    """One picture of a scene, at the frame at which the viewer opens or at a part of its run."""
     run = run_scene(mechviz.load(scene))
-    with Viewer(run, port=0) as viewer, sync_playwright() as p:
+    with Viewer(run, port=0) as viewer:
         viewer.pause()
-        viewer.set_frame(int(part * (run.motion.frames - 1)))
-        browser = p.chromium.launch(executable_path=shutil.which("chromium"), args=ARGS)
+        if part is not None:
+            viewer.set_frame(int(part * (run.motion.frames - 1)))
         page = browser.new_page(viewport={"width": 1400, "height": 850})
+        page.set_default_timeout(60_000)
         page.goto(viewer.url)
         page.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
-        page.wait_for_timeout(9000)
+        page.wait_for_function(READY, arg=[link_path(link) for link in run.motion.model.links])
+        page.wait_for_timeout(SETTLING)
         page.screenshot(path=path)
-        browser.close()
-    print(path)
+        page.close()
+    print(path, flush=True)
 
 
 def main() -> None:
-    HERE.mkdir(exist_ok=True)
-    scenes = sys.argv[1:] or ["slider-crank-compressor"]
-    for scene in scenes:
-        shoot(scene, HERE / ("viewer.png" if len(sys.argv) < 2 else f"{scene}.png"))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser.add_argument("--to", type=Path, default=HERE, metavar="FOLDER")
+    chosen = parser.parse_args()
+    chosen.to.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as p:
+        browser = p.chromium.launch(executable_path=shutil.which("chromium"), args=ARGS)
+        for scene in chosen.scenes:
+            shoot(browser, scene, chosen.to / f"{scene}.png")
+        if not chosen.scenes:
+            shoot(browser, "slider-crank-compressor", chosen.to / "viewer.png", part=0.87)
+        browser.close()
 
 
 if __name__ == "__main__":

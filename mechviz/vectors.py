@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.laws import Piecewise
 from mechcore.spec import Mechanism
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ __all__ = [
     "find_moments",
     "find_scales",
     "find_vectors",
+    "plotted_against",
     "point_name",
+    "round_value",
 ]
 
 Real = NDArray[np.float64]
@@ -104,6 +107,12 @@ class Scales:
         return {"velocity": self.mps_per_metre, "acceleration": self.mps2_per_metre}.get(family, self.newtons_per_metre)
 
 
+def round_value(value: float) -> float:
+    """The largest 1, 2 or 5 times a power of ten that is not above a positive value."""
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value * (1.0 + 1e-9)))
+
+
 def point_name(link: str, point: str) -> str:
     """Name of a link's point among all points."""
     return f"{link}.{point}"
@@ -112,6 +121,20 @@ def point_name(link: str, point: str) -> str:
 def centre_name(link: str) -> str:
     """Name of a link's centre of mass among all points."""
     return f"{link} centre of mass"
+
+
+def plotted_against(run: Run) -> str | None:
+    """The drive whose coordinate a run is plotted against instead of time: the first one, if it has zones (starts and stops, each
+    over a stated range) and runs one way only."""
+    for drive in run.motion.mechanism.drives[:1]:
+        if not isinstance(drive.law, Piecewise) or any(len(c) > 3 for c in drive.law.coefficients):
+            continue
+        position, rate, _ = drive.law(np.array([drive.law.knots[0], drive.law.knots[-1]]))
+        steps = np.diff(run.motion.coordinate(drive.pair)[:, 0])
+        rests = np.abs(rate).max() <= 1e-9 * abs(position[1] - position[0]) / drive.law.duration
+        if rests and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+            return drive.pair
+    return None
 
 
 def find_vectors(run: Run) -> dict[str, dict[str, Vector]]:

@@ -301,7 +301,17 @@ def test_pure_kinematics_records_nothing_else(name):
     m = made(name)
     for path in m.recording.entities:
         assert not path.endswith(("/reaction", "/inertia", "/properties", "/wrench", "/energy", "/power_balance")), path
-        assert not path.startswith(("/data/loads", "/plots", "/vectors/reaction", "/vectors/gravity", "/vectors/inertia")), path
+        assert not path.startswith(
+            (
+                "/data/loads",
+                "/plots/reactions",
+                "/plots/torque",
+                "/plots/force",
+                "/vectors/reaction",
+                "/vectors/gravity",
+                "/vectors/inertia",
+            )
+        ), path
     for drive in m.recording.model["drives"]:
         values = m.data("drive", drive)
         assert values.shape[1] == 5 and np.isfinite(values[:, :3]).all() and np.isnan(values[:, 3:]).all()

@@ -154,8 +154,17 @@ def _fitted(viewer: Viewer, page: Any) -> np.ndarray:
     return fit_view(viewer.scene.bounds, width / height).position
 
 
+def _at(page: Any, place: np.ndarray) -> bool:
+    """Whether the camera is there, to half a percent of its distance.
+
+    The server knows a window by the pixels of its picture. A browser that is busy draws fewer of them (386 x 612 for 442 x 700), and
+    their ratio differs by rounding.
+    """
+    return bool(np.abs(_camera(page) - place).max() < 5e-3 * np.linalg.norm(place))
+
+
 def _until_fitted(viewer: Viewer, page: Any) -> None:
-    _until(page, lambda: np.abs(_camera(page) - _fitted(viewer, page)).max() < 1e-3, "the camera fitted to the window")
+    _until(page, lambda: _at(page, _fitted(viewer, page)), "the camera fitted to the window")
 
 
 def _picture(page: Any) -> np.ndarray:
@@ -338,20 +347,20 @@ def _zoom(page: Any) -> None:
     before = _camera(page)
     page.mouse.move(550, 200)
     page.mouse.wheel(0, -600)
-    _until(page, lambda: np.abs(_camera(page) - before).max() > 1e-2, "zoomed by hand")
+    _until(page, lambda: np.abs(_camera(page) - before).max() > 0.05 * np.linalg.norm(before), "zoomed by hand")
 
 
 def test_the_view_is_fitted_to_the_window_and_comes_back(viewer, page):
     _until_fitted(viewer, page)
     fitted = _camera(page)
     page.set_viewport_size({"width": 1400, "height": 700})
-    _until(page, lambda: np.abs(_camera(page) - fitted).max() > 1e-3, "a new fit for a wider window")
+    _until(page, lambda: not _at(page, fitted), "a new fit for a wider window")
     _until_fitted(viewer, page)
     page.set_viewport_size(SIZE)
-    _until(page, lambda: np.abs(_camera(page) - fitted).max() < 1e-3, "the old fit for the old window")
+    _until(page, lambda: _at(page, fitted), "the old fit for the old window")
     _zoom(page)
     page.get_by_role("button", name="View from the front").click()
-    _until(page, lambda: np.abs(_camera(page) - fitted).max() < 1e-3, "back at the front")
+    _until(page, lambda: _at(page, fitted), "back at the front")
 
 
 def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(viewer, page):
@@ -365,7 +374,7 @@ def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(
         _zoom(page)
         assert page.evaluate("() => window.__viserMutable.mechvizHeld") > 0, "nothing was held back"
         page.get_by_role("button", name="View from the front").click()
-        _until(page, lambda: np.abs(_camera(page) - fitted).max() < 1e-3, "back at the front")
+        _until(page, lambda: _at(page, fitted), "back at the front")
     finally:
         page.evaluate("() => { const m = window.__viserMutable; m.sendMessage = m.mechvizSend; }")
 

@@ -8,6 +8,7 @@ solids.links["crank"].mesh        # trimesh, watertight, metres, in the link's o
 
 from __future__ import annotations
 
+from .heights import Heights
 from .solids import Solid, Solids, build_solids, stl_bytes
 
-__all__ = ["Solid", "Solids", "build_solids", "stl_bytes"]
+__all__ = ["Heights", "Solid", "Solids", "build_solids", "stl_bytes"]

@@ -28,6 +28,16 @@ class Proportions:
     boss: float  # how far a boss stands above the plate where it faces another link
     clearance: float  # between bosses that face each other, and between a pin and its hole
 
+    def thinner(self, factor: float) -> Proportions:
+        """The same plates and gaps, thinner by a factor."""
+        return replace(
+            self,
+            t=factor * self.t,
+            bevel=factor * self.bevel,
+            boss=factor * self.boss,
+            clearance=factor * self.clearance,
+        )
+
     @property
     def pitch(self) -> float:
         """Distance of neighbouring layers."""

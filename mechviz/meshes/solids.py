@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -11,6 +11,7 @@ from shapely.geometry import MultiPoint
 
 from mechcore.spec import Mechanism
 
+from .heights import Heights, find_heights
 from .model import Model, build_model, place
 from .palette import Color, link_colors
 from .parts import Part, make_parts
@@ -20,6 +21,8 @@ from .stack import Levels, poses_of, stack_pieces
 from .sweep import Swept, meet
 
 __all__ = ["Solid", "Solids", "build_solids", "find_clashes", "stl_bytes"]
+
+DEEPEST = 0.12  # all layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,7 @@ class Solids:
     z_top: float  # just above everything: force arrows are drawn here [m]
     bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
+    heights: Heights  # where marks lie in z
 
 
 def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = None, *, tolerance: float = 0.005) -> Solids:
@@ -66,6 +70,9 @@ def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = 
     model = build_model(mechanism, poses, segments)
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
+    if (levels.top + 1) * model.proportions.pitch > DEEPEST and not model.telescopes:  # thin barrels would look like wires
+        model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))
+        draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
     parts = make_parts(model, draft, levels)
     colors = link_colors(model.links, model.frame)
     layers = _layers_of_links(model, levels, parts)
@@ -74,7 +81,9 @@ def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = 
         for name in model.links
     }
     bounds = _bounds(model, links)
-    return Solids(links, model.size, float(bounds[1, 2]) + 0.01 * model.size, bounds, find_clashes(model, parts))
+    top = float(bounds[1, 2]) + 0.01 * model.size
+    heights = find_heights(mechanism, model, parts, poses, top)
+    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights)
 
 
 def stl_bytes(solid: Solid) -> bytes:

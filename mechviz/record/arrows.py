@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..tables import joints_of, links_with_mass
 from ..vectors import (
+    FAMILIES,
     LARGEST_ARC,
     LARGEST_ARROW,
     Moment,
@@ -31,7 +32,13 @@ __all__ = ["COLORS", "Arc", "Arrow", "arc_strips", "arc_sweep", "extent", "shape
 Real = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-COLORS: Mapping[str, tuple[int, int, int]] = {
+
+def lighter(channel: int) -> int:
+    """A colour channel on a dark ground."""
+    return round(0.6 * channel + 102)
+
+
+_LIGHTER: Mapping[str, tuple[int, int, int]] = {
     "reaction": (255, 72, 84),
     "applied": (255, 138, 20),
     "gravity": (214, 178, 130),
@@ -41,12 +48,17 @@ COLORS: Mapping[str, tuple[int, int, int]] = {
     "velocity": (84, 168, 255),
     "acceleration": (52, 214, 220),
 }
+COLORS: Mapping[str, tuple[int, int, int]] = {
+    name: _LIGHTER.get(name, (lighter(family.color[0]), lighter(family.color[1]), lighter(family.color[2])))
+    for name, family in FAMILIES.items()
+}
 """The hues that the viewer gives to the families, lighter: the background is dark."""
 
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
 ARC_RADIUS = 0.085  # in sizes of the mechanism; the longest arc is then a little over 300°
 ARC_POINTS = 24
+LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +135,8 @@ def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Re
             tips = arrow.vector.origin[seen] + arrow.vector.value[seen] / scale
             low[:2] = np.minimum(low[:2], np.maximum(tips.min(axis=0), bounds[0][:2] - room))
             high[:2] = np.maximum(high[:2], np.minimum(tips.max(axis=0), bounds[1][:2] + room))
+    if arrows:
+        low[1] -= LEGEND_ROOM * size  # for the legend
     return np.array([low, high])
 
 

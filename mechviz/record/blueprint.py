@@ -10,20 +10,22 @@ import numpy as np
 from mechcore.events import Event
 
 from ..tables import pair_unit
-from ..vectors import FORCE_FAMILIES
+from ..vectors import FORCE_FAMILIES, plotted_against
 from .paths import entity
-from .plots import Output, main_outputs, study_outputs
+from .plots import Output, effort_outputs, main_outputs, reaction_outputs, study_outputs
 from .polygons import OVERLAYS
 
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["make_blueprint"]
+__all__ = ["legend_place", "make_blueprint", "opening_timeline"]
 
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
+LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
+LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
 PICTURE = 1.5  # width of the 3D view over its height, about
 
 
@@ -53,9 +55,9 @@ def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[
         body,
         rrb.TimePanel(
             state="collapsed",
-            timeline="time",
+            timeline=opening_timeline(run),
             play_state="playing",  # "paused" would make the viewer forget the loop
-            playback_speed=_playback_speed(run),
+            **_pace(run),
             loop_mode="all",
         ),
         rrb.SelectionPanel(state="hidden"),
@@ -63,6 +65,22 @@ def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[
         rrb.TopPanel(state="hidden"),
         collapse_panels=False,
     )
+
+
+def opening_timeline(run: Run) -> str:
+    """The drive's angle or displacement for a drive that starts and stops, whose zones are stated over it; else time."""
+    axis = plotted_against(run)
+    return "time" if axis is None else {"rad": "drive_mdeg", "m": "drive_um"}[pair_unit(run.motion, axis)]
+
+
+def _pace(run: Run) -> dict[str, float]:
+    """How fast the opening timeline is played: ticks per second on the screen, or seconds of the run."""
+    axis = plotted_against(run)
+    if axis is None:
+        return {"playback_speed": _playback_speed(run)}
+    ticks = float(np.ptp(run.motion.coordinate(axis)[:, 0]))
+    ticks = 1e3 * np.degrees(ticks) if pair_unit(run.motion, axis) == "rad" else 1e6 * ticks
+    return {"fps": float(ticks) / SECONDS_A_CYCLE}
 
 
 def _playback_speed(run: Run) -> float:
@@ -78,9 +96,9 @@ def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
     views = []
     if run.forces is not None:
-        views.append(_picture("Mechanism with forces", forces, bounds["forces"]))
+        views.append(_picture("Mechanism with forces", [*forces, "legend/forces"], bounds["forces"]))
     if _has_points(run):
-        views.append(_picture("Mechanism with velocities and accelerations", motion, bounds["motion"]))
+        views.append(_picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
     return views or [_picture("Mechanism", [], bounds["motion"])]
 
 
@@ -118,31 +136,27 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _plots(run: Run) -> list[Any]:
-    outputs = [_plot(output) for output in main_outputs(run)]
-    asked = [_plot(output) for output in study_outputs(run)]
-    if run.forces is None:
-        return [*asked, *outputs]
+    times = _axis_values(run)
+    stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run))]
+    stacks.append(reaction_outputs(run))
+    motion = main_outputs(run)
+    stacks += [[output] for output in motion] if run.forces is None else [motion]
+    return [_stacked([_plot(output, times) for output in stack]) for stack in stacks if stack]
+
+
+def _stacked(views: list[Any]) -> Any:
     import rerun.blueprint as rrb
 
-    views = [*asked, *_efforts(run)]
-    views.append(_plot(Output("Joint reactions, magnitude [N]", ((entity("plots", "reactions"), ()),))))
-    if outputs:
-        views.append(rrb.Tabs(*outputs, active_tab=0) if len(outputs) > 1 else outputs[0])
-    return views
+    return rrb.Tabs(*views, active_tab=0) if len(views) > 1 else views[0]
 
 
-def _efforts(run: Run) -> list[Any]:
-    """Driving torques and driving forces, in separate plots."""
-    found = []
-    for unit, name in (("rad", "Driving torque [N m]"), ("m", "Driving force [N]")):
-        pairs = [d.pair for d in run.motion.mechanism.drives if pair_unit(run.motion, d.pair) == unit]
-        if pairs:
-            shown = (False, False, False, True, False)
-            found.append(_plot(Output(name, tuple((entity("data", "drive", p), shown) for p in pairs))))
-    return found
+def _axis_values(run: Run) -> np.ndarray:
+    """What the opening timeline counts at the frames (F,)."""
+    axis = plotted_against(run)
+    return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
 
 
-def _plot(output: Output) -> Any:
+def _plot(output: Output, times: np.ndarray | None = None) -> Any:
     """A plot over the whole run: rerun's own choice is a window around the cursor."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -153,15 +167,48 @@ def _plot(output: Output) -> Any:
         for path, shown in output.entities
         if shown and not all(shown)
     }
-    alone = len(output.entities) == 1 and bool(overrides)  # one curve, which the view's name tells
+    curves = 0 if output.values is None else output.values.shape[1]
+    corner, span = rrb.Corner2D.RightTop, None
+    if curves > 1 and times is not None and output.values is not None:
+        name, span = legend_place(times, output.values)
+        corner = rrb.Corner2D.auto(name)
     return rrb.TimeSeriesView(
         origin="/",
         contents=[f"+ {path}" for path, _ in output.entities],
         name=output.name,
         overrides=overrides,
         axis_x=rrb.TimeAxis(view_range=whole),
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=not alone),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        plot_legend=rrb.PlotLegend(corner=corner, visible=curves != 1),  # one curve is told by the view's name
     )
+
+
+def legend_place(times: np.ndarray, values: np.ndarray) -> tuple[str, tuple[float, float]]:
+    """The corner of a plot's legend and the range of its vertical axis: the least range at which the legend hides no curve.
+
+    ``times`` (F,), ``values`` (F, n): the curves.
+    """
+    known = np.isfinite(values)
+    low = float(np.min(values, initial=np.inf, where=known))
+    high = float(np.max(values, initial=-np.inf, where=known))
+    if not low <= high:
+        return "RightTop", (-1.0, 1.0)
+    span = max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-300)
+    low, high = low - 0.05 * span, high + 0.05 * span
+    part = min(0.04 + LEGEND_ROW * values.shape[1], 0.6)  # of the plot's height that the legend takes
+    along = (times - times[0]) / (float(np.ptp(times)) or 1.0)
+    best: tuple[str, tuple[float, float]] | None = None
+    for side, near in (("Right", np.abs(along - 1.0) <= LEGEND_WIDTH), ("Left", np.abs(along) <= LEGEND_WIDTH)):
+        lowest = float(np.min(values[near], initial=high, where=known[near]))
+        highest = float(np.max(values[near], initial=low, where=known[near]))
+        for name, extent in (
+            (f"{side}Top", (low, max(high, (highest - part * low) / (1.0 - part)))),
+            (f"{side}Bottom", (min(low, (lowest - part * high) / (1.0 - part)), high)),
+        ):
+            if best is None or extent[1] - extent[0] < 0.999 * (best[1][1] - best[1][0]):
+                best = name, extent
+    assert best is not None
+    return best
 
 
 def _below(run: Run, events: Sequence[Event]) -> Any:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..tables import Table, joints_of
+from ..tables import JointInfo, Table, joints_of, pair_unit
 from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -16,7 +17,9 @@ from .streams import Index, Static, Stream
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["Output", "main_outputs", "plot_streams", "plot_styles", "study_outputs"]
+__all__ = ["Output", "effort_outputs", "main_outputs", "plot_streams", "plot_styles", "reaction_outputs", "study_outputs"]
+
+Real = NDArray[np.float64]
 
 PALETTE = (
     (92, 172, 255),
@@ -35,37 +38,48 @@ PALETTE = (
 """Colours of curves on a dark ground; neighbours differ in hue and lightness."""
 
 MOST = 3  # outputs in one plot
+MOST_REACTIONS = 6  # joints in one plot
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Output:
-    """One quantity of the mechanism's main outputs: a view's name and the entities in it with the series shown of each."""
+    """A plot: the view's name and the entities in it with the series shown of each; ``values`` (F, n) are the curves."""
 
     name: str
     entities: tuple[tuple[str, tuple[bool, ...]], ...]
+    values: Real | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Series of several items that share a plot: an entity of its own, so that its legend names nothing else."""
+
+    path: tuple[str, ...]
+    view: str  # name of the view
+    names: tuple[str, ...]  # of the series
+    values: Real  # (F, n)
+    alone: tuple[str, tuple[bool, ...]] | None = None  # where a single item has them: its entity, and which of the series
+
+    @property
+    def output(self) -> Output:
+        if self.alone is not None:
+            return Output(self.view, (self.alone,), self.values)
+        return Output(self.view, ((entity(*self.path), ()),), self.values)
 
 
 def main_outputs(run: Run) -> list[Output]:
     """Position, velocity and acceleration of what the mechanism moves: sliders at the frame, else traced points, else rockers."""
-    mechanism = run.motion.mechanism
-    driven = {d.pair for d in mechanism.drives}
-    at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
-    sliders = [j.name for j in at_frame if j.unit == "m"][:MOST]
-    points = [point_name(*p) for p in mechanism.traced][:MOST]
-    rockers = [j.name for j in at_frame if j.unit == "rad"][:MOST]
-    if sliders or not points:
-        joints, unit, noun = (sliders, "m", "Slider") if sliders else (rockers, "rad", "Rocker")
-        units = (unit, f"{unit}/s", f"{unit}/s²")
-        kinds = ("displacement" if sliders else "angle", "velocity", "acceleration")
-        paths = [entity("data", "joints", j, "motion") for j in joints]
-        return [
-            Output(f"{noun} {kind} [{u}]", tuple((p, tuple(i == k for i in range(3))) for p in paths))
-            for k, (kind, u) in enumerate(zip(kinds, units, strict=True))
-            if paths
-        ]
+    names, points = _moved(run)
+    if names:
+        return [gathered.output for gathered in _of_joints(run, names)]
     return [
-        Output(f"Point {kind} [{u}]", tuple((entity("data", "points", p, kind), (True, True)) for p in points))
-        for kind, u in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s²"))
+        Output(
+            f"Point {kind} [{u}]",
+            tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points),
+            np.column_stack([run.motion.point(*p, k) for p in points]),
+        )
+        for k, (kind, u) in enumerate((("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s²")))
+        if points
     ]
 
 
@@ -82,21 +96,96 @@ def study_outputs(run: Run) -> list[Output]:
     return found
 
 
-def plot_streams(run: Run, every: int) -> Iterator[Stream]:
-    """Magnitudes of all joint reactions, one series per joint, at every ``every``-th frame: the largest until the next one."""
+def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
+    """The joints whose motion is plotted, or else the points."""
+    mechanism = run.motion.mechanism
+    driven = {d.pair for d in mechanism.drives}
+    at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
+    sliders = [j for j in at_frame if j.unit == "m"][:MOST]
+    points = list(mechanism.traced)[:MOST]
+    if sliders or not points:
+        return sliders or [j for j in at_frame if j.unit == "rad"][:MOST], []
+    return [], points
+
+
+def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
+    sliding = joints[0].unit == "m"
+    unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Rocker", "angle")
+    motions = [run.motion.coordinate(j.name) for j in joints]
+    return [
+        Gathered(
+            ("plots", kind),
+            f"{noun} {kind} [{u}]",
+            tuple(f"{j.name} [{u}]" for j in joints),
+            np.column_stack([values[:, k] for values in motions]),
+            (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if len(joints) == 1 else None,
+        )
+        for k, (kind, u) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²")))
+    ]
+
+
+def effort_outputs(run: Run) -> list[Output]:
+    """Driving torques and driving forces, in separate plots."""
+    return [gathered.output for gathered in _efforts(run)]
+
+
+def _efforts(run: Run) -> list[Gathered]:
     forces = run.forces
     if forces is None:
-        return
+        return []
+    found = []
+    for unit, path, name, u in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
+        pairs = [d.pair for d in run.motion.mechanism.drives if pair_unit(run.motion, d.pair) == unit]
+        if pairs:
+            values = np.column_stack([forces.effort(p) for p in pairs])
+            alone = (entity("data", "drive", pairs[0]), (False, False, False, True, False)) if len(pairs) == 1 else None
+            found.append(Gathered(("plots", path), f"{name} [{u}]", tuple(f"{p} [{u}]" for p in pairs), values, alone))
+    return found
+
+
+def reaction_outputs(run: Run) -> list[Output]:
+    """Magnitudes of the joint reactions, no more in one plot than its legend has room for."""
+    if run.forces is None:
+        return []
+    names, sizes = [j.name for j in joints_of(run.motion)], _reactions(run)
+    parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
+    return [
+        Output(
+            "Joint reactions, magnitude [N]" if len(parts) == 1 else f"Reactions {names[part[0]]} … {names[part[-1]]} [N]",
+            ((entity("plots", "reactions", str(number)), ()),),
+            sizes[:, list(part)],
+        )
+        for number, part in enumerate(parts)
+    ]
+
+
+def _reactions(run: Run) -> Real:
+    assert run.forces is not None
+    return np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
+
+
+def plot_streams(run: Run, every: int) -> Iterator[Stream]:
+    """Series that only plots need, at every ``every``-th frame; of reactions the largest until the next one."""
     import rerun as rr
 
-    sizes = np.column_stack([np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
-    peaks = np.maximum.reduceat(sizes, np.arange(0, len(sizes), every), axis=0)
+    def stream(path: str, values: Real) -> Stream:
+        def columns(frames: Index) -> Any:
+            chosen = values[frames // every]
+            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
 
-    def columns(frames: Index) -> Any:
-        chosen = peaks[frames // every]
-        return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+        return Stream(path, columns, every)
 
-    yield Stream(entity("plots", "reactions"), columns, every)
+    for gathered in _gathered(run):
+        yield stream(entity(*gathered.path), np.ascontiguousarray(gathered.values[::every]))
+    for output in reaction_outputs(run):
+        assert output.values is not None
+        peaks = np.maximum.reduceat(output.values, np.arange(0, len(output.values), every), axis=0)
+        yield stream(output.entities[0][0], peaks)
+
+
+def _gathered(run: Run) -> list[Gathered]:
+    joints, _ = _moved(run)
+    return [g for g in [*(_of_joints(run, joints) if joints else []), *_efforts(run)] if g.alone is None]
 
 
 def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
@@ -113,5 +202,12 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
         known[kind] = first + table.values.shape[1]
         yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
-    if run.forces is not None:
-        yield Static(entity("plots", "reactions"), style([f"{j.name} [N]" for j in joints_of(run.motion)], 0))
+    for gathered in _gathered(run):
+        effort = gathered.path[-1] in ("torque", "force")  # green first, as the arrows are
+        yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
+    names = [f"{j.name} [N]" for j in joints_of(run.motion)]
+    for output in reaction_outputs(run):
+        assert output.values is not None
+        count = output.values.shape[1]
+        yield Static(output.entities[0][0], style(names[:count], 0))
+        names = names[count:]

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..heights import arc_height, arrow_height, path_height
 from ..linkers import Linker
 from ..tables import Table, joints_of, pair_unit
 from ..vectors import Scales, Vector, point_name
-from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
+from .arrows import ARC_RADIUS, COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
 
 if TYPE_CHECKING:
@@ -153,23 +154,25 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
     for joint in joints_of(motion):
         position = motion.pair_position(joint.name)
 
-        def point(frames: Index, position: Real = position) -> Any:
-            return rr.Points3D.columns(positions=in_space(position[frames], solids.z_top))
+        height = solids.heights.of_joint(joint.name)
+
+        def point(frames: Index, position: Real = position, height: float = height) -> Any:
+            return rr.Points3D.columns(positions=in_space(position[frames], height))
 
         yield Stream(entity("mechanism", "joints", joint.name), point)
 
 
-def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, every: int) -> Iterator[Stream]:
-    """Arrows and arcs above the mechanism; what is too short to be seen has no instance in its row."""
+def arrow_streams(run: Run, arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, every: int) -> Iterator[Stream]:
+    """Arrows and arcs on the mechanism; what is too short to be seen has no instance in its row."""
     import rerun as rr
 
     size = solids.size
-    z = solids.z_top + 0.008 * size  # before the paths of traced points, along which velocities point
     for arrow in arrows:
         scale = scales.per_metre(arrow.vector.family)
         seen = visible(arrow.vector.value, scale, size)
+        z = arrow_height(run, solids.heights, arrow.vector, scale)
 
-        def draw(frames: Index, vector: Vector = arrow.vector, seen: Any = seen, scale: float = scale) -> Any:
+        def draw(frames: Index, vector: Vector = arrow.vector, seen: Any = seen, scale: float = scale, z: float = z) -> Any:
             shown = frames[seen[frames]]
             return rr.Arrows3D.columns(
                 origins=in_space(vector.origin[shown], z), vectors=in_space(vector.value[shown] / scale, 0.0)
@@ -178,8 +181,9 @@ def arrow_streams(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: 
         yield Stream(entity(*arrow.path), draw, every)
     for arc in arcs:
         sweep = np.where(arc.shown, arc_sweep(arc.moment.value, scales.newton_metres_per_metre, size), 0.0)
+        z = arc_height(run, solids.heights, arc.moment, ARC_RADIUS * size)
 
-        def bend(frames: Index, origin: Real = arc.moment.origin, sweep: Real = sweep) -> Any:
+        def bend(frames: Index, origin: Real = arc.moment.origin, sweep: Real = sweep, z: float = z) -> Any:
             shown = frames[sweep[frames] != 0]
             strips = arc_strips(origin[shown], sweep[shown], z, size)
             return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
@@ -231,7 +235,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
     yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
     enlarged = magnification(size)
     if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
-        for root in ("mechanism", "vectors", "polygons"):
+        for root in ("mechanism", "vectors", "legend", "polygons"):
             yield Static(root, rr.Transform3D(scale=enlarged))
     for name, solid in solids.links.items():
         if not len(solid.faces):
@@ -248,7 +252,7 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         style = rr.Points3D.from_fields(colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label))
         yield Static(entity("mechanism", "joints", joint), style)
     for link, point in motion.mechanism.traced:
-        path = in_space(motion.point(link, point), solids.z_top)
+        path = in_space(motion.point(link, point), path_height(run, solids.heights, link, point))
         color = tuple(int(0.5 * c + 127) for c in solids.links[link].color[:3])
         strip = rr.LineStrips3D([path], colors=[color], radii=[0.0025 * size])
         yield Static(entity("mechanism", "paths", point_name(link, point)), strip)

@@ -20,27 +20,15 @@ from ..solids import solids_of
 from ..tables import links_with_mass, tables
 from ..vectors import Scales
 from .arrows import extent, shapes
-from .blueprint import BACKGROUND, make_blueprint
+from .blueprint import make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
-from .frictions import friction_streams, friction_styles, send_lanes
-from .lumps import lump_shapes
+from .families import Content, find_statics, find_streams, find_views
+from .frictions import send_lanes
 from .paths import entity
-from .plots import plot_streams, plot_styles
-from .polygons import overlay_box, polygon_shapes, polygon_streams, polygon_views
+from .polygons import overlay_box
 from .stream_file import Part, recording_file
-from .streams import (
-    Stream,
-    Timelines,
-    arrow_streams,
-    linker_streams,
-    linker_styles,
-    magnification,
-    mechanism_streams,
-    picture_stride,
-    static_shapes,
-    table_streams,
-)
+from .streams import Stream, Timelines, magnification, picture_stride
 
 if TYPE_CHECKING:
     from ..meshes import Solids
@@ -110,12 +98,18 @@ def write_recording(
         timelines = Timelines.of(run)
         rubbing = [] if run.forces is None else friction_events(run.forces)
         events = sorted([*find_events(run.motion), *peak_events(run), *rubbing], key=lambda e: e.time)
-        all_tables = tables(run)
-        streams = [*mechanism_streams(run, solids), *table_streams(all_tables)]
-        streams += arrow_streams(arrows, arcs, scales, solids, every)
-        linkers = list(find_linkers(run, solids.size))
-        streams += linker_streams(linkers, solids, every)
-        streams += friction_streams(run, solids, every)
+        content = Content(
+            run,
+            solids,
+            tables(run),
+            arrows,
+            arcs,
+            scales,
+            drawings_of(run, solids.size),
+            list(find_linkers(run, solids.size)),
+            every,
+        )
+        streams = find_streams(content)
     with stopwatch(stages, "blueprint"):
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
@@ -125,14 +119,9 @@ def write_recording(
         drawn = overlay_box(run, solids)
         bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
-        drawings = drawings_of(run, solids.size)
-        polygons = polygon_views(run, drawings, enlarged, BACKGROUND)
-        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, polygons)
-        streams += [*plot_streams(run, every), *polygon_streams(run, drawings, solids, every)]
-        statics = [*static_shapes(run, solids, arrows, arcs), *plot_styles(run, all_tables)]
-        statics += [*polygon_shapes(run, drawings, solids), *lump_shapes(run, solids)]
-        statics += linker_styles(linkers, solids.size)
-        statics += friction_styles(run, solids)
+        views = find_views(content)
+        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views)
+        statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
             _describe(part.stream, run, solids, scales, stages, every, complete=False)

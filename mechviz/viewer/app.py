@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from types import FrameType, TracebackType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..run import Run
 from .browser import prepare_page
 from .panels import RIGHT_WIDTH, Switches, Timeline
@@ -18,7 +21,7 @@ from .plots import Plots
 from .scene3d import Scene3D
 from .server import HOST, report, safely, start_server, stop_server
 
-__all__ = ["Viewer", "serve"]
+__all__ = ["Viewer", "serve", "telling_frame"]
 
 
 class Viewer:
@@ -53,7 +56,7 @@ class Viewer:
         panel.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, run, self.player, callback)
         self.player.start()
-        self.player.wait()
+        self.set_frame(telling_frame(run))
 
     @property
     def port(self) -> int:
@@ -102,6 +105,29 @@ class Viewer:
             self.timeline.show(frame, playing)
             self.plots.show(frame, playing)
         self.server.flush()
+
+
+def telling_frame(run: Run) -> int:
+    """The frame to open at.
+
+    With forces, where reactions and driving efforts together come nearest to their peaks: at a dead centre, where all links and
+    arrows lie on one line, the effort is nothing. Else an eighth of the first drive's cycle into the run.
+    """
+    motion, forces = run.motion, run.forces
+    if forces is not None:
+        reactions = [np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in motion.mechanism.pairs]
+        efforts = [forces.effort(drive.pair) for drive in motion.mechanism.drives]
+        load = sum(_of_peak(values) for values in (np.max(reactions, axis=0), *efforts))
+        if np.any(load):
+            return int(np.argmax(load))
+    cycle = motion.mechanism.drives[0].law.duration if motion.mechanism.drives else float(np.ptp(motion.time))
+    return int(np.argmin(np.abs(motion.time - motion.time[0] - min(cycle, float(np.ptp(motion.time))) / 8.0)))
+
+
+def _of_peak(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Magnitudes as parts of the largest one; nothing where they are not finite or all zero."""
+    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
+    return size / max(float(size.max(initial=0.0)), 1e-300)
 
 
 def serve(run: Run, port: int = 8080, open_browser: bool = False) -> None:

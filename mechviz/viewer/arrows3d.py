@@ -8,6 +8,9 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..heights import arc_height, arrow_height
+from ..meshes import Heights
+from ..run import Run
 from ..vectors import FAMILIES, Moment, Scales, Vector
 
 __all__ = ["ArrowNodes", "arc_vertices", "arrow_points"]
@@ -31,8 +34,8 @@ ARC_FACES = np.array(
 )
 
 
-def arrow_points(origins: Real, arrows: Real, z: float, least: float) -> NDArray[np.float32]:
-    """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] in the plane ``z`` that can be seen.
+def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> NDArray[np.float32]:
+    """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] at heights ``z`` (N,) [m] that can be seen.
 
     viser draws an arrow that is shorter than its head, even one of no length, as a whole head: such arrows are left out.
     """
@@ -40,8 +43,9 @@ def arrow_points(origins: Real, arrows: Real, z: float, least: float) -> NDArray
         visible = np.hypot(arrows[:, 0], arrows[:, 1]) >= least
     visible &= np.isfinite(origins).all(axis=1) & np.isfinite(arrows).all(axis=1)
     start, end = origins[visible], origins[visible] + arrows[visible]
-    points = np.full((len(start), 2, 3), z, np.float32)
+    points = np.empty((len(start), 2, 3), np.float32)
     points[:, 0, :2], points[:, 1, :2] = start, end
+    points[:, :, 2] = np.broadcast_to(z, len(visible))[visible, None]
     return points
 
 
@@ -63,26 +67,28 @@ class ArrowNodes:
     def __init__(
         self,
         server: viser.ViserServer,
+        run: Run,
         vectors: Mapping[str, Mapping[str, Vector]],
         moments: Mapping[str, Mapping[str, Moment]],
         scales: Scales,
-        size: float,
-        z: float,
+        heights: Heights,
     ):
         self._server = server
-        self._size, self._z = size, z
+        self._size = size = heights.size
         self._on = {family: False for family in FAMILIES if family in vectors or family in moments}
         self._factor = 1.0
-        self._arrows: dict[str, tuple[viser.ArrowsHandle, Real, Real]] = {}
-        self._arcs: list[tuple[str, viser.MeshHandle, Real, Real]] = []
+        self._arrows: dict[str, tuple[viser.ArrowsHandle, Real, Real, Real]] = {}
+        self._arcs: list[tuple[str, viser.MeshHandle, Real, Real, float]] = []
         for family, items in vectors.items():
             origins = np.stack([v.origin for v in items.values()], axis=1)
             lengths = np.stack([v.value for v in items.values()], axis=1) / scales.per_metre(family)
-            self._arrows[family] = self._add_arrows(family), origins, lengths
+            z = np.array([arrow_height(run, heights, v, scales.per_metre(family)) for v in items.values()])
+            self._arrows[family] = self._add_arrows(family), origins, lengths, z
         for family, found in moments.items():
             for moment in found.values():
                 turn = moment.value / scales.newton_metres_per_metre / (ARC_RADIUS * size)
-                self._arcs.append((family, self._add_arc(family, moment.item), moment.origin, turn))
+                z_arc = arc_height(run, heights, moment, ARC_RADIUS * size)
+                self._arcs.append((family, self._add_arc(family, moment.item), moment.origin, turn, z_arc))
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -90,7 +96,7 @@ class ArrowNodes:
 
     def reach(self) -> Real | None:
         """The box (2, 2) [m] around the arrows that are on, over all frames, if there are any."""
-        ends = [origins + lengths for family, (_, origins, lengths) in self._arrows.items() if self._on[family]]
+        ends = [origins + lengths for family, (_, origins, lengths, _) in self._arrows.items() if self._on[family]]
         flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
         flat = flat[np.isfinite(flat).all(axis=1)]
         return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None
@@ -111,20 +117,20 @@ class ArrowNodes:
         self._factor = factor
 
     def show(self, frame: int) -> None:
-        for family, (node, origins, lengths) in self._arrows.items():
+        for family, (node, origins, lengths, z) in self._arrows.items():
             if not self._on[family]:
                 node.visible = False
                 continue
             least = 1.3 * HEAD_LENGTH * self._size
-            points = arrow_points(origins[frame], lengths[frame] * self._factor, self._z, least)
+            points = arrow_points(origins[frame], lengths[frame] * self._factor, z, least)
             node.visible = len(points) > 0
             if len(points):
                 node.points = points
-        for family, arc, origin, turns in self._arcs:
+        for family, arc, origin, turns, z_arc in self._arcs:
             turn = float(np.clip(turns[frame] * self._factor, -LARGEST_TURN, LARGEST_TURN))
             arc.visible = self._on[family] and abs(turn) >= ARC_HEAD
             if arc.visible:
-                arc.vertices = arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z)
+                arc.vertices = arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, z_arc)
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(
@@ -140,7 +146,7 @@ class ArrowNodes:
     def _add_arc(self, family: str, item: str) -> viser.MeshHandle:
         return self._server.scene.add_mesh_simple(
             f"/moments/{family}/{item.replace('/', '_')}",
-            arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, self._z),
+            arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, 0.0),
             ARC_FACES,
             color=FAMILIES[family].color,
             side="double",

@@ -18,7 +18,7 @@ TIMELINE = 0.25  # part of the picture's height that the timeline covers
 MARGIN = 0.06  # around the mechanism, of its extent
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
-FITS = 1e-4  # of the distance: a view this near to the best one is left alone
+FITS = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
 MOST_KNOWN = 50  # views that a browser has been given and may still report
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
 

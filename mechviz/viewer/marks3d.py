@@ -8,6 +8,10 @@ from numpy.typing import NDArray
 
 from mechcore import Motion
 
+from ..heights import path_height
+from ..meshes import Heights
+from ..run import Run
+
 __all__ = ["PATH", "JointNames", "Paths", "joint_groups"]
 
 Real = NDArray[np.float64]
@@ -16,14 +20,15 @@ PATH = (32, 78, 138)  # colour of paths
 
 
 class Paths:
-    """Paths of the traced points over the run, drawn in the plane ``z``."""
+    """Paths of the traced points over the run, each on the front of its link."""
 
-    def __init__(self, server: viser.ViserServer, motion: Motion, size: float, z: float):
+    def __init__(self, server: viser.ViserServer, run: Run, heights: Heights):
+        motion, size = run.motion, heights.size
         self._lines: list[viser.LineSegmentsHandle] = []
         self._dots: list[tuple[viser.IcosphereHandle, Real]] = []
         for link, point in motion.mechanism.traced:
             name = f"/paths/{link.replace('/', '_')}.{point.replace('/', '_')}"
-            xyz = np.column_stack([motion.point(link, point), np.full(motion.frames, z)])
+            xyz = np.column_stack([motion.point(link, point), np.full(motion.frames, path_height(run, heights, link, point))])
             segments = np.stack([xyz[:-1], xyz[1:]], axis=1)
             if len(segments):
                 line = server.scene.add_line_segments(name, segments, PATH, thickness=2.5, thickness_units="screen")

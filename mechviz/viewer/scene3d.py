@@ -40,8 +40,8 @@ class Scene3D:
         with server.atomic():
             grid = set_stage(server, solids.bounds, solids.size)
             self._links = SolidNodes(server, motion, solids)
-            self.arrows = ArrowNodes(server, vectors, moments, self.scales, solids.size, solids.z_top + 0.02 * solids.size)
-            self._paths = Paths(server, motion, solids.size, solids.z_top)
+            self.arrows = ArrowNodes(server, run, vectors, moments, self.scales, solids.heights)
+            self._paths = Paths(server, run, solids.heights)
             self._linkers = LinkerNodes(server, list(find_linkers(run, solids.size)), solids.z_top + 0.01 * solids.size)
             self._names = JointNames(server, motion, solids.size, solids.z_top + 0.04 * solids.size)
         for family in SHOWN_FIRST:

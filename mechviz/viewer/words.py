@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from ..run import Run
-from ..vectors import FAMILIES, FORCE_FAMILIES, Scales
+from ..vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
 from .marks3d import PATH
 from .quantities import slides
 from .stage import grid_cell
@@ -85,9 +85,7 @@ def _position(sliding: bool, value: float) -> str:
 
 def _scale(unit: str, per_metre: float, size: float) -> str:
     """A round value and its length: "500 N = 41 mm"."""
-    wanted = TARGET * size * per_metre
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    value = float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)))
+    value = round_value(TARGET * size * per_metre)
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:
             return f"Scale: {number(value / 1000.0)} {big} = {number(round(value / per_metre * 1e3, 1))} mm"

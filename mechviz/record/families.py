@@ -1,0 +1,114 @@
+"""What a recording holds, by family: a new family of entities is one entry here, with its streams, statics and views.
+
+A family that a scene does not call for yields nothing, and costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..drawings import Drawing
+from ..linkers import Linker
+from ..tables import Table
+from ..vectors import Scales
+from .arrows import Arc, Arrow
+from .blueprint import BACKGROUND
+from .frictions import friction_streams, friction_styles
+from .legend import legend_shapes
+from .lumps import lump_shapes
+from .plots import plot_streams, plot_styles
+from .polygons import polygon_shapes, polygon_streams, polygon_views
+from .streams import (
+    Static,
+    Stream,
+    arrow_streams,
+    linker_streams,
+    linker_styles,
+    magnification,
+    mechanism_streams,
+    static_shapes,
+    table_streams,
+)
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run
+
+__all__ = ["FAMILIES", "Content", "Family", "find_statics", "find_streams", "find_views"]
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What the families make their entities from."""
+
+    run: Run
+    solids: Solids
+    tables: list[Table]
+    arrows: list[Arrow]
+    arcs: list[Arc]
+    scales: Scales
+    drawings: dict[str, Drawing]  # graphical constructions
+    linkers: list[Linker]  # springs and dampers
+    every: int  # pictures are drawn at every so many frames
+
+
+def _nothing(_: Content) -> Iterable[Any]:
+    return ()
+
+
+@dataclass(frozen=True)
+class Family:
+    """Entities that belong together: rows over the frames, static archetypes, and views of the blueprint beside the plots."""
+
+    name: str
+    streams: Callable[[Content], Iterable[Stream]] = _nothing
+    statics: Callable[[Content], Iterable[Static]] = _nothing
+    views: Callable[[Content], Iterable[Any]] = _nothing
+
+
+FAMILIES: tuple[Family, ...] = (
+    Family(
+        "mechanism",
+        streams=lambda c: mechanism_streams(c.run, c.solids),
+        statics=lambda c: static_shapes(c.run, c.solids, c.arrows, c.arcs),
+    ),
+    Family("data", streams=lambda c: table_streams(c.tables)),
+    Family("vectors", streams=lambda c: arrow_streams(c.run, c.arrows, c.arcs, c.scales, c.solids, c.every)),
+    Family(
+        "linkers",
+        streams=lambda c: linker_streams(c.linkers, c.solids, c.every),
+        statics=lambda c: linker_styles(c.linkers, c.solids.size),
+    ),
+    Family(
+        "friction",
+        streams=lambda c: friction_streams(c.run, c.solids, c.every),
+        statics=lambda c: friction_styles(c.run, c.solids),
+    ),
+    Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
+    Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids)),
+    Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
+    Family(
+        "polygons",
+        streams=lambda c: polygon_streams(c.run, c.drawings, c.solids, c.every),
+        statics=lambda c: polygon_shapes(c.run, c.drawings, c.solids),
+        views=lambda c: polygon_views(c.run, c.drawings, magnification(c.solids.size), BACKGROUND),
+    ),
+)
+"""In the order in which they are written."""
+
+
+def find_streams(content: Content) -> list[Stream]:
+    """The streams of all families."""
+    return [stream for family in FAMILIES for stream in family.streams(content)]
+
+
+def find_statics(content: Content) -> list[Static]:
+    """The static archetypes of all families."""
+    return [static for family in FAMILIES for static in family.statics(content)]
+
+
+def find_views(content: Content) -> list[Any]:
+    """The views of all families that have some."""
+    return [view for family in FAMILIES for view in family.views(content)]

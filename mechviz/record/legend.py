@@ -1,0 +1,65 @@
+"""The legend of the arrows in the 3D views: an arrow of each family in its colour, of a round value, named and with its value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..vectors import FAMILIES, Scales, round_value
+from .arrows import COLORS, LEGEND_ROOM, Arc, Arrow, extent
+from .paths import entity
+from .streams import Static
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+
+__all__ = ["legend_shapes"]
+
+MOTION = ("velocity", "acceleration")
+LENGTH = 0.14  # longest arrow of the legend, in sizes of the mechanism
+COLUMN = 0.26  # distance of the arrows, in sizes of the mechanism
+LABEL = 0.19  # room of a label, in widths of the picture
+ASPECT = 1.5  # width of the picture over its height, about
+
+
+def legend_shapes(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids) -> Iterator[Static]:
+    """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels."""
+    shown = {a.vector.family for a in arrows} | {a.moment.family for a in arcs}
+    for view in ("forces", "motion"):
+        drawn = [a for a in arrows if (a.vector.family in MOTION) == (view == "motion")]
+        low, high = extent(drawn, scales, solids.bounds, solids.size)[:, :2]
+        bottom = low[1] + 0.25 * LEGEND_ROOM * solids.size
+        column = max(COLUMN * solids.size, LABEL * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
+        families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
+        for k, family in enumerate(families):
+            per_metre = scales.per_metre(family)
+            only_moments = all(a.vector.family != family for a in arrows)
+            words, length = FAMILIES[family].label, LENGTH * solids.size
+            if not only_moments:
+                value = round_value(length * per_metre)
+                length = value / per_metre
+                words += f": {value:g} {FAMILIES[family].unit}"
+            start = _place((k - 0.5 * (len(families) - 1)) * column, bottom, solids)
+            yield from _entry(("legend", view, family), start, length, words, COLORS[family], solids.size)
+
+
+def _place(across: float, y: float, solids: Solids) -> NDArray[np.float64]:
+    """Where an arrow of the legend starts: in a row, so far from the mechanism's middle [m]."""
+    middle = 0.5 * (solids.bounds[0, 0] + solids.bounds[1, 0])
+    return np.array([middle + across - 0.5 * LENGTH * solids.size, y, solids.z_top])
+
+
+def _entry(
+    path: tuple[str, ...], start: NDArray[np.float64], length: float, words: str, color: tuple[int, int, int], size: float
+) -> Iterator[Static]:
+    import rerun as rr
+
+    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=[color], radii=[0.0055 * size])
+    yield Static(entity(*path), arrow)
+    under = start + np.array([0.5 * length, -0.01 * size, 0.0])
+    yield Static(
+        entity(*path, "label"), rr.Points3D([under], radii=[1e-4 * size], colors=[color], labels=[words], show_labels=True)
+    )
