@@ -157,8 +157,8 @@ def _fitted(viewer: Viewer, page: Any) -> np.ndarray:
 def _at(page: Any, place: np.ndarray) -> bool:
     """Whether the camera is there, to half a percent of its distance.
 
-    The server knows a window by the pixels of its picture. A browser that is busy draws fewer of them (386 x 612 for 442 x 700), and
-    their ratio differs by rounding.
+    The server knows a window by the pixels of its picture. A browser that is busy draws fewer of them (386 x 612 for 442 x 700),
+    and their ratio differs by rounding.
     """
     return bool(np.abs(_camera(page) - place).max() < 5e-3 * np.linalg.norm(place))
 
