@@ -286,6 +286,10 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
 def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
     """Take a relation's constant from the start: its unknown is where the sketch has it, else at zero."""
     r = block.relations[0]
+    given = model.sums[r].constant
+    if given is not None:
+        constants[r] = given
+        return []
     known, unknown = bl.relation_sum(model, r, state, block)
     total = float(known)
     faults: list[Fault] = []
@@ -407,6 +411,10 @@ def _fix_relations_of_group(
     start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
     faults = []
     for r in block.relations:
+        given = model.sums[r].constant
+        if given is not None:
+            state.constants[r] = given  # type: ignore[index]  # a list while the mechanism is put together
+            continue
         known, unknown = bl.relation_sum(model, r, state, block)
         if any(start[u] is None for u in unknown):
             faults.append(

@@ -15,7 +15,7 @@ import numpy as np
 
 from . import closed_forms as cf
 from .frames import added, imaginary
-from .model import Block, Model
+from .model import Block, CurveSum, Model
 from .newton import newton, solve_many
 
 __all__ = [
@@ -59,10 +59,18 @@ class State:
     constants: Sequence[float] = ()  # of the relations
     angle: dict[int, Array] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
     near: Mapping[str, Array] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
+    bends: dict[int, Array] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
 
     def copy(self) -> State:
         """A state that can be filled in further without changing this one."""
-        return replace(self, rot=list(self.rot), slide=dict(self.slide), newton=dict(self.newton), angle=dict(self.angle))
+        return replace(
+            self,
+            rot=list(self.rot),
+            slide=dict(self.slide),
+            newton=dict(self.newton),
+            angle=dict(self.angle),
+            bends=dict(self.bends),
+        )
 
 
 @dataclass(frozen=True)
@@ -184,15 +192,35 @@ def relation_sum(
             unknown["slide", j] = c
         else:
             known = known + c * state.slide[j]
+    if t.curve is not None:
+        state.bends[relation] = bend = t.curve.function(_argument(model, t.curve, state))
+        known = known + bend[0]
     return known, unknown
+
+
+def _argument(model: Model, curve: CurveSum, state: State) -> Array:
+    """The argument of a relation's curve, which is known before the relation is solved."""
+    total: Array = curve.shift
+    for d, c in curve.drives:
+        total = total + c * state.drives[d]
+    for g, c in curve.groups:
+        total = total + c * (state.angle[g] if g in state.angle else _wrapped(model, state, g))
+    for j, c in curve.slides:
+        total = total + c * state.slide[j]
+    return total
+
+
+def _wrapped(model: Model, state: State, group: int) -> Array:
+    """A group's angle within one turn."""
+    spin = model.angles.spins_of[group][0]
+    e = state.rot[spin] * np.conj(state.delta[spin])
+    return np.arctan2(np.imag(e), np.real(e))
 
 
 def real_angle(model: Model, state: State, group: int) -> Array:
     """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
     if group not in state.angle:
-        spin = model.angles.spins_of[group][0]
-        e = state.rot[spin] * np.conj(state.delta[spin])
-        angle = np.arctan2(np.imag(e), np.real(e))
+        angle = _wrapped(model, state, group)
         near = state.near.get(f"angle {group}")
         if near is not None:
             angle = angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi))
@@ -387,10 +415,13 @@ def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns
     return Columns(table, ties)
 
 
-def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int]) -> float:
-    """Derivative of a relation by an unknown."""
+def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Array] | None = None) -> Array:
+    """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
     t = model.sums[relation]
-    return dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
+    c: Array = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
+    if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
+        c = c + slope * bends[relation][1]
+    return c
 
 
 def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:

@@ -221,7 +221,7 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
     contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cols = [bl.columns(model, b, contours) for b in model.blocks]
-        rates = velocities(model, contours, cols, [np.float64(v) for v in speed])
+        rates = velocities(model, contours, cols, [np.float64(v) for v in speed], bends=state.bends)
     x, slope, det, singular = {}, {}, {}, {}
     for block, c in zip(model.blocks, cols, strict=True):
         if block.kind != "general":

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from . import blocks as bl
 from .blocks import Columns, Vectors
 from .frames import added, imaginary, lazy, nothing
-from .model import Model
+from .model import CurveSum, Model
 from .positions import drive_rates
 
 __all__ = ["Rates", "accelerations", "velocities"]
@@ -35,8 +35,12 @@ class Rates:
     ``turns``: i times the speed of each spin, None where it is plain zero.
     """
 
-    def __init__(self, model: Model, drives: Sequence[Array]):
+    def __init__(
+        self, model: Model, drives: Sequence[Array], bends: Mapping[int, Array] | None = None, before: Rates | None = None
+    ):
         self.drives = drives
+        self.bends: Mapping[int, Array] = bends or {}  # of the relations' curves
+        self.before = before  # the first rates, where these are the second
         self.spin, self.slide = drive_rates(model, drives)
         self.turns: list[Array] = [None] * len(self.spin)
         for s, _ in model.driven_spins:
@@ -78,8 +82,24 @@ class Rates:
             for j, c in t.slides:
                 if j not in block.slides:
                     total = total - c * self.slide[j]
+            if t.curve is not None:
+                _, first, second = self.bends[r]
+                total = total - first * self.argument(t.curve)
+                if self.before is not None:
+                    total = total - second * self.before.argument(t.curve) ** 2
             out.append(total)
         return out
+
+    def argument(self, curve: CurveSum) -> Array:
+        """Rate of a curve's argument."""
+        total: Array = 0.0
+        for d, c in curve.drives:
+            total = total + c * self.drives[d]
+        for g, c in curve.groups:
+            total = total + c * self.group[g]
+        for j, c in curve.slides:
+            total = total + c * self.slide[j]
+        return total
 
 
 def velocities(
@@ -88,9 +108,10 @@ def velocities(
     cols: Sequence[Columns],
     drive_speeds: Sequence[Array],
     patches: Patches | None = None,
+    bends: Mapping[int, Array] | None = None,
 ) -> Rates:
     """Rates of all spins and slides. Until its block is solved, the rate of an unknown spin is only what drives add to it."""
-    found = Rates(model, drive_speeds)
+    found = Rates(model, drive_speeds, bends)
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
@@ -144,7 +165,7 @@ def accelerations(
     patches: Patches | None = None,
 ) -> Rates:
     """Second rates of all spins and slides, given the first."""
-    found = Rates(model, drive_accelerations)
+    found = Rates(model, drive_accelerations, speeds.bends, speeds)
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue

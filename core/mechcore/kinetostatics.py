@@ -365,7 +365,7 @@ def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[A
                 if col is not None:
                     total = total - (np.conj(col) * cuts[c]).real
             for r in relations:
-                total = total - bl.tie_coefficient(model, r, unknown) * ties[r]
+                total = total - bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r]
             q.append(total)
         if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
             found: list[Array] = [0j] * len(block.contours)

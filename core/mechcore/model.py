@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +24,7 @@ from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
 from .terms import Split, Terms, driven_spins, point_terms, split
 
-__all__ = ["Block", "Connection", "Model", "SpinContour", "Sum", "build_model"]
+__all__ = ["Block", "Connection", "CurveSum", "Model", "SpinContour", "Sum", "build_model"]
 
 Array = Any
 
@@ -39,13 +39,30 @@ class SpinContour:
 
 
 @dataclass(frozen=True)
+class CurveSum:
+    """The nonlinear term of a relation, its argument summed up as in `Sum`, ``shift`` included."""
+
+    function: Callable[[Any], Any]
+    groups: tuple[tuple[int, float], ...]
+    drives: tuple[tuple[int, float], ...]
+    slides: tuple[tuple[int, float], ...]
+    shift: float
+
+    def slope(self, unknown: tuple[str, int]) -> float:
+        """Derivative of the argument by an unknown."""
+        return dict(self.groups if unknown[0] == "angle" else self.slides).get(unknown[1], 0.0)
+
+
+@dataclass(frozen=True)
 class Sum:
-    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients = constant``."""
+    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + curve = constant``."""
 
     name: str
     groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
     drives: tuple[tuple[int, float], ...]  # turning drives inside groups
     slides: tuple[tuple[int, float], ...]  # sliding joints
+    curve: CurveSum | None = None
+    constant: float | None = None  # None: taken from the start
 
 
 @dataclass(frozen=True)
@@ -185,7 +202,9 @@ class Model:
                 if u in own and c not in own[u].contours:
                     found[u][0].append(c)
         for r, t in enumerate(self.sums):
-            for u in [("angle", g) for g, _ in t.groups] + [("slide", j) for j, _ in t.slides]:
+            terms = (t,) if t.curve is None else (t, t.curve)
+            own_terms = [u for x in terms for u in [*(("angle", g) for g, _ in x.groups), *(("slide", j) for j, _ in x.slides)]]
+            for u in dict.fromkeys(own_terms):
                 if u in own and r not in own[u].relations:
                     found[u][1].append(r)
         return {u: (tuple(c), tuple(r)) for u, (c, r) in found.items()}
@@ -254,6 +273,7 @@ def build_model(mechanism: Mechanism) -> Model:
     size = _size(mechanism)
     tied = tuple(_sum(r, turning, index, joint_index) for r in parts.relations)
     blocks, loose = _blocks(sums, tied, turning, joints, ends, driven, size)
+    _check_curves(blocks, tied)
     free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
     wound = {g for t in tied for g, _ in t.groups} - free_angles
     return Model(
@@ -374,18 +394,50 @@ def _size(m: Mechanism) -> float:
 def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> Sum:
     groups: dict[int, float] = {}
     drives: dict[int, float] = {}
+    offset = 0.0  # what the links' own angles are ahead of those of their groups
     for link, c in relation.angles:
         k = index[link]
         groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
         for d, sign in turning.spin_drives[turning.spin[k]]:
             drives[d] = drives.get(d, 0.0) + c * sign
-    scale = max(abs(c) for _, c in relation.angles)
+        offset += c * turning.offset[k]
+    scale = max((abs(c) for _, c in relation.angles), default=0.0)
     return Sum(
         name=relation.name,
         groups=tuple((g, c) for g, c in groups.items() if g and abs(c) > 1e-14 * scale),
         drives=tuple((d, c) for d, c in drives.items() if c != 0.0),
         slides=tuple((joint_index[j], c) for j, c in relation.slides),
+        curve=_curve_sum(relation, turning, index, joint_index),
+        constant=None if relation.constant is None else relation.constant - offset,
     )
+
+
+def _curve_sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> CurveSum | None:
+    curve = relation.curve
+    if curve is None:
+        return None
+    inner = replace(relation, angles=curve.angles, slides=curve.slides, curve=None, constant=curve.shift)
+    argument = _sum(inner, turning, index, joint_index)
+    shift = 2.0 * curve.shift - float(argument.constant or 0.0)  # the links' offsets belong to the argument
+    return CurveSum(curve.function, argument.groups, argument.drives, argument.slides, shift)
+
+
+def _check_curves(blocks: tuple[Block, ...], tied: tuple[Sum, ...]) -> None:
+    """A curve's argument must be known where its relation is solved: a cam is driven, it is not driven by its follower."""
+    faults = []
+    for block in blocks:
+        for r in block.relations:
+            curve = tied[r].curve
+            if curve is not None and any(curve.slope(u) for u in block.unknowns):
+                faults.append(
+                    Fault(
+                        f"pairs.{tied[r].name}",
+                        "here the follower drives the cam: a dwell or a reversal then leaves the cam's place open.",
+                        "Drive the cam (its revolute pair, or what turns it), and let it drive the follower.",
+                    )
+                )
+    if faults:
+        raise MechanismError(faults)
 
 
 def _blocks(
@@ -409,8 +461,9 @@ def _blocks(
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]
         pattern += [row, row]
     for t in tied:
-        row = [columns["angle", g] for g, _ in t.groups]
-        pattern.append(row + [columns["slide", j] for j, _ in t.slides if j not in driven])
+        terms = (t,) if t.curve is None else (t, t.curve)
+        row = [columns["angle", g] for x in terms for g, _ in x.groups]
+        pattern.append(list(dict.fromkeys(row + [columns["slide", j] for x in terms for j, _ in x.slides if j not in driven])))
     order = block_order(pattern, len(columns))
     last = 2 * len(sums)
     rows = [{e // 2 for e in equations if e < last} for equations, _ in order.blocks]

@@ -162,7 +162,7 @@ class Motion:
         """Speeds of all spins and slides."""
         cols = self.columns
         with self._calm():
-            return velocities(self.model, self.contours, cols, [d[1] for d in self._drives], self.patches)
+            return velocities(self.model, self.contours, cols, [d[1] for d in self._drives], self.patches, self.state.bends)
 
     @lazy
     def accelerations(self) -> Rates:

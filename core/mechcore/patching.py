@@ -125,7 +125,7 @@ def make_patches(
                 bl.apply(model, block, state, Patch(through.near, given, given, given))
         contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
         cols = [bl.columns(model, b, contours) for b in model.blocks]
-        speeds = velocities(model, contours, cols, [v[1] for v in values], throughs)
+        speeds = velocities(model, contours, cols, [v[1] for v in values], throughs, state.bends)
         accelerations(model, contours, cols, speeds, [v[2] for v in values], throughs)
     patches: dict[int, list[Patch]] = {}
     for c in asked:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from .laws import Law
+from .laws import Law, MotionCurve
 from .loads import (
     Damper,
     Drag,
@@ -27,11 +27,15 @@ from .loads import (
     Viscous,
 )
 
+if TYPE_CHECKING:
+    from .cams.followers import Face
+
 __all__ = [
     "ANSWERS",
     "EFFECTS",
     "PLANS",
     "Belt",
+    "CamPair",
     "Cylinder",
     "Damper",
     "Drag",
@@ -255,7 +259,38 @@ class Cylinder:
     points: tuple[str, str]
 
 
-Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder
+@dataclass(frozen=True, kw_only=True)
+class CamPair:
+    """A plane cam and its follower: ``links`` are (cam, follower), both guided on one link, the carrier.
+
+    ``guide`` names the pair that guides the follower on the carrier: prismatic (the follower lifts in the direction of the guide,
+    which points away from the cam) or revolute. ``point`` of the follower is the knife's tip, the centre of the roller or of
+    the mushroom's arc, a point of the flat face. A disc cam turns about a pin on the carrier; with ``bed``, the prismatic pair
+    that guides it, the cam is a wedge.
+
+    ``lift`` over the cam's angle [rad] or way [m]: metres of a translating follower, radians of an oscillating one, above where it
+    stands on the circle ``base`` [m] (of a wedge: at this height above the line on which the cam's point moves, across it). The
+    law is read as the cam turns in ``sense`` (1 counter-clockwise), ``phase`` ahead. An oscillating follower has its point on
+    ``side`` of the line from its pivot to the cam's axis. ``closure``: "force" only presses; "form" pulls too: a
+    groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event.
+    """
+
+    name: str
+    links: tuple[str, str]
+    guide: str
+    point: str
+    lift: MotionCurve
+    face: Face
+    base: float  # [m]
+    bed: str | None = None
+    sense: Literal[1, -1] = 1
+    phase: float = 0.0  # [rad or m]
+    side: Literal["left", "right"] = "left"
+    closure: Literal["force", "form"] = "force"
+    pressure_limit: float | None = None  # [rad]
+
+
+Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | CamPair
 
 
 def friction_of(pair: Pair) -> Friction | None:

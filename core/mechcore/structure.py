@@ -76,9 +76,15 @@ def _tie_row(model: Model, motion: Motion, tie: Sum, frame: int) -> np.ndarray:
     """A relation's rate by the links' absolute coordinates, lengths in units of the size."""
     row = np.zeros((1, 3 * len(model.links)))
     relation = next(r for r in model.relations if r.name == tie.name)
-    for link, c in relation.angles:
+    angles, slides = list(relation.angles), list(tie.slides)
+    if relation.curve is not None and tie.curve is not None:
+        bend = motion.state.bends[model.relations.index(relation)][1]
+        slope = float(np.broadcast_to(bend, motion.frames)[frame])
+        angles += [(link, slope * c) for link, c in relation.curve.angles]
+        slides += [(j, slope * c) for j, c in tie.curve.slides]
+    for link, c in angles:
         row[0, 3 * model.index[link] + 2] += c / model.size
-    for j, c in tie.slides:
+    for j, c in slides:
         p, q = model.ends[j]
         joint = model.joints[j]
         d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
@@ -107,8 +113,10 @@ def groups(model: Model) -> tuple[Group, ...]:
     ties: list[tuple[tuple[int, ...], int]] = [
         (e, 3 - joint.freedoms + (j in model.driven)) for j, (joint, e) in enumerate(zip(model.joints, model.ends, strict=True))
     ]
-    ties += [(tuple(model.index[k] for k, _ in r.angles) + tuple(x for j, _ in t.slides for x in model.ends[j]), 1)
-             for r, t in zip(model.relations, model.sums, strict=True)]  # fmt: skip
+    for r, t in zip(model.relations, model.sums, strict=True):
+        angles = r.angles if r.curve is None else (*r.angles, *r.curve.angles)
+        slides = t.slides if t.curve is None else (*t.slides, *t.curve.slides)
+        ties.append((tuple(model.index[k] for k, _ in angles) + tuple(x for j, _ in slides for x in model.ends[j]), 1))
     at: dict[int, list[int]] = {}
     for i, (e, _) in enumerate(ties):
         for k in set(e):

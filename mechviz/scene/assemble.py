@@ -60,7 +60,10 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         if points:
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
-    pairs = [pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items() if len(pair.kinds) == 1]
+    made_pairs = [
+        pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items() if len(pair.kinds) == 1
+    ]
+    pairs = [pair for pair in made_pairs if pair is not None]
     if not reading.faults:
         idle_effect(document.effects, document.pairs, [friction_of(pair) for pair in pairs], convert)
     laws: dict[str, Law] = {}

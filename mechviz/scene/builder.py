@@ -238,6 +238,20 @@ class SceneBuilder:
         }
         return self._add("pairs", name, entry)
 
+    def cam(
+        self,
+        name: str,
+        cam: str,
+        follower: str,
+        *,
+        touches: Mapping[str, Any],
+        profile: Mapping[str, Any],
+        closure: str | None = None,
+    ) -> SceneBuilder:
+        """A cam and its follower; ``touches`` is the scene's table ``follower``, such as dict(roller=10, guide="S", point="T")."""
+        entry = {"cam": [cam, follower], "profile": dict(profile), "follower": dict(touches), "closure": closure}
+        return self._add("pairs", name, entry)
+
     def cylinder(
         self,
         name: str,

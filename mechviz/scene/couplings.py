@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from mechcore.errors import Fault
 
+from .cams import check_cam
 from .convert import Converter
 from .document import SceneDocument
 from .faults import did_you_mean, listing
@@ -82,6 +83,8 @@ def check_couplings(reading: Reading) -> Iterator[Fault]:
             yield from _carried(reading, f"pairs.{name}", pair)
         elif pair.kind == "rack":
             yield from _rack(reading, f"pairs.{name}", pair)
+        elif pair.kind == "cam":
+            yield from check_cam(reading, f"pairs.{name}", pair)
         elif pair.kind == "cylinder":
             yield from _own_names(reading, name)
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 from mechcore.spec import Belt, Cylinder, Friction, Gear, Pair, PinSlot, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
 
+from .cams import cam_pair
 from .convert import Converter
 from .couplings import carrier_of, check_gear
 from .document import SceneDocument
@@ -176,7 +177,12 @@ def _cylinder(m: _Maker) -> Pair:
     return Cylinder(name=m.name, links=m.pair.links, points=m.points)
 
 
-_MAKE: Mapping[str, Callable[[_Maker], Pair]] = {
+def _cam(m: _Maker) -> Pair | None:
+    guide = None if m.pair.follower is None else m.document.pairs.get(m.pair.follower.guide)
+    return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.convert)
+
+
+_MAKE: Mapping[str, Callable[[_Maker], Pair | None]] = {
     "revolute": _revolute,
     "prismatic": _prismatic,
     "weld": _weld,
@@ -187,11 +193,12 @@ _MAKE: Mapping[str, Callable[[_Maker], Pair]] = {
     "chain": _belt,
     "rack": _rack,
     "cylinder": _cylinder,
+    "cam": _cam,
 }
 
 
-def pair_spec(name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Pair:
-    """The core's pair; faults of its values are noted."""
+def pair_spec(name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Pair | None:
+    """The core's pair; faults of its values are noted. None where too little of it is left."""
     return _MAKE[pair.kind](_Maker(name, pair, document, placement, convert))
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from .cams import FollowerDocument, ProfileDocument
 from .fields import Angle, Direction, Flag, Size, Text
 from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
@@ -66,6 +67,13 @@ KINDS: Mapping[str, Kind] = {
         joins=False,
     ),
     "cylinder": Kind("a cylinder", ("at", "side", "drive"), driven="length"),
+    "cam": Kind(
+        "a cam",
+        ("profile", "follower", "closure"),
+        needs=("profile", "follower"),
+        undriven="Drive the cam's revolute pair, or its bed, instead.",
+        joins=False,
+    ),
 }
 
 _OTHERWISE = {  # what was probably meant by a key that does not go with a kind
@@ -82,6 +90,11 @@ _OTHERWISE = {  # what was probably meant by a key that does not go with a kind
     ("at", "belt"): "Leave it out: the pins that hold the pulleys say where they are.",
     ("at", "chain"): "Leave it out: the pins that hold the sprockets say where they are.",
     ("at", "rack"): "Leave it out: the pinion's pin and the rack's guide say where they are.",
+    ("at", "cam"): "Leave it out: follower = { point = ... } names the follower's point.",
+    ("radius", "cam"): "Write follower = { roller = ... } and profile = { base = ... }.",
+    ("side", "cam"): "Write follower = { side = ... }.",
+    ("guide", "cam"): "Write follower = { guide = ... }.",
+    ("slider", "cam"): "Write follower = { guide = ... }.",
     ("guide", "rolling"): "Leave it out: the edge is on the link that is named first.",
 }
 _MODES = ("side", "assembly", "branch")
@@ -110,6 +123,8 @@ class PairDocument(Table):
     """[pinion, rack]."""
     cylinder: TwoNames | None = None
     """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
+    cam: TwoNames | None = None
+    """[cam, follower], both guided on one link."""
     at: At | None = None
     """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name."""
     along: Direction | None = None
@@ -141,6 +156,13 @@ class PairDocument(Table):
     """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
     branch: Literal["ahead", "behind"] | None = None
     """Assembly mode of a group with a sliding pair: further along the guide's direction, or further back."""
+    profile: ProfileDocument | None = None
+    """Cam: base circle and lift."""
+    follower: FollowerDocument | None = None
+    """Cam: what touches it and what guides that."""
+    closure: Literal["force", "form"] | None = None
+    """Cam: "force", the follower is only pressed on it (by a spring, its weight); "form", a groove or a yoke holds it too.
+    Default force."""
     friction: FrictionDocument | None = None
     """Dry friction in this pair, where `effects` names friction."""
     drive: DriveDocument | None = None
@@ -163,7 +185,7 @@ class PairDocument(Table):
 
     @property
     def joins(self) -> bool:
-        """Whether it holds points of its links together; gears, belts and racks do not."""
+        """Whether it holds points of its links together; gears, belts, racks and cams do not."""
         return KINDS[self.kind].joins
 
     @property
@@ -232,4 +254,10 @@ class PairDocument(Table):
         return _OTHERWISE.get((key, self.kind), "Leave it out.")
 
 
-_EXAMPLES = {"radius": '"50 mm"', "radii": '["50 mm", "100 mm"]', "slider": "the name of the rack's prismatic pair"}
+_EXAMPLES = {
+    "profile": '{ base = "40 mm", lift = [{ over = "120 deg", to = "20 mm" }, { over = "240 deg", to = 0 }] }',
+    "follower": '{ roller = "10 mm", guide = "the pair that guides it", point = "the roller\'s centre" }',
+    "radius": '"50 mm"',
+    "radii": '["50 mm", "100 mm"]',
+    "slider": "the name of the rack's prismatic pair",
+}

@@ -24,6 +24,7 @@ _SYNONYMS = {
     "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
     "pin": "revolute", "traced": "trace", "nodes": "points", "gears": "gear", "belts": "belt", "pulleys": "belt",
     "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
+    "cams": "cam", "base_circle": "base", "base_radius": "base", "tip": "point", "cam_profile": "profile",
     "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
     "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
     "k": "stiffness", "rate": "stiffness", "rest_length": "free_length", "natural_length": "free_length", "length": "free_length",

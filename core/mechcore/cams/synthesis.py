@@ -108,6 +108,11 @@ class Synthesis:
         """Outward unit normal of the working curve in the cam's axes."""
         return self._frame * self._normal
 
+    @property
+    def ground_normal(self) -> Complex:
+        """Unit normal from the cam to the follower in ground axes."""
+        return self._normal
+
     @cached_property
     def working(self) -> Complex:
         """The profile in the cam's axes."""

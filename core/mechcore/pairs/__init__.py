@@ -1,6 +1,6 @@
 """Kinematic pairs: what each kind allows, in the common forms that the rest of the core works with.
 
-A lower pair is a `Joint` (points that coincide or slide); gears, belts, racks and rolling add a `Relation` between coordinates.
+A lower pair is a `Joint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
 To add a pair: its spec in ``mechcore.spec``, one file here with a function ``build(pair, builder)``, one line in `KINDS`.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..spec import Belt, Cylinder, Gear, Mechanism, PinSlot, Prismatic, Rack, Revolute, Rolling, Weld
-from . import belt, cylinder, gear, pin_slot, prismatic, rack, revolute, rolling, weld
+from ..spec import Belt, CamPair, Cylinder, Gear, Mechanism, PinSlot, Prismatic, Rack, Revolute, Rolling, Weld
+from . import belt, cam, cylinder, gear, pin_slot, prismatic, rack, revolute, rolling, weld
 from .joint import Joint, point_of
 from .parts import Builder
 from .relation import Relation
@@ -27,6 +27,7 @@ KINDS: dict[type, Callable[[Any, Builder], None]] = {
     Belt: belt.build,
     Rack: rack.build,
     Cylinder: cylinder.build,
+    CamPair: cam.build,
 }
 
 

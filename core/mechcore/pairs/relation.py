@@ -1,4 +1,4 @@
-"""The common form of pairs that tie coordinates together instead of points: gears, belts, racks, rolling."""
+"""The common form of pairs that tie coordinates together instead of points: gears, belts, racks, rolling, cams."""
 
 from __future__ import annotations
 
@@ -9,12 +9,26 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ..motion import Motion
 
-__all__ = ["Relation"]
+__all__ = ["Curve", "Relation"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """A nonlinear term: ``function(sum of coefficient * angle + sum of coefficient * displacement + shift)``.
+
+    ``function``: arguments (...) -> value, first and second derivative with respect to the argument, (3, ...), value in metres.
+    Angles of groups with a closed form are known within one turn only: the function of an angle must repeat every turn.
+    """
+
+    function: Callable[[Any], Any]
+    angles: tuple[tuple[str, float], ...] = ()  # (link, coefficient)
+    slides: tuple[tuple[str, float], ...] = ()  # (sliding pair, coefficient)
+    shift: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relation:
-    """``sum of coefficient * angle + sum of coefficient * displacement = constant``, the constant taken from the start.
+    """``sum of coefficient * angle + sum of coefficient * displacement + curve = constant``; no constant: taken from the start.
 
     It is written so that its rate is the velocity of the first link at the contact minus that of the second, along the unit
     vector that ``contact`` gives together with the contact's place: the force that it transmits is then its Lagrange multiplier.
@@ -26,3 +40,6 @@ class Relation:
     angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
     slides: tuple[tuple[str, float], ...]  # (sliding pair, coefficient)
     contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier
+    curve: Curve | None = None
+    constant: float | None = None  # [m], of the links' own angles and of displacements
+    geometry: Any = None  # what else the pair knows, for those who draw or record it

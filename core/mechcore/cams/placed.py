@@ -1,0 +1,216 @@
+"""A plane cam in its mechanism: its geometry in the axes of the carrier, the follower and the cam's link, over a motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Fault, MechanismError
+from .closures import breadth
+from .design import least_base
+from .followers import Flat, Oscillating, Translating
+from .limits import Requirement, find_limits
+from .synthesis import Cam, Synthesis
+
+if TYPE_CHECKING:
+    from ..motion import Motion
+
+__all__ = ["ContactRows", "PlacedCam"]
+
+Array = Any
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRows:
+    """Where cam and follower touch over the frames (F): ``place`` in the world; NaN where there is nothing to say.
+
+    ``angle``: argument of the law; ``pressure_angle`` [rad]; ``radius`` of curvature of the profile [m]; ``eccentricity`` on a flat
+    face [m]; ``coordinate``: of the follower, base included; ``lift``: above the base circle.
+    """
+
+    angle: Real
+    place: Complex
+    normal: Complex
+    pressure_angle: Real
+    radius: Real
+    eccentricity: Real
+    coordinate: Real
+    lift: Real
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedCam:
+    """A cam whose own theory (axes: origin O, translating followers move up) lies at ``centre + axes z`` on its carrier.
+
+    A point z of the cam's theoretical axes is ``own + mount z`` in the axes of its link. A yoke touches on two opposite sides.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    guide: str
+    cam: Cam
+    base: float
+    centre: complex
+    axes: complex
+    own: complex
+    mount: complex
+    arm: float
+    form: bool
+    bed: str | None
+    sense: int
+    phase: float
+    pressure_limit: float | None
+    ahead: float = 1.0  # of a wedge: the law's x over the argument
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the follower's coordinate: 1, or the arm."""
+        return self.arm or 1.0
+
+    @property
+    def side(self) -> int:
+        guide = self.cam.follower.guide
+        return guide.side if isinstance(guide, Oscillating) else 0
+
+    @property
+    def yoke(self) -> bool:
+        """Whether the cam runs between two parallel faces."""
+        return self.form and isinstance(self.cam.follower.face, Flat)
+
+    @property
+    def groove(self) -> bool:
+        """Whether the knife or roller runs in a groove."""
+        return self.form and not self.yoke
+
+    # -- the law ------------------------------------------------------------------------------------------------------
+
+    def law(self, argument: Array) -> Array:
+        """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
+        x = np.asarray(argument, float) * self.ahead
+        known = np.isfinite(x)
+        s = self.cam.law(np.where(known, x, self.cam.law.start), 2)
+        s[1] *= self.ahead
+        return np.where(known, s, np.nan)
+
+    def check(self) -> None:
+        """Raises where the cam cannot be cut, or where a yoke does not fit."""
+        cam, face, guide = self.cam, self.cam.follower.face, self.cam.follower.guide
+        if self.yoke:
+            if isinstance(guide, Oscillating) or abs(face.tilt) > 0.0:  # type: ignore[union-attr]  # flat here
+                raise MechanismError(Fault("cam", "a yoke of flat faces slides, its faces across.", "Give closure = 'force'."))
+            b = breadth(cam.law)
+            if not b.constant(1e-7):
+                raise MechanismError(
+                    Fault(
+                        "cam",
+                        f"the breadth of the cam varies by {2e3 * b.deviation:.6g} mm (at {math.degrees(b.angle):.6g} deg): "
+                        "a yoke would jam or rattle.",
+                        "Make lift(angle) + lift(angle + 180 deg) constant, or give closure = 'force'.",
+                    )
+                )
+        for outer in (False, True) if self.groove and not cam.wedge and cam.follower.radius else (False,):
+            limits = find_limits(replace(cam, outer=outer), count=720)
+            if not limits.undercut:
+                continue
+            at = math.degrees(limits.sharpness.angle)
+            where = f"at {at:.6g} deg" if not cam.wedge else f"at {1e3 * limits.sharpness.angle:.6g} mm"
+            greatest = limits.greatest_roller
+            if isinstance(face, Flat) or greatest is None:
+                raise MechanismError(
+                    Fault(
+                        "cam.base", f"the profile of a base circle of {1e3 * self.base:.6g} mm is undercut {where}.", self._remedy()
+                    )
+                )
+            raise MechanismError(
+                Fault(
+                    "cam.radius",
+                    f"the profile is undercut {where}: a radius of {1e3 * cam.follower.radius:.6g} mm on a pitch curve of radius "
+                    f"{1e3 * greatest.value:.6g} mm.",
+                    f"Give at most {1e3 * greatest.value:.6g} mm. {self._remedy()}",
+                )
+            )
+
+    def _remedy(self) -> str:
+        """The least base circle without undercut, in words."""
+        if self.cam.wedge:
+            return "Stretch the segments."
+        guide = self.cam.follower.guide
+        try:
+            zero = self.cam.follower.base_coordinate(self.base)
+            fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn)
+        except MechanismError:
+            return "Take a smoother law or longer segments."
+        if isinstance(guide, Translating) and isinstance(self.cam.follower.face, Flat):
+            return f"Give a base circle of at least {1e3 * fits.base:.6g} mm."
+        return f"Or give a base circle of at least {1e3 * fits.base:.6g} mm."
+
+    # -- over a motion ------------------------------------------------------------------------------------------------
+
+    def argument(self, motion: Motion) -> Real:
+        """The law's argument (F): [rad] within one turn, or [m]."""
+        if self.bed is not None:
+            x = self.sense * motion.state.slide[motion.model.joint_index[self.bed]] + self.phase
+        else:
+            turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
+            x = self.sense * np.angle(turn) + self.phase
+        return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+
+    def at(self, motion: Motion) -> Synthesis:
+        """The cam at every frame."""
+        x = self.argument(motion) * self.ahead
+        known = np.isfinite(x)
+        found = self.cam.at(np.where(known, x, self.cam.law.start))
+        if not known.all():
+            found.motion[:, ~known] = np.nan
+        return found
+
+    def place(self, motion: Motion, z: Array) -> Array:
+        """Points of the theory's ground axes in the world."""
+        return motion.of_point(motion.model.index[self.carrier], 0j) + motion.rotation(motion.model.index[self.carrier]) * (
+            self.centre + self.axes * z
+        )
+
+    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+        """Where the force acts; force on the follower per multiplier, which is its part (or moment over the arm) along the lift."""
+        s = self.at(motion)
+        n, touch = s.ground_normal, s.contact
+        if isinstance(self.cam.follower.guide, Oscillating):
+            away = -1j * self.side * (touch - self.cam.follower.guide.pivot)
+        else:
+            away = np.full(touch.shape, 1j)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            direction = self.scale * n / np.real(np.conj(n) * away)
+        if self.form:
+            touch = np.where(np.real(multiplier) >= 0.0, touch, self._opposite(s))
+        world = self.axes * motion.rotation(motion.model.index[self.carrier])
+        return self.place(motion, touch), direction * world
+
+    def _opposite(self, s: Synthesis) -> Complex:
+        """Where the other flank of a groove or the other face of a yoke touches, ground axes."""
+        if self.yoke:
+            return -self.cam.at(s.angle + math.pi).contact
+        return s.reference[0] + self.cam.follower.radius * s.ground_normal
+
+    def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
+        """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        s = self.at(motion)
+        place = self.contact(motion, multiplier)[0]
+        world = self.axes * motion.rotation(motion.model.index[self.carrier])
+        zero = float(self.cam.law.pieces[0].at(0.0, 0)[0])
+        return ContactRows(
+            angle=self.argument(motion),
+            place=np.array(np.broadcast_to(place, (motion.frames,))),
+            normal=np.array(np.broadcast_to(s.ground_normal * world, (motion.frames,))),
+            pressure_angle=s.pressure_angle,
+            radius=s.radius,
+            eccentricity=s.distance,
+            coordinate=s.motion[0],
+            lift=s.motion[0] - zero,
+        )

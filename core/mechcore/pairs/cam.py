@@ -1,0 +1,244 @@
+"""Cam and follower: the follower's coordinate is a function of the cam's; the force acts along their common normal."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import Fault, MechanismError
+from ..laws.curve import MotionCurve, Piece
+from ..spec import CamPair, Prismatic, Revolute
+from .joint import point_of
+from .parts import Builder
+from .relation import Curve, Relation
+
+if TYPE_CHECKING:
+    from ..cams import Cam
+    from ..cams.placed import PlacedCam
+
+
+def build(pair: CamPair, builder: Builder) -> None:
+    from ..cams.placed import PlacedCam  # only where there is a cam
+
+    guide = next((p for p in builder.mechanism.pairs if p.name == pair.guide), None)
+    if not isinstance(guide, Prismatic | Revolute) or pair.links[1] not in guide.links:
+        raise _fault(
+            pair, "guide", f"'{pair.guide}' is no revolute or prismatic pair of '{pair.links[1]}'.", "Name the pair that guides it."
+        )
+    carrier = guide.links[0] if guide.links[1] == pair.links[1] else guide.links[1]
+    if carrier == pair.links[0]:
+        raise _fault(pair, "guide", "it guides the follower on the cam itself.", "Guide both on one link.")
+    follower = builder.links[pair.links[1]]
+    if pair.point not in follower.points:
+        known = ", ".join(follower.points)
+        raise _fault(pair, "point", f"link '{follower.name}' has no point '{pair.point}'.", f"Its points: {known}.")
+    try:
+        made = _wedge(pair, builder, carrier, guide) if pair.bed else _disc(pair, builder, carrier, guide)
+        placed = PlacedCam(**made)
+        placed.check()
+    except MechanismError as error:
+        raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
+    scale = placed.scale
+
+    def lift(argument: Any) -> Any:
+        return scale * placed.law(argument)
+
+    if isinstance(guide, Prismatic):
+        sign, zero = _along_guide(pair, builder, carrier, guide, placed)
+        angles: tuple[tuple[str, float], ...] = ()
+        slides: tuple[tuple[str, float], ...] = ((guide.name, -sign),)
+        constant = zero
+    else:
+        pivot, own = builder.axis_between(pair, pair.links[1], carrier)
+        c = scale * placed.side
+        angles = ((pair.links[1], c), (carrier, -c))
+        slides = ()
+        home = cmath.phase((placed.centre - pivot) / (point_of(follower, pair.point) - own))
+        constant = c * home
+    cam_angles: tuple[tuple[str, float], ...] = ()
+    cam_slides: tuple[tuple[str, float], ...] = ()
+    if pair.bed:
+        cam_slides = ((pair.bed, float(pair.sense)),)
+    else:
+        cam_angles = ((pair.links[0], float(pair.sense)), (carrier, -float(pair.sense)))
+    builder.relations.append(
+        Relation(
+            name=pair.name,
+            kind="cam",
+            links=pair.links,
+            angles=angles,
+            slides=slides,
+            contact=placed.contact,
+            curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=pair.phase),
+            constant=constant,
+            geometry=placed,
+        )
+    )
+
+
+def _fault(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), message, remedy))
+
+
+def _renamed(pair: CamPair, fault: Fault) -> Fault:
+    """A fault of the geometry, said of the scene's item."""
+    key = fault.path.partition(".")[2]
+    if fault.path.startswith("pairs."):
+        return fault
+    return Fault(f"pairs.{pair.name}" + (f".{key}" if key in ("base", "radius") else ""), fault.message, fault.remedy)
+
+
+def _guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
+    """Direction in which the slider moves on the carrier as the coordinate grows (carrier's axes), and the sign of along."""
+    along = complex(*guide.along) / abs(complex(*guide.along))
+    if guide.links[guide.guide] == carrier:
+        return along, 1.0
+    # the guide line belongs to the slider: it moves against the coordinate
+    turn = cmath.exp(1j * (guide.angle if guide.links[1] != carrier else -guide.angle))
+    return along * turn, -1.0
+
+
+def _place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> complex:
+    """Where a place ``at`` of the sliding link lies in the carrier's axes at coordinate zero."""
+    side = guide.links.index(carrier)
+    own = point_of(builder.links[carrier], guide.points[side])
+    other = point_of(builder.links[guide.links[1 - side]], guide.points[1 - side])
+    turn = cmath.exp(1j * (guide.angle if side == 0 else -guide.angle))
+    return own + turn * (at - other)
+
+
+def _along_guide(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic, placed: PlacedCam) -> tuple[float, float]:
+    """How the follower's height follows from the guide's coordinate s: sign * s + zero."""
+    at = _place_on(builder, carrier, guide, point_of(builder.links[pair.links[1]], pair.point))
+    _, sign = _guide_in(carrier, guide)
+    # lift is along the guide's direction as the carrier sees it
+    return sign, float(((at - placed.centre) / placed.axes).imag)
+
+
+def _guide_of(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> tuple[complex, complex, float]:
+    """Place of the follower's point (translating: at coordinate zero) or pivot on the carrier, direction of lift, length of arm."""
+    follower = builder.links[pair.links[1]]
+    at = point_of(follower, pair.point)
+    if isinstance(guide, Prismatic):
+        return _place_on(builder, carrier, guide, at), _guide_in(carrier, guide)[0], 0.0
+    pivot, own = builder.axis_between(pair, pair.links[1], carrier)
+    arm = abs(at - own)
+    if arm == 0.0:
+        raise _fault(pair, "point", "it is the follower's own pivot.", "Name the point that touches the cam.")
+    return pivot, 0j, arm
+
+
+def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
+    from ..cams import Follower, Oscillating, Translating, cam_on_base
+
+    centre, own = builder.axis_between(pair, pair.links[0], carrier)
+    law = pair.lift
+    if abs(law.length - 2.0 * math.pi) > 1e-9:
+        short = math.degrees(2.0 * math.pi - law.length)
+        remedy = f"Add a dwell of {short:.6g} deg." if short > 0 else f"Take {-short:.6g} deg off."
+        raise _fault(pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy)
+    if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
+        raise _fault(pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start.")
+    law = law if law.repeats else law.repeating()
+    place, up, arm = _guide_of(pair, builder, carrier, guide)
+    if isinstance(guide, Prismatic):
+        axes = up / 1j
+        face_guide: Any = Translating(float(((place - centre) / axes).real))
+    else:
+        axes = 1 + 0j
+        if place == centre:
+            raise _fault(pair, "guide", "the follower's pivot lies on the cam's axis.", "Move it away from there.")
+        face_guide = Oscillating(place - centre, arm, -1 if pair.side == "left" else 1)
+    cam = cam_on_base(law, Follower(face_guide, pair.face), pair.base, turn=pair.sense)
+    mount = axes * cmath.exp(1j * pair.sense * pair.phase)
+    return _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm}
+
+
+def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
+    from ..cams import Cam, Flat, Follower, Oscillating, Translating
+
+    bed = next((p for p in builder.mechanism.pairs if p.name == pair.bed), None)
+    if not isinstance(bed, Prismatic) or set(bed.links) != {pair.links[0], carrier}:
+        raise _fault(
+            pair,
+            "bed",
+            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries the follower.",
+            f"Guide the cam on '{carrier}'.",
+        )
+    if isinstance(pair.face, Flat):
+        raise _fault(pair, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
+    place, up, arm = _guide_of(pair, builder, carrier, guide)
+    way, sign = _guide_in(carrier, bed)
+    way *= sign  # in which the cam moves as the bed's coordinate grows
+    cam_link = builder.links[pair.links[0]]
+    start = _place_on(builder, carrier, bed, point_of(cam_link, bed.points[bed.links.index(pair.links[0])]))
+    radius = pair.face.radius
+    if isinstance(guide, Prismatic):
+        axes = up / 1j
+        across = abs((way / axes).imag)
+        if across > 1e-9:
+            off = math.degrees(math.asin(min(across, 1.0)))
+            raise _fault(
+                pair, "bed", f"the cam's and the follower's guides are {90.0 - off:.6g} deg apart.", "Make them perpendicular."
+            )
+        face_guide: Any = Translating(0.0)
+    else:
+        axes = way if ((place - start) / way).imag > 0 else -way
+    centre = start + axes * ((place - start) / axes).real
+    if isinstance(guide, Revolute):
+        height = ((place - centre) / axes).imag
+        face_guide = Oscillating(1j * height, arm, -1 if pair.side == "left" else 1)
+        c = (height - pair.base - radius) / arm
+        if not -1.0 < c < 1.0:
+            least, most = max(height - radius - arm, 0.0), height - radius + arm
+            raise _fault(
+                pair, "base", f"the arm does not reach a height of {1e3 * pair.base:.6g} mm.",
+                f"Give between {1e3 * least:.6g} and {1e3 * most:.6g} mm.",
+            )  # fmt: skip
+        zero = math.acos(c)
+    else:
+        zero = pair.base + radius
+    # the wedge of the theory moves by -x: where the cam goes the other way as the law is read, the law is mirrored
+    ahead = -float((way / axes).real) * pair.sense
+    law = _levelled(pair.lift) if ahead > 0 else _levelled(_mirror(pair.lift))
+    cam = Cam(law.raised(zero), Follower(face_guide, pair.face), wedge=True)
+    own = point_of(cam_link, bed.points[bed.links.index(pair.links[0])])
+    first = bed.links.index(carrier) == 0
+    turn = cmath.exp(1j * (-bed.angle if first else bed.angle))  # from the carrier's axes to the cam's
+    # the cam's point is at start + s way, a point z of the profile at centre + axes (z - x) with x = ahead (s sense + phase)
+    own += turn * (centre - start - axes * ahead * pair.phase)
+    return _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": turn * axes, "arm": arm, "ahead": ahead}
+
+
+def _common(pair: CamPair, carrier: str, cam: Cam, centre: complex, axes: complex) -> dict[str, Any]:
+    return {
+        "name": pair.name,
+        "links": pair.links,
+        "carrier": carrier,
+        "guide": pair.guide,
+        "cam": cam,
+        "base": pair.base,
+        "centre": centre,
+        "axes": axes,
+        "form": pair.closure == "form",
+        "bed": pair.bed,
+        "sense": pair.sense,
+        "phase": pair.phase,
+        "pressure_limit": pair.pressure_limit,
+    }
+
+
+def _mirror(law: MotionCurve) -> MotionCurve:
+    """x -> law(-x)."""
+    return MotionCurve(law.reversed().pieces, -law.end)
+
+
+def _levelled(law: MotionCurve) -> MotionCurve:
+    """A law that goes on level before its start and after its end."""
+    begin, end = float(law.pieces[0].at(0.0, 0)[0]), float(law.pieces[-1].at(law.pieces[-1].length, 0)[0])
+    nothing = np.zeros((0, 3))
+    before, after = (Piece(law.length, np.array([value]), nothing) for value in (begin, end))
+    return MotionCurve((before, *law.pieces, after), law.start - law.length)
