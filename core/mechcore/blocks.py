@@ -104,10 +104,16 @@ class Patch:
 
 
 class Vectors(NamedTuple):
-    """A contour's vectors in the world, all known: (spin, Z), slides included, and (joint, spin, D) of the slides."""
+    """A contour's vectors in the world, all known: (spin, Z) of the spins that turn, slides included, (joint, spin, D) of the
+    slides, and those that rest with the frame, as (vector, length): only the contour's sum needs these."""
 
     arms: tuple[tuple[int, Array], ...]
     slides: tuple[tuple[int, int, Array], ...]
+    resting: tuple[tuple[Array, Array], ...]
+
+    def total(self) -> Array:
+        """Sum of all vectors: by how much the contour does not close."""
+        return sum((d * s for d, s in self.resting), sum((z for _, z in self.arms), 0j))
 
 
 class Columns(NamedTuple):
@@ -390,16 +396,23 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
 
 def vectors(model: Model, contour: int, state: State) -> Vectors:
     """The vectors of a contour whose positions are known."""
-    c, rot = model.spin_contours[contour], state.rot
-    if not c.slides:
-        return Vectors(tuple([(spin, vector * rot[spin]) for spin, vector in c.arms]), ())
-    arms = {spin: vector * rot[spin] for spin, vector in c.arms}
-    slides = []
+    c, rot, frame = model.spin_contours[contour], state.rot, model.angles.spin[0]
+    arms: dict[int, Array] = {}
+    slides, resting = [], []
+    for spin, vector in c.arms:
+        if spin == frame:
+            resting.append((vector, 1.0))
+        else:
+            arms[spin] = vector * rot[spin]
     for j, spin, d in c.slides:
-        along = d * rot[spin]
+        if spin == frame:
+            along = d
+            resting.append((d, state.slide[j]))
+        else:
+            along = d * rot[spin]
+            arms[spin] = added(arms.get(spin, 0j), state.slide[j] * along)
         slides.append((j, spin, along))
-        arms[spin] = added(arms.get(spin, 0j), state.slide[j] * along)
-    return Vectors(tuple(arms.items()), tuple(slides))
+    return Vectors(tuple(arms.items()), tuple(slides), tuple(resting))
 
 
 def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns:

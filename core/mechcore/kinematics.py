@@ -118,7 +118,7 @@ def velocities(
         turns = found.turns
         drift = []
         for i in block.contours:
-            arms, slides = contours[i]
+            arms, slides, _ = contours[i]
             total: Array = None
             for spin, z in arms:
                 turn = turns[spin]
@@ -169,15 +169,15 @@ def accelerations(
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":
             continue
-        turns = found.turns
+        turns, twice = found.turns, speeds.twice
         drift = []
         for i in block.contours:
-            arms, slides = contours[i]
+            arms, slides, _ = contours[i]
             total: Array = None
             for spin, z in arms:
-                turn, twice = turns[spin], speeds.twice[spin]
-                if twice is not None:  # centripetal and, where known, tangential
-                    turn = twice if turn is None else turn + twice
+                turn, centripetal = turns[spin], twice[spin]
+                if centripetal is not None:  # and tangential where known
+                    turn = centripetal if turn is None else turn + centripetal
                 if turn is not None:
                     total = turn * z if total is None else total + turn * z
             if total is None:

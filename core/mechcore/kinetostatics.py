@@ -20,8 +20,8 @@ from scipy.integrate import cumulative_simpson
 
 from . import blocks as bl
 from .closed_forms import cross
-from .effects import Wrench, apparent_power, point_of, potential, power_of, sum_up, wrenches
-from .frames import added, crossed, nothing
+from .effects import Wrench, apparent_power, point_of, potential, power_of, sum_up, totals, wrenches
+from .frames import added, crossed, lazy, nothing
 from .leastnorm import least_norm
 from .motion import Motion
 from .spec import braked
@@ -63,16 +63,21 @@ class Forces:
     def __init__(
         self,
         motion: Motion,
-        applied: Sequence[Wrench],
+        applied: Sequence[Wrench] | Callable[[], Sequence[Wrench]],
         transmitted: list[tuple[Array, Array]],
         contacts: dict[str, tuple[Array, Array]],
         friction: FrictionResult | None = None,
     ):
         self.motion = motion
         self.friction = friction  # None where the scene does not name it
-        self.applied = tuple(applied)
+        self._applied = applied
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
         self._contacts = contacts  # of each relation: place and force on its second link
+
+    @lazy
+    def applied(self) -> tuple[Wrench, ...]:
+        """All wrenches on the links but those of dry friction."""
+        return tuple(self._applied() if callable(self._applied) else self._applied)
 
     # -- results by name ----------------------------------------------------------------------------------------------
     def reaction(self, pair: str) -> Real:
@@ -89,6 +94,8 @@ class Forces:
             return self._rows(force, 0.0)
         j = self._joint(pair)
         force, couple = self._transmitted[j]
+        if j not in self.motion.model.driven:
+            return self._rows(force, couple)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
@@ -256,13 +263,13 @@ class Forces:
 def solve_forces(motion: Motion) -> Forces:
     """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
     model = motion.model
-    applied = wrenches(motion)
-    force, moment = sum_up(applied, len(model.links))
     if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
         from .friction import solve_friction  # only where it is named
 
-        return Forces(motion, applied, *solve_friction(motion, applied, force, moment))
-    return Forces(motion, applied, *transmit(motion, force, moment)[:2])
+        applied = wrenches(motion)
+        return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
+    force, moment, formed = totals(motion)
+    return Forces(motion, formed, *transmit(motion, force, moment)[:2])
 
 
 def transmit(
@@ -276,11 +283,11 @@ def transmit(
     relation by name, and the relations' multipliers.
     """
     model = motion.model
-    if model.redundant or any(b.relations and b.kind == "general" for b in model.blocks):
+    if model.spread:
         return least_norm(motion, force, moment, flanks)
     force, moment = list(force), list(moment)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment))
+        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.grouped, model.hung))
         contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
         for r, multiplier in ties.items():
             relation = model.relations[r]
@@ -292,7 +299,7 @@ def transmit(
                 force[k] = force[k] + f
                 moment[k] = moment[k] + crossed(place - motion.origins[k], f)
         if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
-            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment))
+            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.grouped, model.hung))
         for c, cut in cuts.items():
             j = model.contours[c].closing
             for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)):
@@ -300,36 +307,34 @@ def transmit(
                     force[k] = added(force[k], cut, sign)
                     if k in model.passing:
                         moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
-        hanging, unbalanced = _hang(motion, force, moment, model.passing)
+        hanging, unbalanced = _hang(motion, force, moment, model.passing, model.inwards)
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         transmitted[model.contours[c].closing] = (cut, 0.0)
-    for k in model.tree.order:
-        j = model.tree.joint[k]
-        transmitted[j] = (hanging[k] * -1.0 if model.ends[j][1] == k else hanging[k], 0.0)
+    for k, (j, side, _) in model.steps.items():
+        transmitted[j] = (hanging[k] * -1.0 if side else hanging[k], 0.0)
     for j, couple in _couples(motion, unbalanced).items():
         transmitted[j] = (transmitted[j][0], couple)
     return transmitted, contacts, ties
 
 
 def _hang(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], wanted: Container[int] | None = None
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], wanted: Container[int], order: Sequence[int]
 ) -> tuple[list[Array], list[Array]]:
     """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced (of the links ``wanted``; None: of all); not of the frame."""
-    tree, ends = motion.model.tree, motion.model.ends
+    forces alone leave unbalanced (of the links ``wanted``); not of the frame. ``order``: the links to go through, inwards."""
+    steps = motion.model.steps
     hanging, unbalanced = list(force), list(moment)
-    for k in reversed(tree.order):
-        j, p = tree.joint[k], tree.parent[k]
+    for k in order:
+        j, side, p = steps[k]
         f = hanging[k]
         if nothing(f):
             continue
-        side = 1 if ends[j][1] == k else 0
-        if wanted is None or k in wanted:
+        if k in wanted:
             unbalanced[k] = added(unbalanced[k], _moment(motion.arm(k, j, side), f), -1)
         if p:
             hanging[p] = added(hanging[p], f)
-            if wanted is None or p in wanted:
+            if p in wanted:
                 unbalanced[p] = added(unbalanced[p], _moment(motion.arm(p, j, 1 - side), f))
     return hanging, unbalanced
 
@@ -342,9 +347,8 @@ def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[A
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
     model = motion.model
     by_group: list[Array] = [0.0] * model.angles.groups
-    for g, m in zip(model.angles.group, unbalanced, strict=True):
-        if g:
-            by_group[g] = added(by_group[g], m)
+    for k, g in model.grouped.items():
+        by_group[g] = added(by_group[g], unbalanced[k])
     cuts: dict[int, Array] = {}
     ties: dict[int, Array] = {}
     for block, cols in zip(reversed(model.blocks), reversed(motion.columns), strict=True):

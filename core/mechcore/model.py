@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,11 @@ from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
+from .statics import Body, bodies_with_mass, hung, weights
 from .terms import Split, Terms, driven_spins, point_terms, split
+
+if TYPE_CHECKING:
+    from .effects import Effect
 
 __all__ = ["Block", "Connection", "CurveSum", "Model", "SpinContour", "Sum", "build_model"]
 
@@ -135,6 +139,11 @@ class Model:
         return bool(self.angles.spare) or any(b.redundant for b in self.blocks)
 
     @cached_property
+    def spread(self) -> bool:
+        """Whether the reactions are solved for all joints together, instead of block by block."""
+        return self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
+
+    @cached_property
     def connections(self) -> tuple[Connection, ...]:
         """Everything that transmits forces between two links: joints, and the relations that are no joint themselves."""
         joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
@@ -153,6 +162,23 @@ class Model:
         """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link."""
         own = [self.bodies[k] for k in self.links]
         return tuple((link.mass, complex(*link.centre), link.inertia) for link in own)
+
+    @cached_property
+    def weights(self) -> tuple[tuple[int, complex, complex], ...]:
+        """(link, weight [N], centre of mass in link axes [m]) of every moving link that has a weight."""
+        return weights(self)
+
+    @cached_property
+    def moved(self) -> tuple[Body, ...]:
+        """The moving links that have a mass or a moment of inertia."""
+        return bodies_with_mass(self)
+
+    @cached_property
+    def applied(self) -> tuple[Effect, ...]:
+        """The effects and loads that put wrenches on links without knowing the reactions."""
+        from .effects import effects_of  # here: effects work on models
+
+        return tuple(effect for effect in effects_of(self.mechanism) if "reactions" not in effect.needs)
 
     @cached_property
     def splits(self) -> Mapping[int, Split]:
@@ -175,6 +201,18 @@ class Model:
         return all(b.dyad for b in self.blocks)
 
     @cached_property
+    def guides(self) -> Mapping[int, tuple[int, complex]]:
+        """Of every sliding joint the spin that its guide turns with, and the guide's direction in that spin's axes."""
+        own = {j: (self.ends[j][joint.guide], joint.slide) for j, joint in enumerate(self.joints) if joint.slide is not None}
+        return {j: (self.angles.spin[k], d * self.turn[k]) for j, (k, d) in own.items()}
+
+    @cached_property
+    def steps(self) -> Mapping[int, tuple[int, int, int]]:
+        """Of every link of the tree, from the frame outwards: joint that leads to it, its side in that joint, parent."""
+        joint = self.tree.joint
+        return {k: (joint[k], 1 if self.ends[joint[k]][1] == k else 0, self.tree.parent[k]) for k in self.tree.order}
+
+    @cached_property
     def child(self) -> Mapping[int, int]:
         """The link that each joint of the tree leads to, seen from the frame."""
         return {self.tree.joint[k]: k for k in self.tree.order}
@@ -188,6 +226,21 @@ class Model:
     def passing(self) -> frozenset[int]:
         """Links that pass moments on to others through joints that fix an angle."""
         return frozenset(k for _, *links in self.leaves_first for k in links if k)
+
+    @cached_property
+    def grouped(self) -> Mapping[int, int]:
+        """Links whose angle the blocks solve, with their groups: the moments on them balance with the forces in the cuts."""
+        return {k: g for k, g in enumerate(self.angles.group) if g}
+
+    @cached_property
+    def inwards(self) -> tuple[int, ...]:
+        """All links of the tree, from the leaves to the frame."""
+        return self.tree.order[::-1]
+
+    @cached_property
+    def hung(self) -> tuple[int, ...]:
+        """Links, inwards, whose hanging force decides the forces in the cuts."""
+        return hung(self)
 
     @cached_property
     def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:

@@ -54,7 +54,7 @@ class Motion:
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Array] = {}
-        self._slid: dict[tuple[int, int], Array] = {}
+        self._slid: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._offsets: dict[tuple[int, complex], Array] = {}
         self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
         self._group_angles: dict[int, Array] = {}
@@ -100,7 +100,7 @@ class Motion:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
         terms = self.model.named_terms.get((link, point))
         if terms is not None:
-            return self._rows(self._summed(terms, derivative), fresh=True)
+            return self._rows(self.summed(terms, derivative), fresh=True)
         k = self.model.index[link]
         return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
@@ -184,29 +184,41 @@ class Motion:
         turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
         return rot if turn == 1 else turn * rot
 
-    def turned(self, derivative: int) -> list[Array]:
-        """Rotations of all spins, or their first or second derivatives (None where that is zero)."""
-        return self.state.rot if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
+    def turned(self, derivative: int) -> list[tuple[Array, Array] | None]:
+        """Rotations of all spins, or their first or second derivatives, each as a factor times an array; None where it is zero.
+
+        The factor is 1, or the rate where that does not change: a vector fixed in a link is multiplied by it before the frames.
+        """
+        return self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
 
     @lazy
-    def turned_once(self) -> list[Array]:
-        """First derivatives of the spins' rotations, i omega E; None where that is zero."""
-        return [None if t is None else t * e for t, e in zip(self.speeds.turns, self.state.rot, strict=True)]
+    def turned_never(self) -> list[tuple[Array, Array] | None]:
+        """The spins' rotations E."""
+        return [(1.0, e) for e in self.state.rot]
 
     @lazy
-    def turned_twice(self) -> list[Array]:
-        """Second derivatives of the spins' rotations, (i alpha - omega^2) E; None where that is zero."""
-        out = []
-        for e, alpha, twice in zip(self.state.rot, self.accelerations.turns, self.speeds.twice, strict=True):
-            factor = alpha if twice is None else twice if alpha is None else alpha + twice
-            out.append(None if factor is None else factor * e)
-        return out
+    def turned_once(self) -> list[tuple[Array, Array] | None]:
+        """First derivatives of the spins' rotations, i omega E."""
+        return [_times(t, e) for t, e in zip(self.speeds.turns, self.state.rot, strict=True)]
+
+    @lazy
+    def turned_twice(self) -> list[tuple[Array, Array] | None]:
+        """Second derivatives of the spins' rotations, (i alpha - omega^2) E."""
+        return [
+            _times(alpha if twice is None else twice if alpha is None else alpha + twice, e)
+            for e, alpha, twice in zip(self.state.rot, self.accelerations.turns, self.speeds.twice, strict=True)
+        ]
 
     def slid(self, j: int, derivative: int) -> Array:
         """How far a joint has slid, as a vector in the world, or its first or second derivative."""
+        direction, s = self._slid_along(j, derivative)
+        return s if isinstance(direction, float) else direction * s
+
+    def _slid_along(self, j: int, derivative: int) -> tuple[Array, Array]:
+        """`slid` as a factor times an array: the direction of a guide that is the same in all frames, else 1."""
         key = j, derivative
         if key not in self._slid:
-            spin = self.model.angles.spin[self.model.ends[j][self.model.joints[j].guide]]
+            spin, direction = self.model.guides[j]
             s, turn = self.state.slide[j], None if derivative == 0 else self.speeds.turns[spin]
             if derivative == 1:
                 s = self.speeds.slide[j] if turn is None else self.speeds.slide[j] + turn * s
@@ -216,22 +228,23 @@ class Motion:
                     second = second + 2.0 * turn * self.speeds.slide[j] + self.speeds.twice[spin] * s
                 alpha = self.accelerations.turns[spin]
                 s = second if alpha is None else second + alpha * s
-            self._slid[key] = 0j if nothing(s) else s * self.guide(j)
+            guide = direction * self.state.rot[spin]
+            if nothing(s):
+                self._slid[key] = 1.0, 0j
+            else:
+                self._slid[key] = (1.0, s * guide) if isinstance(guide, np.ndarray) else (guide, s)
         return self._slid[key]
 
     def offset(self, k: int, local: Array, derivative: int = 0) -> Array:
         """A vector fixed in link ``k`` in the world, or its first or second derivative."""
-        if nothing(local):
-            return 0j
-        turned = self.turned(derivative)[self.model.angles.spin[k]]
-        if turned is None:
-            return 0j
-        if derivative or isinstance(local, np.ndarray):
-            return (local * self.model.turn[k]) * turned
-        found = self._offsets.get((k, local))
-        if found is None:
-            found = self._offsets[k, local] = (local * self.model.turn[k]) * turned
-        return found
+        if derivative == 0 and isinstance(local, complex):
+            found = self._offsets.get((k, local))
+            if found is None:
+                rotation = self.state.rot[self.model.angles.spin[k]]
+                found = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
+            return found
+        turned = None if nothing(local) else self.turned(derivative)[self.model.angles.spin[k]]
+        return 0j if turned is None else (local * self.model.turn[k] * turned[0]) * turned[1]
 
     def angle(self, k: int) -> Array:
         """Angle of a link's frame [rad], continuous over the frames."""
@@ -305,8 +318,8 @@ class Motion:
 
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""
-        joint = self.model.joints[j]
-        return joint.slide * self.rotation(self.model.ends[j][joint.guide])
+        spin, direction = self.model.guides[j]
+        return direction * self.state.rot[spin]
 
     def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
         """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
@@ -353,20 +366,28 @@ class Motion:
         terms = self.model.terms(k, local)
         if terms is None:
             return added(self.origin(k, derivative), self.offset(k, local, derivative))
-        return self._summed(terms, derivative)
+        return self.summed(terms, derivative)
 
-    def _summed(self, terms: Terms, derivative: int) -> Array:
+    def summed(self, terms: Terms, derivative: int) -> Array:
+        """A sum over spins and slides in the world, or its first or second derivative; a new array where it is one."""
         turned = self.turned(derivative)
         total: Array = None
         for spin, vector in terms.spins:
             t = turned[spin]
             if t is not None:
-                total = vector * t if total is None else total + vector * t
+                term = (vector * t[0]) * t[1]
+                total = term if total is None else total + term
         for j, sign in terms.slides:
-            slid = self.slid(j, derivative)
-            if nothing(slid):
+            direction, s = self._slid_along(j, derivative)
+            if nothing(s):
                 continue
-            total = sign * slid if total is None else total + slid if sign == 1.0 else total - slid
+            factor = sign * direction
+            if total is None:
+                total = factor * s
+            elif isinstance(factor, float) and abs(factor) == 1.0:
+                total = total + s if factor == 1.0 else total - s
+            else:
+                total = total + factor * s
         return 0j if total is None else total
 
     def joint_point(self, j: int, derivative: int = 0) -> Array:
@@ -389,7 +410,7 @@ class Motion:
     @cached_property
     def closure(self) -> Real:
         """Largest contour residual of each frame (F,) [m]."""
-        return self._largest([sum((z for _, z in v.arms), 0j) for v in self.contours.values()])
+        return self._largest([v.total() for v in self.contours.values()])
 
     @cached_property
     def velocity_closure(self) -> Real:
@@ -426,3 +447,8 @@ class Motion:
         for r in residuals:
             worst = np.maximum(worst, np.abs(r))
         return worst
+
+
+def _times(factor: Array, e: Array) -> tuple[Array, Array] | None:
+    """A product that is left as it is where the factor is a number (frames and designs share it)."""
+    return None if factor is None else (1.0, factor * e) if isinstance(factor, np.ndarray) else (factor, e)

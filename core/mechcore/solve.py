@@ -212,7 +212,7 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
         if block.redundant or motion.patches:  # where a branch was interpolated, too, the contours have to close
             miss = np.zeros(motion.frames)
             for c in block.contours:
-                miss = np.maximum(miss, np.abs(sum((z for _, z in motion.contours[c].arms), 0j)))
+                miss = np.maximum(miss, np.abs(motion.contours[c].total()))
             bad = ~(miss <= 1e-9 * model.size) & ~failed
         else:
             bad = ~_placed(model, block, motion) & ~failed

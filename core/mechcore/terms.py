@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from .model import Block, Model
 
-__all__ = ["Split", "Terms", "driven_spins", "point_terms", "split"]
+__all__ = ["Split", "Terms", "driven_spins", "point_terms", "scaled", "split"]
 
 Array = Any
 MOST = 6  # terms of a point: beyond, it is cheaper to go from link to link and share what is common
@@ -47,7 +47,8 @@ def split(model: Model, block: Block, contour: int) -> Split:
     c = model.spin_contours[contour]
     group = model.angles.spin_group
     unknown = tuple((group[spin], spin, a) for spin, a in c.arms if group[spin] in block.angles)
-    turning = list(dict.fromkeys([s for s, _ in c.arms] + [s for _, s, _ in c.slides]))  # as `blocks.vectors` puts them
+    spins = dict.fromkeys([s for s, _ in c.arms] + [s for _, s, _ in c.slides])  # as `blocks.vectors` puts them
+    turning = [s for s in spins if s != model.angles.spin[0]]
     arms: dict[int, Array] | None = {}
     for g, spin, a in unknown:
         if arms is not None:
@@ -90,3 +91,10 @@ def point_terms(model: Model, k: int, local: Array) -> Terms | None:
             return None
         k = p
     return Terms(tuple((s, a) for s, a in spins.items() if not (isinstance(a, complex) and a == 0)), tuple(slides.items()))
+
+
+def scaled(terms: Terms | None, factor: float) -> Terms | None:
+    """A sum times a number."""
+    if terms is None:
+        return None
+    return Terms(tuple((s, factor * a) for s, a in terms.spins), tuple((j, factor * sign) for j, sign in terms.slides))

@@ -137,8 +137,8 @@ def _reaches_dead_points(course: Course) -> bool:
     patches = make_patches(model, course.changes, assembly.modes, time, (1.0, 0.0), assembly.constants, course.starts)
     positions = _positions(course.laws, (), time)
     state = place_all(model, positions, assembly.modes, course.starts(time), patches, assembly.constants)
-    sums = (bl.vectors(model, c, state).arms for c in range(len(model.contours)))
-    return all(np.abs(sum((z for _, z in arms), 0j)).max() <= CLOSED * model.size for arms in sums)
+    sums = (bl.vectors(model, c, state).total() for c in range(len(model.contours)))
+    return all(np.abs(left).max() <= CLOSED * model.size for left in sums)
 
 
 def way_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:

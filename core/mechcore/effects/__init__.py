@@ -32,7 +32,7 @@ from .inertia import Inertia
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
-from .wrench import Wrench, apparent_power, point_of, power_of, sum_up
+from .wrench import Totals, Wrench, apparent_power, point_of, power_of, sum_up
 
 __all__ = [
     "CAUSES",
@@ -41,6 +41,7 @@ __all__ = [
     "NEEDS",
     "Configuration",
     "Effect",
+    "Totals",
     "Wrench",
     "apparent_power",
     "effects_of",
@@ -48,6 +49,7 @@ __all__ = [
     "potential",
     "power_of",
     "sum_up",
+    "totals",
     "wrenches",
 ]
 
@@ -78,7 +80,22 @@ def effects_of(mechanism: Mechanism) -> tuple[Effect, ...]:
 
 def wrenches(at: Any) -> list[Wrench]:
     """All wrenches that the mechanism's effects and loads put on its links, apart from those that need reactions."""
-    return [w for effect in effects_of(at.model.mechanism) if "reactions" not in effect.needs for w in effect.wrenches(at)]
+    return [w for effect in at.model.applied for w in effect.wrenches(at)]
+
+
+def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
+    """Force on every link and moment about its origin, as `sum_up` of the `wrenches`, and a function that gives these.
+
+    Wrenches that the sums did without (of inertia and gravity) are formed if that function is called.
+    """
+    model = at.model
+    total = Totals(len(model.links))
+    found = [(effect, effect.sum_into(at, total)) for effect in model.applied]
+
+    def formed() -> list[Wrench]:
+        return [w for effect, own in found for w in (effect.wrenches(at) if own is None else own)]
+
+    return (*total.sums(), formed)
 
 
 def potential(at: Configuration) -> Any:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Protocol
 
 from ..kinematics import Rates
 from ..model import Model
-from .wrench import Wrench
+from .wrench import Totals, Wrench
 
 __all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
 
@@ -75,6 +75,13 @@ class Effect:
     def wrenches(self, at: Any) -> list[Wrench]:
         """The wrenches on the links at a `Configuration` (a `Motion` where it needs accelerations)."""
         raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
+
+    def sum_into(self, at: Any, totals: Totals) -> list[Wrench] | None:
+        """Add the wrenches to ``totals``. Returns them, or None where the sums were had without forming them."""
+        found = self.wrenches(at)
+        for w in found:
+            totals.add(w)
+        return found
 
     def potential(self, at: Configuration) -> Array:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""

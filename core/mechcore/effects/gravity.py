@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Model
 from .base import Configuration, Effect
-from .wrench import Wrench
+from .wrench import Totals, Wrench
 
 __all__ = ["Gravity"]
 
@@ -31,19 +30,12 @@ class Gravity(Effect):
                 moment=0.0,
                 arm=at.offset(k, centre),
             )
-            for k, weight, centre in _weights(at.model)
+            for k, weight, centre in at.model.weights
         ]
 
+    def sum_into(self, at: Configuration, totals: Totals) -> None:
+        for k, weight, centre in at.model.weights:
+            totals.put(k, at.offset(k, centre), weight)
+
     def potential(self, at: Configuration) -> Array:
-        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in _weights(at.model)), 0.0)
-
-
-def _weights(model: Model) -> list[tuple[int, complex, complex]]:
-    """(link, weight [N], centre of mass in link axes) of every link that has a weight."""
-    found = []
-    for k, (mass, centre, _) in enumerate(model.masses):
-        own = model.bodies[model.links[k]].gravity
-        g = complex(*(model.mechanism.gravity if own is None else own))
-        if k and mass:
-            found.append((k, mass * g, centre))
-    return found
+        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.weights), 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..motion import Motion
 from .base import Effect
-from .wrench import Wrench
+from .wrench import Totals, Wrench
 
 __all__ = ["Inertia"]
 
@@ -34,3 +34,12 @@ class Inertia(Effect):
                     )
                 )
         return out
+
+    def sum_into(self, at: Motion, totals: Totals) -> None:
+        alpha = at.accelerations.spin
+        for k, mass, centre, inertia, spin, terms in at.model.moved:
+            if mass:
+                force = at.summed(terms, 2) if terms is not None else -mass * at.of_point(k, centre, 2)
+                totals.put(k, at.offset(k, centre), force)
+            if inertia:
+                totals.turn(k, -inertia * alpha[spin])

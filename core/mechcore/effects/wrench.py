@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from ..frames import added, crossed, nothing
 if TYPE_CHECKING:
     from .base import Configuration
 
-__all__ = ["Wrench", "apparent_power", "point_of", "power_of", "sum_up"]
+__all__ = ["Totals", "Wrench", "apparent_power", "point_of", "power_of", "sum_up"]
 
 Array = Any
 
@@ -75,27 +76,57 @@ def apparent_power(at: Configuration, wrench: Wrench) -> float:
     return most
 
 
-def sum_up(wrenches: list[Wrench], links: int) -> tuple[list[Array], list[Array]]:
-    """Force on every link and moment about every link's origin."""
-    force: list[Array] = [0j] * links
-    moment: list[Array] = [0.0] * links
-    acting: dict[tuple[int, int], tuple[int, Array, Array]] = {}  # forces at the same arm are summed first: one moment for all
+class Totals:
+    """Force on every link and moment about every link's origin, summed up as they come.
 
-    def put(k: int, arm: Array, f: Array, sign: int) -> None:
-        if nothing(arm):
-            force[k] = added(force[k], f, sign)
+    Forces at the same arm are summed first, one moment for all, and constants before arrays.
+    """
+
+    __slots__ = ("_acting", "_force", "moment")
+
+    def __init__(self, links: int):
+        self.moment: list[Array] = [0.0] * links
+        self._force: list[Array] = [0j] * links
+        self._acting: dict[tuple[int, int], list[Array]] = {}  # (link, arm by identity): link, arm, constant force, force
+
+    def put(self, k: int, arm: Array, force: Array, sign: int = 1) -> None:
+        """A force on link ``k`` at ``arm`` from its origin (``sign`` -1: its opposite)."""
+        key = k, 0 if nothing(arm) else id(arm)
+        at = self._acting.get(key)
+        if at is None:
+            at = self._acting[key] = [k, arm, 0j, 0j]
+        if isinstance(force, np.ndarray):
+            at[3] = added(at[3], force, sign)
         else:
-            _, _, before = acting.get((k, id(arm)), (k, arm, 0j))
-            acting[k, id(arm)] = (k, arm, added(before, f, sign))
+            at[2] += force if sign == 1 else -force
 
-    for w in wrenches:
-        moment[w.link] = added(moment[w.link], w.moment)
-        put(w.link, w.arm, w.force, 1)
+    def turn(self, k: int, moment: Array, sign: int = 1) -> None:
+        """A free moment on link ``k``."""
+        self.moment[k] = added(self.moment[k], moment, sign)
+
+    def add(self, w: Wrench) -> None:
+        """A wrench, and its opposite on the other link."""
+        self.turn(w.link, w.moment)
+        self.put(w.link, w.arm, w.force)
         if w.other is not None:
-            moment[w.other] = added(moment[w.other], w.moment, -1)
-            put(w.other, w.other_arm, w.force, -1)
-    for k, arm, f in acting.values():
-        if not nothing(f):
-            force[k] = added(force[k], f)
-            moment[k] = added(moment[k], crossed(arm, f))
-    return force, moment
+            self.turn(w.other, w.moment, -1)
+            self.put(w.other, w.other_arm, w.force, -1)
+
+    def sums(self) -> tuple[list[Array], list[Array]]:
+        """Force on every link and moment about every link's origin."""
+        force, moment = list(self._force), list(self.moment)
+        for k, arm, constant, f in self._acting.values():
+            f = added(f, constant)
+            if not nothing(f):
+                force[k] = added(force[k], f)
+                if not nothing(arm):
+                    moment[k] = added(moment[k], crossed(arm, f))
+        return force, moment
+
+
+def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Array]]:
+    """Force on every link and moment about every link's origin."""
+    total = Totals(links)
+    for w in wrenches:
+        total.add(w)
+    return total.sums()
