@@ -17,7 +17,7 @@ from mechcore.graphical import Edge, Funicular, Plan
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["COLORS", "Drawing", "Ink", "Mark", "draw_funicular", "draw_plans", "draw_shaking", "drawings_of"]
+__all__ = ["COLORS", "Drawing", "Ink", "Mark", "draw_funicular", "draw_plans", "draw_shaking", "drawings_of", "rows_of"]
 
 Array = NDArray[np.complex128]
 Color = tuple[int, int, int]
@@ -45,7 +45,8 @@ COLORS: Mapping[str, Color] = {
 }
 """Colours on a dark ground."""
 
-INSIDE = 0.9  # of the frames, on each side, for which a view has room
+INSIDE = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
+FAR = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
 FILL = 1.0  # size of a drawing in sizes of the mechanism
 
 
@@ -82,10 +83,11 @@ class Drawing:
     closing: NDArray[np.float64] | None = None
 
     least: float = 0.0  # [m] extent for which a view has room at least
+    whole: bool = False  # a view has room for all frames, however far they reach
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """Box (2, 2) [m] that holds the drawing in nine of ten frames on every side: peaks may run out of it."""
+        """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
         ends = [z for ink in self.inks for z in (ink.start, ink.start + ink.vector)] + [m.at for m in self.marks]
         if not ends:
             return np.zeros((2, 2))
@@ -93,8 +95,11 @@ class Drawing:
         z = z[:, np.isfinite(z).all(axis=0)]
         if not z.size:
             return np.zeros((2, 2))
-        low = [np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)]
-        high = [np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)]
+        low = np.array([np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)])
+        high = np.array([np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)])
+        least, most = np.array([z.real.min(), z.imag.min()]), np.array([z.real.max(), z.imag.max()])
+        if self.whole or np.max(most - least) <= FAR * np.max(high - low):
+            low, high = least, most
         half = 0.5 * self.least
         return np.array([np.minimum(low, -half), np.maximum(high, half)]) if half else np.array([low, high])
 
@@ -116,7 +121,7 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]
     heights = [float((high - low).imag) for low, high in boxes]
-    rows = _rows(widths, heights)
+    rows = rows_of(widths, heights)
     gap = 0.12 * max([*widths, *heights, 1e-300])
     inks: list[Ink] = []
     marks: list[Mark] = []
@@ -177,7 +182,7 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     zero = np.zeros(run.motion.frames, complex)
     inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
-    return Drawing("shaking", title, inks, (), per_metre, "N", least=0.3 * FILL * size)
+    return Drawing("shaking", title, inks, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
 
 
 def _aside(f: Funicular) -> complex:
@@ -225,8 +230,8 @@ def _box(edges: Sequence[Edge]) -> tuple[complex, complex]:
     return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
 
 
-def _rows(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
-    """Which polygons stand beside each other: the number of columns that makes the whole most nearly square."""
+def rows_of(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
+    """Which boxes of these sizes stand beside each other: the number of columns that makes the whole most nearly square."""
     n = len(widths)
     best, least = [list(range(n))], np.inf
     for columns in range(1, n + 1):

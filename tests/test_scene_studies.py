@@ -10,11 +10,14 @@ import pytest
 from typer.testing import CliRunner
 
 import mechviz
+from mechcore import compile_mechanism, default_times, solve_motion
 from mechcore import studies as core_studies
 from mechcore.errors import MechanismError
+from mechcore.reduction import SOLIDS
 from mechviz.balance import balance_scene
 from mechviz.cli import app
 from mechviz.drawings import drawings_of
+from mechviz.meshes import build_solids
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene import json_schema
@@ -132,7 +135,7 @@ def test_the_schema_knows_the_keywords():
         (link("crank", mass={"plate": [], "width": 1, "mass": 1}, inertia=None, centre=None), "links.crank.mass.plate", "is empty"),
         (link("crank", mass={}, inertia=None, centre=None), "links.crank.mass", "Give exactly one"),
         (link("crank", inertia=None, centre=None, mass={"plate": ["A"], "width": 1, "thickness": 1, "density": 5,
-              "holes": [{"at": "A", "radius": 3}]}), "links.crank.mass", "no positive mass"),
+              "holes": [{"at": "A", "radius": 3}]}), "links.crank.mass.holes[0]", "reaches out of the plate"),
         (link("crank", lumps=[{"mass": -1, "at": "A"}]), "links.crank.lumps[0].mass", "negative"),
         (link("crank", lumps=[{"mass": 1, "at": "Q"}]), "links.crank.lumps[0].at", "no point 'Q'"),
     ],
@@ -323,6 +326,85 @@ def test_a_balanced_scene_says_what_it_was_given(tmp_path):
 
 
 # -- masses from shapes -------------------------------------------------------------------------------------------------
+def test_every_row_of_the_table_of_solids_is_a_line_of_a_scene():
+    """J about the named axis, against the formulas of the lecture written out."""
+    m = 2.0
+    rows = {
+        "point": ({"radius": 0.3}, m * 0.09),
+        "rod": ({"length": 0.4}, m * 0.16 / 12),
+        "cylinder": ({"radius": 0.2}, m * 0.04 / 2),
+        "cylinder across": ({"radius": 0.2, "length": 0.6}, m * (0.36 + 3 * 0.04) / 12),
+        "hollow cylinder": ({"radius": 0.2, "bore": 0.1}, m * 0.05 / 2),
+        "ring": ({"radius": 0.2}, m * 0.04),
+        "disc": ({"radius": 0.2}, m * 0.04 / 2),
+        "sphere": ({"radius": 0.2}, 0.4 * m * 0.04),
+        "shell": ({"radius": 0.2}, 2 / 3 * m * 0.04),
+        "ellipsoid": ({"b": 0.2, "c": 0.3}, m * 0.13 / 5),
+        "cone": ({"radius": 0.2}, 0.3 * m * 0.04),
+        "box": ({"a": 0.2, "b": 0.3}, m * 0.13 / 12),
+        "cube": ({"a": 0.2}, m * 0.04 / 6),
+        "torus": ({"radius": 0.2, "section": 0.05}, m * (0.04 + 0.75 * 0.0025)),
+    }
+    for name, (sizes, wanted) in rows.items():
+        got = body("crank", mass={"solid": name, "mass": m, **sizes}, inertia=None)
+        assert got[2] == pytest.approx(wanted, rel=1e-14), name
+    ends = {"rod end": ({"length": 0.4}, 0.2), "rod inclined": ({"length": 0.4, "angle": "30 deg"}, 0.1)}
+    for name, (sizes, half) in ends.items():
+        mass, centre, inertia = body("crank", mass={"solid": name, "mass": m, **sizes}, inertia=None, centre=None)
+        assert centre == pytest.approx((half, 0.0)), name  # seen along the axis
+        assert inertia + mass * half**2 == pytest.approx(m * (2 * half) ** 2 / 3), name  # about the end
+    assert {*rows, *ends} == set(SOLIDS)
+
+
+def test_a_drawn_mass_is_that_of_the_outline_in_the_picture():
+    drawn = {"drawn": True, "thickness": "8 mm", "density": 7850}
+    links = {name: {"points": {**entry["points"]}} for name, entry in BASE["links"].items()}
+    links["crank"]["mass"] = links["rocker"]["mass"] = drawn
+    links["rocker"]["points"]["Q"] = [0.1, 0.08]  # a wide plate, with a mark
+    found = with_(links=links)
+    motion = solve_motion(compile_mechanism(found.mechanism), default_times(found.mechanism, found.frames))
+    solids = build_solids(found.mechanism, {k.name: motion.pose(k.name) for k in found.mechanism.links}, tolerance=1e-4)
+    for name in ("crank", "rocker"):
+        link = next(k for k in found.mechanism.links if k.name == name)
+        (part,) = [p for p, kind in zip(solids.links[name].parts, solids.links[name].kinds, strict=True) if kind == "plate"]
+        z = part.vertices[:, 2]
+        section, to_3d = part.section([0, 0, 1], [0, 0, 0.5 * (z.min() + z.max())]).to_2D()
+        assert link.mass == pytest.approx(section.area * 0.008 * 7850, rel=1e-3), name
+        place = to_3d @ [*section.polygons_full[0].centroid.coords[0], 0.0, 1.0]
+        assert link.centre == pytest.approx(place[:2], abs=1e-4), name
+    again = mechviz.loads(found.to_toml(), "bar")
+    assert again == found and again.mechanism == found.mechanism
+
+
+@pytest.mark.parametrize(
+    ("mass", "path", "words"),
+    [
+        ({"drawn": True, "density": 1}, "", "needs the thickness"),
+        ({"drawn": True, "plate": ["A"], "width": 1, "mass": 1}, "", "plate and drawn at once"),
+        ({"drawn": False, "mass": 1}, "", "none of solid"),
+        ({"plate": ["A", "B"], "width": 0.02, "mass": 1, "holes": [{"at": "A", "radius": 0.02}]}, "holes[0]", "out of the plate"),
+        (
+            {"plate": ["A"], "width": 0.1, "mass": 1, "holes": [{"at": "A", "radius": 0.01}, {"at": [0.01, 0], "radius": 0.01}]},
+            "holes[1]",
+            "overlaps hole 1",
+        ),
+        (
+            {"polygon": [[0, -1], [0, 1]], "bulges": [1, 1], "mass": 1, "holes": [{"at": [0.8, 0.8], "radius": 0.1}]},
+            "holes[0]",
+            "out of the plate",
+        ),
+        ({"polygon": [[0, -1], [0, 1], [3.5, 0]], "bulges": [3, 0, 0], "mass": 1}, "polygon", "crosses itself"),
+        ({"solid": "rod inclined", "mass": 1, "length": 1}, "", "angle"),
+    ],
+)
+def test_faults_of_drawn_and_cut_masses(mass, path, words):
+    with pytest.raises(mechviz.SceneError) as caught:
+        body("crank", mass=mass, centre=None, inertia=None)
+    (fault,) = caught.value.faults
+    assert fault.path == "links.crank.mass" + (f".{path}" if path else "")
+    assert words in f"{fault.message} {fault.remedy}"
+
+
 def test_masses_from_shapes():
     rod = body("crank", mass={"solid": "rod", "mass": 2}, centre=None, inertia=None)
     mass, centre, inertia = rod

@@ -22,6 +22,7 @@ from viser import _messages
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Drive, Gear, Link, Mechanism, Revolute, Torque
 from mechviz import scene, vectors
+from mechviz.drawings import drawings_of
 from mechviz.meshes import build_solids
 from mechviz.run import Run, run_scene
 from mechviz.viewer import Viewer, ViewerError, words
@@ -30,6 +31,7 @@ from mechviz.viewer.camera import FIELD_OF_VIEW, TIMELINE, USUAL_ASPECT, fit_vie
 from mechviz.viewer.curves import Curves, padded_range, thinned
 from mechviz.viewer.marks3d import joint_groups
 from mechviz.viewer.panels import Speeds, finite
+from mechviz.viewer.plans3d import arrow_lines, placed
 from mechviz.viewer.player import Player
 from mechviz.viewer.quantities import find_axes, find_quantities, first_choice
 from mechviz.viewer.solids3d import link_path, quaternions
@@ -132,6 +134,61 @@ def test_the_view_takes_in_the_arrows_that_are_shown_first_and_no_empty_room(fou
             distance = shown.server.initial_camera.position[2] - solids.bounds[1, 2]
             assert (distance > plain.distance * 1.001) == wider
             assert distance < plain.distance * 2.0
+
+
+@pytest.fixture(scope="module")
+def constructed() -> Run:
+    document = scene.load("plans-four-bar").document.model_dump(exclude_defaults=True)
+    more = {"polodes": ["coupler"], "shaking": {}, "systems": {"loads": {"on": "rocker"}}}
+    return run_scene(scene.Scene.build(name="all", **{**document, **more}), frames=24)
+
+
+def test_arrows_of_plans_are_lines_to_scale_with_heads_at_their_ends():
+    start, vector = np.array([1 + 1j, 0j, 2j]), np.array([2 + 0j, 1j * np.nan, 1 + 1j])
+    lines = arrow_lines(start, vector, np.array([True, True, False]), 0.1)
+    assert lines.shape == (9, 2)
+    assert lines[0, 1] - lines[0, 0] == 2.0
+    assert lines[1, 0] == lines[1, 1]  # what is not finite is not drawn
+    assert np.abs(lines[3] - [3 + 1j, 3 + 1j - 0.1 * np.exp(0.36j)]).max() < 1e-12
+    assert lines[5, 0] == lines[5, 1] == 1 + 3j  # no head
+
+
+def test_drawings_stand_beside_the_mechanism_and_not_over_each_other():
+    mechanism = np.array([[0.0, 0.0], [1.0, 0.8]])
+    boxes = [np.array([[-0.3, 2.0], [0.5, 2.6]]), np.array([[5.0, 5.0], [6.0, 6.2]]), np.array([[0.0, 0.0], [0.1, 0.1]])]
+    moved = [mechanism, *(b + np.array([z.real, z.imag]) for b, z in zip(boxes, placed(mechanism, boxes, 0.1, 0.05), strict=True))]
+    for k, a in enumerate(moved):
+        for b in moved[:k]:
+            assert (a[0] >= b[1]).any() or (b[0] >= a[1]).any()
+
+
+def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch(constructed):
+    with Viewer(constructed, port=0) as viewer:
+        names = ["Velocity plan", "Acceleration plan", "Force plan", "Force polygon with pole and rays", "Shaking force, polar"]
+        assert set(viewer.scene.plans.constructions) == {*names, "Funicular polygon", "Polodes"}
+        assert set(viewer.scene.plans.constructions) < set(viewer.switches.marks)
+        for frame in (0, 13):
+            viewer.set_frame(frame)
+            for name, d in drawings_of(constructed, viewer.scene.size).items():
+                lines = viewer.scene.plans.constructions[d.title.split(":")[0]].nodes[0].points
+                drawn = lines[: len(d.inks), 1] - lines[: len(d.inks), 0]
+                wanted = np.array([i.vector[frame] for i in d.inks])
+                assert np.abs(drawn[:, 0] + 1j * drawn[:, 1] - wanted).max() <= 1e-5 * viewer.scene.size, name
+        assert (viewer.scene.bounds[0, :2] <= viewer.scene.plans.bounds[0]).all()
+        assert (viewer.scene.bounds[1, :2] >= viewer.scene.plans.bounds[1]).all()
+        viewer.scene.switch_mark("Velocity plan", False)
+        nodes = viewer.scene.plans.constructions["Velocity plan"].nodes
+        viewer.set_frame(5)
+        assert not any(node.visible for node in nodes)
+        viewer.scene.switch_mark("Velocity plan", True)
+        viewer.set_frame(6)
+        assert nodes[0].visible
+
+
+def test_a_scene_without_constructions_has_none_in_the_viewer(kinematic):
+    with Viewer(kinematic, port=0) as viewer:
+        assert len(viewer.scene.plans) == 0
+        assert not {"Velocity plan", "Polodes"} & set(viewer.switches.marks)
 
 
 def test_grid_cells_are_round():

@@ -387,3 +387,18 @@ def test_after_a_return_to_the_front_the_view_follows_the_window_again(viewer, p
     for size in ({"width": 1300, "height": 600}, SIZE):
         page.set_viewport_size(size)
         _until_fitted(viewer, page)
+
+
+def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
+    with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
+        opened = _new_page(browser, SIZE)
+        try:
+            opened.goto(shown.url)
+            opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
+            opened.wait_for_function(SEEN, arg="/drawings/velocity")
+            opened.get_by_text("Velocity plan", exact=True).first.wait_for()
+            opened.get_by_label("Velocity plan", exact=True).uncheck()
+            _until(opened, lambda: not opened.evaluate(SEEN, "/drawings/velocity"), "the plan hidden")
+            assert opened.evaluate(SEEN, "/drawings/force")
+        finally:
+            opened.close()

@@ -99,8 +99,9 @@ def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part
         lower = _boss(boss, axle.hole, low, -below, size.bevel)
         turned.append(Turned(centre, upper, lower))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
-    turned += _drilled_marks(model, piece, shape, turned, low, high)
-    flat = shape.difference(unary_union(holes))
+    marks = _drilled_marks(model, piece, shape, turned, low, high)
+    turned += marks
+    flat = shape.difference(unary_union([*holes, *(disc(mark.centre, mark.rim, model.segments) for mark in marks)]))
     space = (Prism(flat, low, high), *bosses)
     groove = None
     if piece.groove:

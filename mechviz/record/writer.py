@@ -15,6 +15,7 @@ from mechcore.friction.events import friction_events
 
 from ..drawings import drawings_of
 from ..linkers import find_linkers
+from ..overlays import overlay_box
 from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import links_with_mass, tables
@@ -26,7 +27,6 @@ from .events import peak_events
 from .families import Content, find_statics, find_streams, find_views
 from .frictions import send_lanes
 from .paths import entity
-from .polygons import overlay_box
 from .stream_file import Part, recording_file
 from .streams import Stream, Timelines, magnification, picture_stride
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from mechcore.errors import Fault
 from mechcore.laws import Law
+from mechcore.reduction import Body
 from mechcore.spec import Drive, Link, Mechanism, friction_of
 
 from .convert import Converter
 from .couplings import check_couplings
+from .drawn import drawn_bodies, drawn_links
 from .drives import law_of
 from .frictions import idle_effect
 from .load_references import check_loads
@@ -24,10 +28,11 @@ from .validate import Reading
 __all__ = ["assemble"]
 
 
-def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]]:
+def assemble(reading: Reading, name: str, outlines: Mapping[str, Body] | None = None) -> tuple[Mechanism | None, list[Fault]]:
     """The mechanism, or None, with every fault that is left beside those of form in ``reading.faults``.
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
+    ``outlines`` are those of links whose mass follows from them; they are drawn here when all else is known.
     """
     faults = [*check_link_names(reading), *check_loads(reading)]
     if faults or reading.faults:
@@ -52,7 +57,9 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         effects = () if key == document.frame else tuple(dict.fromkeys(needed))
         points = placement.points.get(key, {})
         try:
-            mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=key not in parallel)
+            mass, centre, inertia = mass_properties(
+                key, link, points, effects, convert, can_turn=key not in parallel, drawn=(outlines or {}).get(key)
+            )
         except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
             if not reading.faults:
                 raise
@@ -90,8 +97,8 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         return None, faults
     if len(loads) < len(document.loads):
         raise RuntimeError("a load of the scene was lost without a fault")
-    traced = [found for text in document.trace if not isinstance(found := resolve_trace(reading, text), Fault)]
-    return Mechanism(
+    traced = [place for text in document.trace if not isinstance(place := resolve_trace(reading, text), Fault)]
+    found = Mechanism(
         name=name,
         frame=document.frame,
         links=tuple(links),
@@ -105,7 +112,10 @@ def assemble(reading: Reading, name: str) -> tuple[Mechanism | None, list[Fault]
         modes=modes_of(document),
         sketch={key: pose for key, pose in placement.poses.items() if key != document.frame},
         traced=tuple(traced),
-    ), []
+    )
+    if outlines is None and drawn_links(document):
+        return assemble(reading, name, drawn_bodies(found, document))
+    return found, []
 
 
 def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:

@@ -15,8 +15,9 @@ from mechcore.errors import MechanismError
 from mechcore.reduction import SOLIDS, Body, area_of, circle, plate, solid
 from mechcore.reduction.areas import Area, rounded_hull
 
+from .cutting import misplaced, plate_of, polygon_of
 from .faults import did_you_mean
-from .fields import Density, Mass, Number, Point, Size, Text
+from .fields import Angle, Density, Mass, Number, Point, Size, Text
 from .tables import Table, Unknown, is_whole, refuse
 
 if TYPE_CHECKING:
@@ -28,13 +29,13 @@ Vec2 = tuple[float, float]
 FOLDER: ContextVar[Path] = ContextVar("folder of the scene file", default=Path())
 """Where paths of mesh files start: the folder of the scene file that is being read, else the working folder."""
 SolidName = Literal[
-    "point", "rod", "cylinder", "cylinder across", "hollow cylinder", "ring", "sphere", "shell", "disc", "ellipsoid", "cone",
-    "box", "cube", "torus",
+    "point", "rod", "rod end", "rod inclined", "cylinder", "cylinder across", "hollow cylinder", "ring", "sphere", "shell", "disc",
+    "ellipsoid", "cone", "box", "cube", "torus",
 ]  # fmt: skip
-if set(get_args(SolidName)) != set(SOLIDS) - {"rod end", "rod inclined"}:
+if set(get_args(SolidName)) != set(SOLIDS):
     raise ImportError("mechviz.scene.bodies.SolidName and mechcore.reduction.SOLIDS name different solids")
-_KINDS = ("solid", "plate", "polygon", "mesh")
-_SIZES = ("length", "radius", "bore", "section", "height", "a", "b", "c")
+_KINDS = ("solid", "plate", "polygon", "mesh", "drawn")
+_SIZES = ("length", "angle", "radius", "bore", "section", "height", "a", "b", "c")
 
 
 def _is_text(value: Any) -> str:
@@ -65,7 +66,7 @@ class BossDocument(Table):
 
 
 class MassDocument(Table):
-    """A mass from a shape: one of solid, plate, polygon or mesh, with a density or the whole mass."""
+    """A mass from a shape: one of solid, plate, polygon, mesh or drawn, with a density or the whole mass."""
 
     solid: SolidName | None = None
     """A standard solid, with its sizes; its centre is the link's `centre` (of a rod: the middle of the first two points)."""
@@ -77,6 +78,8 @@ class MassDocument(Table):
     """For each side of the polygon the tangent of a quarter of the angle that it spans as an arc; 0 is straight."""
     mesh: Text | None = None
     """A mesh file (STL, OBJ, PLY, OFF, GLB), closed, in the link's frame, its z axis normal to the plane of motion."""
+    drawn: bool = False
+    """A plate with the outline with which the link is drawn, holes for its pins and cut-outs included."""
     mesh_unit: Size = "1 mm"
     """Length of one unit of the mesh file."""
     density: Density | None = None
@@ -93,6 +96,8 @@ class MassDocument(Table):
     """Round bosses on a plate or polygon."""
     length: Size | None = None
     """Length of a rod (default: the distance of the link's first two points) or cylinder."""
+    angle: Angle | None = None
+    """Angle of an inclined rod to the axis of rotation."""
     radius: Size | None = None
     """Radius."""
     bore: Size | None = None
@@ -116,15 +121,15 @@ class MassDocument(Table):
     def problems(self) -> list[tuple[str, str, str]]:
         """What does not go together in it."""
         found = []
-        kinds = [k for k in _KINDS if getattr(self, k) is not None]
+        kinds = [k for k in _KINDS if getattr(self, k) not in (None, False)]
         if len(kinds) != 1:
-            what = " and ".join(kinds) + " at once." if kinds else "none of solid, plate, polygon and mesh."
+            what = " and ".join(kinds) + " at once." if kinds else "none of solid, plate, polygon, mesh and drawn."
             found.append(("", f"the mass has {what}", "Give exactly one of them."))
         if (self.density is None) == (self.mass is None):
             found.append(("", "the mass needs either a density or a mass.", "Give exactly one of them."))
         if kinds == ["plate"]:
             found += [(k, f"a plate needs its {k}.", f"Add {k} = ...") for k in ("width",) if getattr(self, k) is None]
-        if self.density is not None and kinds in (["plate"], ["polygon"]) and self.thickness is None:
+        if self.density is not None and kinds in (["plate"], ["polygon"], ["drawn"]) and self.thickness is None:
             found.append(("thickness", "a density needs the thickness of the plate.", "Add thickness = ..., or give the mass."))
         if self.bosses and self.thickness is None:
             found.append(("thickness", "bosses need the thickness of the plate.", "Add thickness = ..."))
@@ -173,8 +178,14 @@ def _place(at: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -
     return points.get(at, (0.0, 0.0))
 
 
-def body_of(m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, convert: Converter, path: str) -> Body:
-    """Mass, centre and moment of inertia of a shape. ``centre``: of a solid, where the scene states it."""
+def body_of(
+    m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, convert: Converter, path: str, drawn: Body | None = None
+) -> Body:
+    """Mass, centre and moment of inertia of a shape.
+
+    ``centre``: of a solid, where the scene states it. ``drawn``: the link's drawn outline as a plate of unit surface density; a
+    unit mass until that is known.
+    """
     if m.problems() or m.plate == []:  # reported already
         return Body(1.0)
     density = None if m.density is None else convert.si(m.density, "density", f"{path}.density")
@@ -186,7 +197,7 @@ def body_of(m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, co
         elif m.mesh is not None:
             found = _mesh(m, density, mass, convert, path)
         else:
-            found = _flat(m, points, density, mass, convert, path)
+            found = _flat(m, points, density, mass, convert, path, drawn)
     except MechanismError as error:
         if len(convert.faults) == before and is_whole(m):
             for f in error.faults:
@@ -214,8 +225,10 @@ def _solid(
     for key in SOLIDS[str(m.solid)].sizes:
         value = getattr(m, key, None)
         if value is not None:
-            sizes[key] = convert.si(value, "length", f"{path}.{key}")
+            sizes[key] = convert.si(value, "angle" if key == "angle" else "length", f"{path}.{key}")
     places = list(points.values())
+    if m.solid in ("rod end", "rod inclined"):
+        return _rod_from_end(str(m.solid), places, sizes, mass, density, convert, path)
     if m.solid == "point":
         sizes.setdefault("radius", 0.0)
     if m.solid == "rod" and len(places) > 1:
@@ -228,28 +241,69 @@ def _solid(
     return solid(str(m.solid), mass=mass, density=density, centre=centre, **sizes)
 
 
+def _rod_from_end(
+    kind: str,
+    places: list[Vec2],
+    sizes: dict[str, float],
+    mass: float | None,
+    density: float | None,
+    convert: Converter,
+    path: str,
+) -> Body:
+    """A thin rod that starts at the first point of its link, towards the second; inclined: it leaves the plane of motion."""
+    if len(places) < 2:
+        convert.note(path, f"a {kind} lies from the link's first point towards the second: the link has one point.", "Add a point.")
+        return Body(1.0)
+    start, to = complex(*places[0]), complex(*places[1])
+    if kind == "rod end":
+        sizes.setdefault("length", abs(to - start))
+    missing = [k for k in SOLIDS[kind].sizes if k not in sizes]
+    if missing:
+        convert.note(path, f"a {kind} needs its {' and '.join(missing)}.", f"Its sizes: {', '.join(SOLIDS[kind].sizes)}.")
+        return Body(1.0)
+    reach = sizes["length"] * abs(math.sin(sizes.get("angle", 0.5 * math.pi)))  # seen along the axis of rotation
+    way = 0.5 * reach * (to - start) / abs(to - start) if to != start else 0j
+    return solid("rod", mass=mass, density=density, centre=((start + way).real, (start + way).imag), length=reach)
+
+
 def _flat(
-    m: MassDocument, points: Mapping[str, Vec2], density: float | None, mass: float | None, convert: Converter, path: str
+    m: MassDocument,
+    points: Mapping[str, Vec2],
+    density: float | None,
+    mass: float | None,
+    convert: Converter,
+    path: str,
+    drawn: Body | None,
 ) -> Body:
     def size(key: str) -> float:
         value = getattr(m, key)
         return 1.0 if value is None else convert.si(value, "length", f"{path}.{key}")
 
+    material = None  # of which holes can be cut, where that can be told
     if m.polygon is not None:
         corners = [convert.vector(p, "length", f"{path}.polygon[{k}]") for k, p in enumerate(m.polygon)]
-        if not any(m.bulges or ()) and not any(map(math.isnan, (v for c in corners for v in c))):
-            from shapely.geometry import Polygon
-
-            if not Polygon(corners).is_valid:
+        if not any(map(math.isnan, (v for c in corners for v in c))):
+            material = polygon_of(corners, m.bulges)
+            if material is None:
                 convert.note(
                     f"{path}.polygon", "the outline crosses itself or has no area.", "Give the corners in order around it."
                 )
                 return Body(1.0)
         outer = area_of(corners, m.bulges)
+    elif m.drawn:
+        outer = Area(1.0, (0.0, 0.0), 0.0)
+        if drawn is not None and not drawn.mass > 0.0:
+            convert.note(path, "the link is drawn without a flat part.", "State its outline: plate, polygon or mesh.")
+        elif drawn is not None:
+            outer = Area(drawn.mass, drawn.centre, drawn.inertia)
     else:
         around = [_place(p, points, convert, f"{path}.plate[{k}]") for k, p in enumerate(m.plate or [])]
         outer = rounded_hull(around, 0.5 * size("width"))
+        material = plate_of(around, 0.5 * size("width"))
     holes = [_circle(h, points, convert, f"{path}.holes[{k}]") for k, h in enumerate(m.holes)]
+    if material is not None:
+        for k, words in misplaced(material, [(h.centre, math.sqrt(h.area / math.pi)) for h in holes]):
+            convert.note(f"{path}.holes[{k}]", words, "Check its place and radius: it has to be cut from the material.")
     bosses: list[tuple[Area, float]] = []
     thickness = size("thickness")
     for k, boss in enumerate(m.bosses):

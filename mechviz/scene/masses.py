@@ -46,6 +46,7 @@ def mass_properties(
     convert: Converter,
     *,
     can_turn: bool,
+    drawn: Body | None = None,
 ) -> tuple[float, Vec2, float]:
     """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
 
@@ -56,7 +57,7 @@ def mass_properties(
         return math.nan, (math.nan, math.nan), math.nan  # they may name points
     if isinstance(link.mass, MassDocument):
         stated = _stated_centre(name, link, points, convert)
-        body = body_of(link.mass, points, stated, convert, f"{path}.mass")
+        body = body_of(link.mass, points, stated, convert, f"{path}.mass", drawn)
         return _with_lumps(body, link, points, convert, path)
     if link.lumps and link.mass is None:
         return _with_lumps(Body(0.0), link, points, convert, path)

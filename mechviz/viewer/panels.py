@@ -93,6 +93,7 @@ class Switches:
 
     def _mark(self, name: str, _: Any) -> None:
         self._scene.switch_mark(name, bool(self.marks[name].value))
+        self._player.refresh()
 
     def _switch(self, family: str, _: Any) -> None:
         self._scene.arrows.switch(family, bool(self.families[family].value))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import viser
@@ -16,6 +17,7 @@ from .arrows3d import ArrowNodes
 from .camera import FittedCameras, set_first_view
 from .linkers3d import LinkerNodes
 from .marks3d import JointNames, Paths
+from .plans3d import PlanNodes
 from .solids3d import SolidNodes
 from .stage import set_stage
 
@@ -44,14 +46,19 @@ class Scene3D:
             self._paths = Paths(server, run, solids.heights)
             self._linkers = LinkerNodes(server, list(find_linkers(run, solids.size)), solids.z_top + 0.01 * solids.size)
             self._names = JointNames(server, motion, solids.size, solids.z_top + 0.04 * solids.size)
+            self.plans = PlanNodes(server, run, solids)
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
         self.bounds = _joined(solids.bounds, self.arrows.reach(), 0.15 * solids.size)
+        if self.plans.bounds is not None:
+            self.bounds[0, :2] = np.minimum(self.bounds[0, :2], self.plans.bounds[0])
+            self.bounds[1, :2] = np.maximum(self.bounds[1, :2], self.plans.bounds[1])
         set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             **({"Paths": self._paths.switch} if len(self._paths) else {}),
             **({"Springs and dampers": self._linkers.switch} if len(self._linkers) else {}),
+            **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
             "Joint names": self._names.switch,
             "Grid": lambda on: setattr(grid, "visible", on),
         }
@@ -66,6 +73,7 @@ class Scene3D:
         self._paths.show(frame)
         self._linkers.show(frame)
         self._names.show(frame)
+        self.plans.show(frame)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""

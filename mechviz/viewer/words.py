@@ -13,7 +13,7 @@ from .marks3d import PATH
 from .quantities import slides
 from .stage import grid_cell
 
-__all__ = ["heading", "legend", "number", "place_in_run", "plan_list"]
+__all__ = ["heading", "legend", "number", "place_in_run", "plan_list", "scale"]
 
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
@@ -46,7 +46,7 @@ def legend(families: Iterable[str], paths: Iterable[str], scales: Scales, factor
         ("m/s²", shown & {"acceleration"}, scales.mps2_per_metre),
     ):
         if some and per_metre != 1.0:
-            rows.append(f"<div>{_scale(unit, per_metre / factor, size)}</div>")
+            rows.append(f"<div>{scale(unit, per_metre / factor, size)}</div>")
     rows.append(f'<div style="opacity:0.75">Grid: {number(grid_cell(size) * 1e3)} mm</div>')
     return _block("".join(rows), "font-size:0.78em;line-height:1.35")
 
@@ -83,8 +83,8 @@ def _position(sliding: bool, value: float) -> str:
     return text.replace("-", "−", 1)
 
 
-def _scale(unit: str, per_metre: float, size: float) -> str:
-    """A round value and its length: "500 N = 41 mm"."""
+def scale(unit: str, per_metre: float, size: float) -> str:
+    """A round value of a ``unit``, of which ``per_metre`` are drawn as a metre, and its length: "500 N = 41 mm"."""
     value = round_value(TARGET * size * per_metre)
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:

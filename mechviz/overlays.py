@@ -1,0 +1,109 @@
+"""Constructions that are drawn on the mechanism: strings of funicular polygons, their resultants, polodes, substitute masses.
+
+Pure functions of a `Run`; the recorder and the viewer draw what they find here. Places of the plane are complex numbers [m].
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .meshes import Solids
+    from .run import Run
+
+__all__ = ["FIXED", "MOVING", "overlay_box", "polode_pieces", "resultants", "strings", "substitute_scale"]
+
+Array = NDArray[np.complex128]
+
+FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
+REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
+
+
+def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
+    """The box (2, 3) [m] around the mechanism with what is drawn on it: strings, resultants, polodes, substitute masses."""
+    low, high = (np.array(b, float) for b in solids.bounds)
+    size = solids.size
+    spots: list[NDArray[np.float64]] = []
+    for body in run.studies.substitutes.values():
+        spots.append(body.places.reshape(-1, 2))
+        spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
+    if run.studies.systems:
+        z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
+        spots.append(np.column_stack([z.real, z.imag]))
+        spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
+    for name in run.studies.polodes:
+        spots += [p[:, :2].astype(float) for p in polode_pieces(run.studies.polodes[name].fixed, solids, name, run, z=0.0)]
+    for xy in spots:
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        if len(xy):
+            near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a knot that runs far out in a few frames may leave the picture
+            low[:2] = np.minimum(low[:2], np.maximum(near, low[:2] - 0.5 * size))
+            high[:2] = np.maximum(high[:2], np.minimum(far, high[:2] + 0.5 * size))
+    return np.array([low, high])
+
+
+def strings(run: Run, size: float) -> list[Array]:
+    """Strings between the knots, the outer ones out to where they meet, and the lines of the forces."""
+    out: list[Array] = []
+    for s in run.studies.systems.values():
+        d = s.drawing
+        n = d.forces.shape[1]
+        rays = d.rays / np.maximum(np.abs(d.rays), 1e-300)
+        first, last = (_outer(d.knots[:, i], rays[:, j], d.meeting, size) for i, j in ((0, 0), (n - 1, n)))
+        out.append(first)
+        out += [np.stack([d.knots[:, i], d.knots[:, i + 1]], axis=1) for i in range(n - 1)]
+        out.append(last)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = np.nan_to_num(d.forces / np.abs(d.forces))
+        for i in range(n):
+            reach = np.real((d.knots[:, i] - d.points[:, i]) * np.conj(along[:, i]))
+            low, high = np.minimum(reach, 0.0) - 0.08 * size, np.maximum(reach, 0.0) + 0.08 * size
+            out.append(np.stack([d.points[:, i] + low * along[:, i], d.points[:, i] + high * along[:, i]], axis=1))
+    return out
+
+
+def _outer(knot: Array, ray: Array, meeting: Array, size: float) -> Array:
+    """An outer string: through its knot, and out to where the outer strings meet if that is near enough to be drawn."""
+    away = np.where(np.isfinite(meeting), np.real((meeting - knot) * np.conj(ray)), 0.0)
+    away = np.clip(np.nan_to_num(away), -2.0 * size, 2.0 * size)
+    low, high = np.minimum(away, 0.0) - 0.15 * size, np.maximum(away, 0.0) + 0.15 * size
+    return np.stack([knot + low * ray, knot + high * ray], axis=1)
+
+
+def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
+    """Arrows of the resultants through the places where the outer strings meet, the largest 0.4 of the mechanism long; nothing
+    where there is no single force, or far outside the picture."""
+    drawings = [s.drawing for s in run.studies.systems.values()]
+    largest = max(float(np.abs(d.resultant).max(initial=0.0)) for d in drawings) or 1.0
+    out = []
+    for d in drawings:
+        near = np.isfinite(d.meeting) & (np.abs(d.meeting - d.points[:, 0]) < 4.0 * size)
+        out.append((np.where(near, d.meeting, np.nan), np.where(near, d.resultant * (0.4 * size / largest), 0.0)))
+    return out
+
+
+def substitute_scale(run: Run, size: float) -> float:
+    """Newtons per metre of the arrows at substitute masses: the largest is a third of the mechanism."""
+    largest = max(float(np.abs(f.forces @ np.array([1.0, 1.0j])).max(initial=0.0)) for f in run.studies.substitutes.values())
+    return largest / (size / 3.0) if largest > 0.0 else 1.0
+
+
+def polode_pieces(way: NDArray[np.float64], solids: Solids, link: str, run: Run, *, z: float) -> list[NDArray[np.float32]]:
+    """A polode as strips, cut where it runs far out of the picture or jumps through infinity."""
+    low, high = np.asarray(solids.bounds)[:, :2]
+    room = REACH * solids.size
+    place = run.studies.polodes[link].fixed  # judged in the world, so that both are cut at the same frames
+    inside = np.isfinite(place).all(axis=1) & (place > low - room).all(axis=1) & (place < high + room).all(axis=1)
+    step = np.hypot(*np.diff(np.where(inside[:, None], place, 0.0), axis=0).T)
+    joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)
+    pieces: list[NDArray[np.float32]] = []
+    start = 0
+    for k in range(len(way)):
+        if k + 1 == len(way) or not joined[k]:
+            if k > start:
+                pieces.append(np.column_stack([way[start : k + 1], np.full(k + 1 - start, z)]).astype(np.float32))
+            start = k + 1
+    return pieces

@@ -1,0 +1,45 @@
+"""Masses that follow from the outlines that are drawn: these are known only when the mechanism and its motion are."""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from mechcore import compile_mechanism, default_times, solve_motion
+from mechcore.errors import MechanismError
+from mechcore.reduction import Body, area_of, combine
+from mechcore.spec import Mechanism
+
+from .bodies import MassDocument
+from .document import SceneDocument
+
+__all__ = ["drawn_bodies", "drawn_links"]
+
+
+def drawn_links(document: SceneDocument) -> list[str]:
+    """Links whose mass follows from their drawn outline."""
+    return [key for key, link in document.links.items() if isinstance(link.mass, MassDocument) and link.mass.drawn]
+
+
+def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Body]:
+    """Plates of unit density and thickness [m^2, m, m^4] with the drawn outlines of these links.
+
+    The outlines are those of the scene's own run: slots are as long as it needs. A mechanism that cannot be moved, which is
+    found out and said when it is run, is drawn as it is without a motion.
+    """
+    links = drawn_links(document)
+    try:
+        motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, document.run.frames, document.run.cycles))
+        poses = {link.name: motion.pose(link.name) for link in mechanism.links}
+    except MechanismError:
+        poses = None
+    from ..meshes.drawn import drawn_outlines  # meshes are made by few scenes only
+
+    return {name: combine(_body(p) for p in outlines) for name, outlines in drawn_outlines(mechanism, poses, links).items()}
+
+
+def _body(outline: Polygon) -> Body:
+    """Integrals over a polygon with holes."""
+    outer = area_of(np.asarray(outline.exterior.coords)[:-1])
+    holes = [area_of(np.asarray(ring.coords)[:-1]) for ring in outline.interiors]
+    return combine([outer.body(1.0), *(hole.body(-1.0) for hole in holes)])
