@@ -395,6 +395,7 @@ def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
         try:
             opened.goto(shown.url)
             opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
+            opened.wait_for_function(READY, arg=[link_path("crank")])
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
             opened.get_by_text("Velocity plan", exact=True).first.wait_for()
             opened.get_by_label("Velocity plan", exact=True).uncheck()
