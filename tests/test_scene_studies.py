@@ -13,12 +13,14 @@ import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
 from mechcore import studies as core_studies
 from mechcore.errors import MechanismError
+from mechcore.indicator import Compressor
 from mechcore.reduction import SOLIDS
 from mechviz.balance import balance_scene
 from mechviz.cli import app
 from mechviz.drawings import drawings_of
 from mechviz.meshes import build_solids
 from mechviz.record import Recording, write_recording
+from mechviz.record.plots import study_outputs
 from mechviz.run import run_scene
 from mechviz.scene import json_schema
 
@@ -255,6 +257,36 @@ def test_a_plan_without_a_moving_point_is_empty_and_says_so(tmp_path):
     path = tmp_path / "empty.rrd"
     write_recording(run, path)
     assert "velocity plan: empty" in Recording(path).notes
+
+
+@pytest.mark.parametrize("pole", [[0, -5], [0, -10], [0, 30]])
+def test_a_pole_on_the_line_of_a_force_is_refused(pole):
+    loads = {"P": {"force": [0, -10], "on": "rocker", "at": "E"}, "Q": {"force": [0, -10], "on": "rocker", "at": "D"}}
+    with pytest.raises(MechanismError, match=r"systems\.s\.pole: the pole lies on the line of a force"):
+        run_scene(with_(effects=[], loads=loads, systems={"s": {"on": "rocker", "pole": pole}}))
+    run_scene(with_(effects=[], loads=loads, systems={"s": {"on": "rocker", "pole": [3, -5]}}))
+
+
+def test_a_compressor_without_clearance_is_full_of_nothing_at_top_dead_centre():
+    cycle = Compressor(stroke=0.08, suction=1e5, delivery=7e5, clearance=0.0)
+    out = np.array([False, True])
+    with np.errstate(all="raise"):
+        assert np.array_equal(cycle.pressure(np.zeros(2), out, out), [7e5, 1e5])
+
+
+def test_the_polar_plot_has_room_for_the_whole_curve():
+    run = run_scene(mechviz.load("shaking-four-bar"))
+    drawing = drawings_of(run, 0.5)["shaking"]
+    low, high = drawing.bounds
+    tips = drawing.inks[0].vector
+    assert (low <= [tips.real.min(), tips.imag.min()]).all() and (high >= [tips.real.max(), tips.imag.max()]).all()
+
+
+def test_shaking_moments_share_a_plot_with_names_of_their_own():
+    run = run_scene(mechviz.load("shaking-four-bar"), frames=12)
+    (output,) = [o for o in study_outputs(run) if o.name.startswith("Shaking")]
+    assert output.entities == (("/plots/shaking\\ moment", ()),)
+    assert np.array_equal(output.values, np.column_stack([run.studies.shaking.moment, run.studies.balanced.moment]))
 
 
 def test_drawings_are_to_scale():

@@ -121,8 +121,23 @@ def _system(study: SystemStudy, forces: Forces) -> SystemResult:
     about = motion._rows(motion.of_point(k, local))
     force, moment = reduce_to(points, vectors, couples, about=about)
     names = tuple(load.label for load in chosen)
+    if study.pole is not None:
+        _check_pole(study, vectors, motion)
     drawing = funicular(points, vectors, couples, pole=study.pole, names=names)
     return SystemResult(names, about, force, moment, resultant(points, vectors, couples), drawing)
+
+
+def _check_pole(study: SystemStudy, vectors: Real, motion: Motion) -> None:
+    """A pole on the line of a side of the force polygon has strings along that force: they do not meet its line."""
+    f = vectors[..., 0] + 1j * vectors[..., 1]
+    ray = np.cumsum(f, axis=1) - complex(*(study.pole or (0.0, 0.0)))
+    with np.errstate(invalid="ignore"):
+        size = np.abs(f).sum(axis=1)
+        flat = (np.abs(np.imag(np.conj(ray) * f)) <= 1e-9 * np.abs(f) * size[:, None]) & (np.abs(f) > 1e-12 * size[:, None])
+    if flat.any():
+        frame = int(np.argmax(flat.any(axis=1)))
+        why = f"the pole lies on the line of a force of its polygon at {motion.time[frame]:.4g} s: a string lies along that force."
+        raise MechanismError(Fault(f"systems.{study.name}.pole", why, "Choose a pole beside the polygon, or leave it out."))
 
 
 def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:

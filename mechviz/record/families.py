@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..drawings import Drawing
 from ..linkers import Linker
+from ..overlays import overlay_box
 from ..tables import Table
 from ..vectors import Scales
 from .arrows import Arc, Arrow
@@ -87,7 +88,7 @@ FAMILIES: tuple[Family, ...] = (
         statics=lambda c: friction_styles(c.run, c.solids),
     ),
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
-    Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids)),
+    Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
     Family(
         "polygons",

@@ -25,13 +25,18 @@ LABEL = 0.19  # room of a label, in widths of the picture
 ASPECT = 1.5  # width of the picture over its height, about
 
 
-def legend_shapes(arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids) -> Iterator[Static]:
-    """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels."""
+def legend_shapes(
+    arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, around: NDArray[np.float64]
+) -> Iterator[Static]:
+    """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
+
+    ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too.
+    """
     shown = {a.vector.family for a in arrows} | {a.moment.family for a in arcs}
     for view in ("forces", "motion"):
         drawn = [a for a in arrows if (a.vector.family in MOTION) == (view == "motion")]
         low, high = extent(drawn, scales, solids.bounds, solids.size)[:, :2]
-        bottom = low[1] + 0.25 * LEGEND_ROOM * solids.size
+        bottom = min(low[1], around[0, 1] - LEGEND_ROOM * solids.size) + 0.25 * LEGEND_ROOM * solids.size
         column = max(COLUMN * solids.size, LABEL * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
         families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
         for k, family in enumerate(families):

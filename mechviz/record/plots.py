@@ -89,11 +89,21 @@ def study_outputs(run: Run) -> list[Output]:
     for name, r in run.studies.reduced.items():
         what = "Reduced moment of inertia [kg m²]" if r.point is None else "Reduced mass [kg]"
         path = entity("data", "reduced", name)
-        found.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),)))
-    if run.studies.shaking is not None:
-        paths = [("data", "shaking"), *([("data", "shaking", "balanced")] if run.studies.balanced is not None else [])]
-        found.append(Output("Shaking moment [N m]", tuple((entity(*p), (False, False, True)) for p in paths)))
+        found.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),), r.mass[:, None]))
+    found += [gathered.output for gathered in _shaking(run)]
     return found
+
+
+def _shaking(run: Run) -> list[Gathered]:
+    """The shaking moment, with and without counterweights in two colours."""
+    before, after = run.studies.shaking, run.studies.balanced
+    if before is None:
+        return []
+    both = [before] if after is None else [before, after]
+    alone = (entity("data", "shaking"), (False, False, True)) if after is None else None
+    names = ("shaking moment [N m]", "with counterweights [N m]")[: len(both)]
+    values = np.column_stack([s.moment for s in both])
+    return [Gathered(("plots", "shaking moment"), "Shaking moment [N m]", names, values, alone)]
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
@@ -185,7 +195,7 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
 def _gathered(run: Run) -> list[Gathered]:
     joints, _ = _moved(run)
-    return [g for g in [*(_of_joints(run, joints) if joints else []), *_efforts(run)] if g.alone is None]
+    return [g for g in [*(_of_joints(run, joints) if joints else []), *_efforts(run), *_shaking(run)] if g.alone is None]
 
 
 def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:

@@ -20,7 +20,7 @@ from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import links_with_mass, tables
 from ..vectors import Scales
-from .arrows import extent, shapes
+from .arrows import LEGEND_ROOM, extent, shapes
 from .blueprint import make_blueprint
 from .describe import notes, properties, scene_text
 from .events import peak_events
@@ -117,6 +117,8 @@ def write_recording(
             "motion": extent(motion, scales, solids.bounds, solids.size),
         }
         drawn = overlay_box(run, solids)
+        if arrows:
+            drawn[0, 1] -= LEGEND_ROOM * solids.size
         bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
         views = find_views(content)
