@@ -299,7 +299,7 @@ def main() -> None:
     parser.add_argument("--only", metavar="WORD", default="", help="only peers whose file name contains the word, and mechviz")
     options = parser.parse_args()
     wanted = {k: v for k, v in peers(large=options.all).items() if options.only in k or k == "peer_mechviz"}
-    if Path(sys.prefix).resolve() != HOME:
+    if Path(sys.prefix).resolve() != HOME.resolve():  # it may be a link to that of another checkout
         python, failed = environment(wanted)
         again = {**os.environ, "PEERS_FAILED": json.dumps(failed)}
         sys.exit(subprocess.run([python, str(Path(__file__).resolve()), *sys.argv[1:]], env=again).returncode)

@@ -96,6 +96,8 @@ class Forces:
         force, couple = self._transmitted[j]
         if j not in self.motion.model.driven:
             return self._rows(force, couple)
+        if self.motion.model.joints[j].coordinate == "angle":  # the drive is all of the couple
+            return self._rows(force, couple - couple)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 

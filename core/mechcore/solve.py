@@ -96,7 +96,8 @@ def solve_motion(
     values: list[tuple[Array, Array, Array]] = []
     for d in model.mechanism.drives:
         if drives is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
-            values.append((d.law.start + d.law.speed * time, float(d.law.speed), 0.0))
+            turned = d.law.speed * time
+            values.append((turned + d.law.start if d.law.start else turned, float(d.law.speed), 0.0))
             continue
         given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
         q, v, a = (np.asarray(x, float) for x in given)
