@@ -50,10 +50,10 @@ class Compressor:
     strokes: int = 2
 
     def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
-        v = self.clearance + x / self.stroke  # volumes over the swept volume
-        with np.errstate(divide="ignore"):  # without clearance nothing is left at top dead centre: the valve has opened before
-            squeezed = self.suction * ((self.clearance + 1.0) / np.maximum(v, 0.0)) ** self.exponent
-        expanded = self.delivery * (self.clearance / v) ** self.exponent if self.clearance else np.full(np.shape(v), self.suction)
+        v = np.maximum(self.clearance + x / self.stroke, 0.0)  # volumes over the swept volume; rounding may pass the dead centre
+        with np.errstate(divide="ignore", over="ignore"):  # without clearance nothing is left at the dead centre: delivery there
+            squeezed = self.suction * ((self.clearance + 1.0) / v) ** self.exponent
+            expanded = self.delivery * (self.clearance / v) ** self.exponent if self.clearance else np.full(np.shape(v), self.suction)
         return np.where(outward, np.maximum(expanded, self.suction), np.minimum(squeezed, self.delivery))
 
     @property

@@ -309,8 +309,9 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     if not block.redundant:
         from .reach import reachable_ranges  # here: only failures need it, and it needs this module
 
-        low, high = reachable_ranges(compiled)[0]
-        remedy += f", or keep the drive within [{low * factor:.7g}{unit}, {high * factor:.7g}{unit}]"
+        ranges = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
+        if ranges:
+            remedy += f", or keep the drive within [{ranges[0][0] * factor:.7g}{unit}, {ranges[0][1] * factor:.7g}{unit}]"
     return Fault(f"pairs.{block.name}", words, remedy + ".")
 
 

@@ -292,6 +292,13 @@ class _Maker:
             return made
         if f is not None:
             intake, exhaust = self.pressure(f.intake, "four_stroke.intake"), self.pressure(f.exhaust, "four_stroke.exhaust")
+            exponents = {"exponent": f.exponent} if f.expansion is None else {"exponent": f.exponent, "expansion": f.expansion}
+            for key, value in exponents.items():
+                if value * math.log10(f.ratio) > 12.0:  # 1e12 times the intake's pressure: powers overflow from 1e308 on
+                    why = f"{value:g} lets the pressure rise more than 1e12 times over the compression ratio, {f.ratio:g}."
+                    hint = "Polytropic exponents of gases lie between 1 and 2, compression ratios below 30."
+                    self.convert.note(f"{self.path}.four_stroke.{key}", why, hint)
+                    return None
             return FourStroke(
                 stroke=stroke,
                 intake=intake,
