@@ -253,3 +253,15 @@ def _angle_at(reach: float) -> float:
     """Crank angle below zero at which F is ``reach`` away from H: law of cosines about A."""
     h = 0.4 + 1.0j
     return float(np.angle(h) - np.arccos((0.25 + abs(h) ** 2 - reach**2) / (2 * 0.5 * abs(h))))
+
+
+def test_a_motion_below_rounding_is_not_searched_for_changes():
+    """Three bars drawn straight by the fourth, turned by rounding only: no height of the triangle is a change."""
+    turn = 0.7
+    for lengths in ((0.31, 0.43, 0.29), (0.97, 1.13, 0.41)):
+        far = sum(lengths) * np.exp(1j * turn)
+        base = four_bar(E=(far.real, far.imag), AB=lengths[0], BD=lengths[1], DE=lengths[2], start=turn)
+        m = replace(base, drives=(Drive(pair="A", law=Oscillation(turn, 1e-12, 1.0)),))
+        compiled = compile_mechanism(m)
+        assert compiled.changes is not None and len(compiled.changes.found) < 10
+        assert solve_motion(compiled, default_times(m, 20)).closure.max() < 1e-9

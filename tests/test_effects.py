@@ -317,6 +317,15 @@ def test_compressor_work_is_the_closed_integral_of_p_dv(head):
     assert cycle.work < 0.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_compressor_without_clearance_delivers_up_to_its_dead_centre():
+    """Nothing is left to expand: delivery up to the dead centre, which rounding may pass, suction straight from there."""
+    cycle = Compressor(stroke=0.08, suction=1e5, delivery=7e5, exponent=1.3, clearance=0.0)
+    x = np.array([1e-6, 0.0, -1e-17])
+    assert (cycle.pressure(x, np.zeros(3, bool), np.zeros(3, bool)) == 7e5).all()
+    assert (cycle.pressure(x, np.ones(3, bool), np.zeros(3, bool)) == 1e5).all()
+
+
 def test_compressor_without_clearance_and_isothermal():
     """p1 V1 ln(p2/p1) for isothermal compression without clearance."""
     cycle = Compressor(stroke=0.08, suction=1e5, delivery=7e5, exponent=1.0, clearance=0.0)

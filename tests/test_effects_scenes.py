@@ -137,6 +137,8 @@ FAULTS = [
     ),
     (GAS + 'compressor = { suction = "1 N", delivery = 2 } }', "loads.s.compressor.suction", "pressure", "6 bar"),
     (GAS + "four_stroke = { ratio = 1 } }", "loads.s.four_stroke.ratio", "no greater", "9"),
+    (GAS + "four_stroke = { ratio = 9, exponent = 1900 } }", "loads.s.four_stroke.exponent", "more than 1e12 times", "1 and 2"),
+    (GAS + "four_stroke = { ratio = 9, expansion = 1e300 } }", "loads.s.four_stroke.expansion", "more than 1e12 times", "1 and 2"),
     (GAS + "four_stroke = { ratio = 9, rise = 0.5 } }", "loads.s.four_stroke.rise", "less than 1", "at least 1"),
     (
         GAS + "diagram = { displacement = [0, 7], outward = [1, 1], inward = [1, 1] } }",

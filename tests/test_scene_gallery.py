@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore import Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.structure import gruebler, rank_mobility, redundant_pairs
+from mechcore.structure import groups, gruebler, rank_mobility, redundant_pairs
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 
@@ -336,3 +336,10 @@ def test_every_loop_of_the_chain_stays_a_parallelogram():
     fastest = np.abs(speeds).max()
     assert np.minimum(np.abs(speeds), np.abs(np.abs(speeds) - fastest)).max() < 1e-9 * fastest
     assert len(motion.changes) % 8 == 0 and motion.changes
+
+
+def test_a_group_of_one_link_is_called_redundant_only_if_it_is():
+    """A valve between its guide and the rocker's pin: 3 - 2 - 1 = 0, the group is determinate."""
+    model = compile_mechanism(mechviz.load("valve-spring").mechanism).model
+    assert [(g.links, g.kind) for g in groups(model)] == [(("rocker",), ""), (("valve",), "with a higher pair")]
+    assert not redundant_pairs(model)

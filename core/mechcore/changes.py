@@ -30,6 +30,7 @@ SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST = 400_000  # samples of a whole run
 FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
 MISS = 1e-14  # below minus this the closed forms give up: the links miss each other
+ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
 WINDOW = 4  # samples on each side from which the instant is located
 FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
 BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
@@ -269,14 +270,11 @@ def flat_instants(
         gaps += _below(time, h, max(BLUR, rounding))
         inner = h[1:-1]
         low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
-        places = np.flatnonzero(low) + 1
-        if len(places) * 2 * WINDOW > max(len(time), 64):  # heights that are rounding from end to end: nothing moves that far
-            continue
-        for k in places:
+        for k in np.flatnonzero(low) + 1:
             a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
             x = (time[a:b] - time[k]) / step
             y = h[a:b]
-            if not np.isfinite(y).all():
+            if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
                 continue
             fit = np.polynomial.Polynomial.fit(x, y, min(8, len(x) - 1))
             slope, curve = fit.deriv(), fit.deriv(2)

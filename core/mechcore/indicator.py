@@ -53,8 +53,9 @@ class Compressor:
         v = np.maximum(self.clearance + x / self.stroke, 0.0)  # volumes over the swept volume; rounding may pass the dead centre
         with np.errstate(divide="ignore", over="ignore"):  # without clearance nothing is left at the dead centre: delivery there
             squeezed = self.suction * ((self.clearance + 1.0) / v) ** self.exponent
-            expanded = self.delivery * (self.clearance / v) ** self.exponent if self.clearance else np.full(np.shape(v), self.suction)
-        return np.where(outward, np.maximum(expanded, self.suction), np.minimum(squeezed, self.delivery))
+            left = (self.clearance / v) ** self.exponent if self.clearance else np.zeros(np.shape(v))
+        expanded = np.maximum(self.delivery * left, self.suction)
+        return np.where(outward, expanded, np.minimum(squeezed, self.delivery))
 
     @property
     def work(self) -> float:

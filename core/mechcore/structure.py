@@ -161,7 +161,8 @@ def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
         return Group(names, pair_names, "I", "", "drive")
     if len(own) == 1:
         meshing = {r.name for r in model.relations if names[0] in r.links}
-        how = "geared" if meshing else "redundant" if len(pairs) > 1 else "fixed"
+        over = sum(3 - model.joints[j].freedoms for j in pairs) > 3
+        how = "geared" if meshing else "redundant" if over else "with a higher pair" if len(pairs) > 1 else "fixed"
         return Group(names, pair_names, "I", how, "closed form")
     kind = ""
     if len(own) == 2 and len(inner) == 1 and len(outer) == 2:
