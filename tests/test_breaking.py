@@ -265,3 +265,11 @@ def test_a_motion_below_rounding_is_not_searched_for_changes():
         compiled = compile_mechanism(m)
         assert compiled.changes is not None and len(compiled.changes.found) < 10
         assert solve_motion(compiled, default_times(m, 20)).closure.max() < 1e-9
+
+
+def test_the_range_that_fails_is_that_of_all_its_frames():
+    """A drive that turns back within the range: its ends are not where the range was entered and left."""
+    base = four_bar(E=(1.0, 0.0), AB=0.9, BD=0.6, DE=0.7, start=0.4)  # limit: B and E farther apart than 1.3
+    m = replace(base, drives=(Drive(pair="A", law=Oscillation(0.4, 1.4, 1.0)),))
+    with pytest.raises(MechanismError, match=r"from 8[67][0-9.]+° to 103\.132°"):  # up to 1.8 rad
+        solve_motion(compile_mechanism(m), default_times(m, 360))

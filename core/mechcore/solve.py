@@ -284,7 +284,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     q = motion.drives[0][0]
     ranges = []
     for start, end in _runs(bad):
-        low, high = sorted((float(q[start]), float(q[end])))
+        way = q[start : end + 1]  # the drive may turn back in it
+        low, high = float(way.min()), float(way.max())
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {low * factor:.{digits}g}{unit} to {high * factor:.{digits}g}{unit}")
     shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
@@ -309,9 +310,9 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     if not block.redundant:
         from .reach import reachable_ranges  # here: only failures need it, and it needs this module
 
-        ranges = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
-        if ranges:
-            remedy += f", or keep the drive within [{ranges[0][0] * factor:.7g}{unit}, {ranges[0][1] * factor:.7g}{unit}]"
+        reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
+        if reach:
+            remedy += f", or keep the drive within [{reach[0][0] * factor:.7g}{unit}, {reach[0][1] * factor:.7g}{unit}]"
     return Fault(f"pairs.{block.name}", words, remedy + ".")
 
 
