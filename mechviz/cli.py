@@ -55,20 +55,22 @@ def fail(text: str, code: int = 2) -> NoReturn:
 @contextmanager
 def clear_errors(source: str) -> Iterator[None]:
     """Every expected fault as a message of ours; never a traceback."""
-    from mechcore.errors import MechanismError
-
     try:
         yield
         sys.stdout.flush()
-    except MechanismError as e:
-        from .scene import SceneError
-
-        fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
     except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit; the writer leaves a note on both
         note = "\n".join(getattr(e, "__notes__", ())) or "Interrupted: nothing was written."
         fail(note, 130 if isinstance(e, KeyboardInterrupt) else 143)
     except OSError as e:
         raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
+    except ValueError as e:
+        from mechcore.errors import MechanismError  # here: listing the gallery must not load numpy and scipy
+
+        if not isinstance(e, MechanismError):
+            raise
+        from .scene import SceneError
+
+        fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
 
 
 def refuse(error: OSError) -> int:
