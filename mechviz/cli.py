@@ -335,14 +335,18 @@ def export(
     csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
+    dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
+    svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
+    profile: Annotated[Path | None, typer.Option("--profile", help="write cams' points, normals, curvature (CSV)")] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
 ) -> None:
-    """Write results as tables or the links as solids."""
+    """Write results as tables, the links as solids, the profiles of cams as drawings."""
     from . import export as ex
 
-    if csv is None and parquet is None and stl is None:
-        fail("nothing to export: add --csv FILE, --parquet FILE or --stl FOLDER.")
+    profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
+    if csv is None and parquet is None and stl is None and not profiles:
+        fail("nothing to export: add --csv FILE, --parquet FILE, --stl FOLDER, and of cams --dxf, --svg or --profile FILE.")
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         try:
@@ -356,6 +360,10 @@ def export(
                 if stl is not None:
                     for path in ex.export_stl(run, stl):
                         print(path)
+                for kind, path in profiles.items():
+                    from .cam_export import export_profiles
+
+                    print(export_profiles(run, path, kind))
         except ex.ExportError as e:
             fail(str(e), 1)
 

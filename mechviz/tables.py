@@ -81,6 +81,7 @@ def tables(run: Run) -> list[Table]:
         *_links(run),
         *_points(run),
         *_joints(run),
+        *_cams(run),
         *_drives(run),
         *_loads(run),
         *_answers(run),
@@ -129,6 +130,27 @@ def _joints(run: Run) -> Iterator[Table]:
                 yield Table((*path, "friction"), f"{name}.friction", columns, forces.friction.wrench(name))
                 loss = forces.friction.losses(name)[:, None]
                 yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
+
+
+def _cams(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    if not any(r.geometry is not None for r in motion.model.relations):
+        return
+    from mechcore.cams.happenings import contact_force, placed_cams
+
+    for cam in placed_cams(motion):
+        force = np.full(motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
+        rows = cam.rows(motion, np.where(np.isnan(force), 1.0, force))
+        columns: Columns = (
+            ("x", "m"), ("y", "m"), ("force", "N"), ("pressure_angle", "rad"), ("curvature_radius", "m"), ("eccentricity", "m")
+        )  # fmt: skip
+        values = (rows.place.real, rows.place.imag, np.abs(force), rows.pressure_angle, rows.radius, rows.eccentricity)
+        yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, np.column_stack(values))
+        unit = "m" if cam.arm == 0.0 else "rad"
+        s = cam.law(rows.angle)
+        per = "m" if cam.bed else "rad"
+        lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
+        yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, np.column_stack([rows.lift, s[1], s[2]]))
 
 
 def _drives(run: Run) -> Iterator[Table]:

@@ -46,12 +46,14 @@ class Draft:
     fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
     groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
     wheels: list[str] = field(default_factory=list)  # of every wheel the group that it belongs to
+    cams: list[str] = field(default_factory=list)  # of every cam the group that it belongs to
     through: dict[int, set[str]] = field(default_factory=dict)  # axle -> groups that its pin passes beside those of its links
 
     def merge(self, old: str, new: str) -> None:
         """All that was to lie on the layer of one group lies on that of another."""
         self.groups.update({name: new for name, group in self.groups.items() if group == old})
         self.wheels[:] = [new if group == old else group for group in self.wheels]
+        self.cams[:] = [new if group == old else group for group in self.cams]
         for k, reached in self.through.items():
             self.through[k] = {new if group == old else group for group in reached}
 

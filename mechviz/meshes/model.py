@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mechcore.pairs import Builder, Joint, build_pairs
 from mechcore.spec import Cylinder, Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 
+from .profiles import CamDrawing, cam_extents, find_cams
 from .wheels import Wheels, find_wheels
 
 __all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Telescope", "Weldment", "build_model"]
@@ -145,6 +146,8 @@ class Model:
     marks: Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that carry no pin
     proportions: Proportions
     segments: int  # sides of a full circle
+    cams: tuple[CamDrawing, ...] = ()
+    guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic pair -> its point on the ground, where there is one
 
     def pins(self, link: str) -> list[Vec2]:
         """Pin centres of a link, in its frame."""
@@ -163,12 +166,14 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     joints = [_scaled(joint, size) for joint in parts.joints]
     wheels = find_wheels(mechanism, parts, size, scaled)
     racks = {bar.slider for bar in wheels.racks}
+    cams = find_cams(mechanism, parts, size)
+    drawn = {name for cam in cams for name in cam.own_guides}
     cylinders = {pair.name for pair in mechanism.pairs if isinstance(pair, Cylinder)}
     clusters = _clusters(mechanism, joints)
     marks = _marks(mechanism, points, clusters)
     proportions = _proportions(mechanism, links, clusters, wheels)
     axles = tuple(_axle(c, clusters, marks, proportions) for c in clusters)
-    guides = [j for j in joints if j.kind == "prismatic" and j.name not in cylinders | racks]
+    guides = [j for j in joints if j.kind == "prismatic" and j.name not in cylinders | racks | drawn]
     return Model(
         frame=mechanism.frame,
         links=tuple(link.name for link in links),
@@ -184,7 +189,14 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
         marks=marks,
         proportions=proportions,
         segments=segments,
+        cams=cams,
+        guide_points=_ground_points(mechanism.frame, joints),
     )
+
+
+def _ground_points(frame: str, joints: Sequence[Joint]) -> dict[str, Vec2]:
+    """Where the sliding pairs on the ground have their points on it."""
+    return {j.name: _xy(j.a if j.links[0] == frame else j.b) for j in joints if j.kind == "prismatic" and frame in j.links}
 
 
 def _scaled(joint: Joint, size: float) -> Joint:
@@ -221,6 +233,8 @@ def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, np.ndarray])
     for wheel in find_wheels(mechanism, parts, 1.0, {}).wheels:
         x, y, r = *wheel.centre, wheel.radius
         rims.setdefault(wheel.link, []).extend([(x - r, y), (x + r, y), (x, y - r), (x, y + r)])
+    for name, corners in cam_extents(find_cams(mechanism, parts, 1.0)).items():
+        rims.setdefault(name, []).extend(corners)
     for link in parts.links.values():
         kept = [xy for p, xy in link.points.items() if link.name != mechanism.frame or (link.name, p) in used]
         kept += rims.get(link.name, [])

@@ -17,6 +17,7 @@ from shapely.ops import unary_union
 from mechcore.spec import Vec2
 
 from . import outline
+from .cams import draw_cams, group_cams
 from .draft import Draft, Neck, Piece, joined
 from .fittings import draw_slots, draw_telescopes, group_slots, group_telescopes, join_welds, lug, slot_of
 from .model import Guide, Model
@@ -29,7 +30,7 @@ def draft_pieces(model: Model) -> Draft:
     """Choose the form of every guide and draw all pieces."""
     model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
     draft = Draft(groups={name: name for name in model.links if name != model.frame})
-    plain = group_wheels(model, draft)
+    plain = group_cams(model, draft, group_wheels(model, draft))
     group_telescopes(model, draft)
     group_slots(model, draft)
     forms = {guide.pair: _form(model, guide) for guide in model.guides}
@@ -41,6 +42,7 @@ def draft_pieces(model: Model) -> Draft:
     for guide in model.guides:
         _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
     draw_wheels(model, draft)
+    draw_cams(model, draft)
     draw_telescopes(model, draft)
     draw_slots(model, draft)
     for name, shape in plates.items():

@@ -12,7 +12,7 @@ from mechcore.events import Event
 from ..tables import pair_unit
 from ..vectors import FORCE_FAMILIES, plotted_against
 from .paths import entity
-from .plots import Output, effort_outputs, main_outputs, reaction_outputs, study_outputs
+from .plots import Output, cam_outputs, effort_outputs, main_outputs, reaction_outputs, study_outputs
 from .polygons import OVERLAYS
 
 if TYPE_CHECKING:
@@ -138,6 +138,7 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _plots(run: Run) -> list[Any]:
     times = _axis_values(run)
     stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run))]
+    stacks += [cam_outputs(run)]
     stacks.append(reaction_outputs(run))
     motion = main_outputs(run)
     stacks += [[output] for output in motion] if run.forces is None else [motion]

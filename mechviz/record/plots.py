@@ -17,7 +17,16 @@ from .streams import Index, Static, Stream
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["Output", "effort_outputs", "main_outputs", "plot_streams", "plot_styles", "reaction_outputs", "study_outputs"]
+__all__ = [
+    "Output",
+    "cam_outputs",
+    "effort_outputs",
+    "main_outputs",
+    "plot_streams",
+    "plot_styles",
+    "reaction_outputs",
+    "study_outputs",
+]
 
 Real = NDArray[np.float64]
 
@@ -104,6 +113,18 @@ def _shaking(run: Run) -> list[Gathered]:
     names = ("shaking moment [N m]", "with counterweights [N m]")[: len(both)]
     values = np.column_stack([s.moment for s in both])
     return [Gathered(("plots", "shaking moment"), "Shaking moment [N m]", names, values, alone)]
+
+
+def cam_outputs(run: Run) -> list[Output]:
+    """Lift and pressure angle of the cams, and the force where they touch."""
+    names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
+    if not names:
+        return []
+    contacts = [entity("data", "cams", name, "contact") for name in names]
+    found = [Output("Lift", tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names))]
+    for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
+        found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts)))
+    return found
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:

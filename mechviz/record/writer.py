@@ -97,7 +97,7 @@ def write_recording(
         every = picture_stride(run)
         timelines = Timelines.of(run)
         rubbing = [] if run.forces is None else friction_events(run.forces)
-        events = sorted([*find_events(run.motion), *peak_events(run), *rubbing], key=lambda e: e.time)
+        events = sorted([*find_events(run.motion), *peak_events(run), *rubbing, *_cam_events(run)], key=lambda e: e.time)
         content = Content(
             run,
             solids,
@@ -147,6 +147,15 @@ def write_recording(
         events=tuple(events),
         clashes=tuple(solids.clashes),
     )
+
+
+def _cam_events(run: Run) -> list[Event]:
+    """Events of the cams, where there are any."""
+    if not any(r.geometry is not None for r in run.motion.model.relations):
+        return []
+    from mechcore.cams.happenings import cam_events
+
+    return cam_events(run.motion, run.forces)
 
 
 def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:

@@ -80,6 +80,12 @@ class PlacedCam:
         return guide.side if isinstance(guide, Oscillating) else 0
 
     @property
+    def offset(self) -> float:
+        """Of a translating follower [m]; 0 of an oscillating one."""
+        guide = self.cam.follower.guide
+        return guide.offset if isinstance(guide, Translating) else 0.0
+
+    @property
     def yoke(self) -> bool:
         """Whether the cam runs between two parallel faces."""
         return self.form and isinstance(self.cam.follower.face, Flat)

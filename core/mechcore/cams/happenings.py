@@ -1,0 +1,152 @@
+"""What happens to the cams of a mechanism over a run: contact lost and regained, infinite jerk, pressure angles beyond a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..events import Event, at_drive, runs
+from ..kinetostatics import Forces, solve_forces
+from ..laws.factors import jumps
+from ..motion import Motion
+from .followers import Flat
+from .placed import PlacedCam
+
+__all__ = ["cam_events", "contact_force", "placed_cams"]
+
+Real = NDArray[np.float64]
+
+NOISE = 1e-9  # pull below this part of the largest force is rounding
+ROUNDS = 4  # of searches for the moment between two frames, each to an eighth of the one before
+PARTS = 8
+
+
+def placed_cams(motion: Motion) -> list[PlacedCam]:
+    """The cams of a mechanism, in the order of its pairs."""
+    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, PlacedCam)]
+
+
+def contact_force(forces: Forces, cam: PlacedCam) -> Real:
+    """Force along the common normal (F) [N], positive where the cam presses on the follower."""
+    reaction = forces.reaction(cam.name)
+    return np.real((reaction[:, 0] + 1j * reaction[:, 1]) * np.conj(cam.rows(forces.motion).normal))
+
+
+def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
+    """Events of all cams of a run, in order of time."""
+    found: list[Event] = []
+    for cam in placed_cams(motion):
+        if not motion.frames:
+            continue
+        found += _shocks(motion, cam)
+        found += _beyond(motion, cam)
+        if forces is not None and not cam.form:
+            found += _lost(forces, cam)
+    return sorted(found, key=lambda e: e.time)
+
+
+def _where(cam: PlacedCam, argument: float) -> str:
+    """A place of the law in words."""
+    if cam.bed is not None:
+        return f"{1e3 * argument:.4g} mm of the cam"
+    return f"{np.degrees(argument) % 360.0:.4g} deg of the cam"
+
+
+def _at(motion: Motion, values: Real, t: float) -> float:
+    return float(np.interp(t, motion.time, values))
+
+
+def _arguments(motion: Motion, cam: PlacedCam) -> Real:
+    x = cam.argument(motion)
+    return x if cam.bed is not None else np.unwrap(x)
+
+
+def _lost(forces: Forces, cam: PlacedCam) -> Iterator[Event]:
+    """Where a follower that is only pressed on its cam would have to be pulled."""
+    motion = forces.motion
+    n, time = contact_force(forces, cam), forces.motion.time
+    largest = float(np.nanmax(np.abs(n), initial=0.0))
+    x = _arguments(motion, cam)
+    for first, last in runs(n < -NOISE * largest):
+        least = float(np.nanmin(n[first : last + 1]))
+        for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
+            if not 0 <= other < len(time):
+                if what == "regained":
+                    continue  # the run ends before
+                t = float(time[k])
+            else:
+                t = _crossing(forces, cam, float(time[other]), float(time[k]), float(n[other]), float(n[k]))
+            where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
+            if what == "lost":
+                text = f"contact lost {where}: the cam would have to pull with up to {-least:.4g} N. Press harder or turn slower"
+                yield Event(t, "WARN", cam.name, text, least)
+            else:
+                yield Event(t, "INFO", cam.name, f"contact regained {where}")
+
+
+def _crossing(forces: Forces, cam: PlacedCam, t0: float, t1: float, n0: float, n1: float) -> float:
+    """The time at which the contact force passes through zero between a frame that presses and one that would pull."""
+    again = forces.motion.again
+    for _ in range(ROUNDS if again is not None else 0):
+        assert again is not None
+        t = np.sort(np.linspace(t0, t1, PARTS + 1))
+        if not np.all(np.diff(t) > 0.0):
+            break
+        values = contact_force(solve_forces(again(t)), cam)
+        if t1 < t0:
+            t, values = t[::-1], values[::-1]
+        k = int(np.argmax(values < 0.0)) or PARTS
+        t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(values[k - 1]), float(values[k])
+    return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
+
+
+def _shocks(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+    """Steps of the law's velocity and acceleration, each time the cam comes by."""
+    law = cam.cam.law
+    steps = jumps(law, (1, 2), ends=law.repeats)
+    if not steps:
+        return
+    x = _arguments(motion, cam) * cam.ahead
+    if not np.isfinite(x).all():
+        return
+    told: set[float] = set()
+    for step in sorted(steps, key=lambda s: s.order):
+        if any(abs(step.angle - a) < 1e-9 * law.length for a in told):
+            continue  # where the velocity jumps, the rest is no news
+        told.add(step.angle)
+        what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
+        laps = range(int(np.floor((x.min() - step.angle) / law.length)), int(np.ceil((x.max() - step.angle) / law.length)) + 1)
+        for lap in laps if law.repeats else (0,):
+            gap = x - (step.angle + lap * law.length)
+            hits = np.flatnonzero((gap[:-1] < 0.0) & (gap[1:] >= 0.0) | (gap[:-1] > 0.0) & (gap[1:] <= 0.0))
+            for k in hits:
+                share = gap[k] / (gap[k] - gap[k + 1])
+                t = float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k]))
+                text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
+                yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
+
+
+def _beyond(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+    """Pressure angles beyond the limit, and contacts beyond the ends of a flat face."""
+    rows = cam.rows(motion)
+    x = _arguments(motion, cam)
+    if cam.pressure_limit is not None:
+        size = np.abs(rows.pressure_angle)
+        for first, last in runs(size > cam.pressure_limit):
+            k = first + int(np.argmax(size[first : last + 1]))
+            text = (
+                f"pressure angle up to {np.degrees(size[k]):.4g} deg (limit {np.degrees(cam.pressure_limit):.4g} deg) from "
+                f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
+    face = cam.cam.follower.face
+    if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
+        for first, last in runs((rows.eccentricity < -face.left) | (rows.eccentricity > face.right)):
+            far = rows.eccentricity[first : last + 1]
+            worst = float(far[np.argmax(np.abs(far))])
+            text = (
+                f"the contact leaves the face at {_where(cam, x[first])}: it reaches {1e3 * worst:.4g} mm from the follower's point"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, worst)

@@ -1,0 +1,180 @@
+"""Cams in scenes: keywords and faults, tables and events, solids that touch, gallery."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+import mechviz
+from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.cams.happenings import cam_events, contact_force, placed_cams
+from mechviz.meshes import build_solids
+from mechviz.run import run_scene
+from mechviz.scene import SceneError
+from mechviz.tables import tables
+
+SCENES = [
+    "cam-roller", "cam-roller-offset", "cam-knife", "cam-flat", "cam-mushroom", "cam-oscillating-roller", "cam-oscillating-flat",
+    "cam-wedge", "cam-yoke", "cam-groove", "cam-linkage", "valve-train",
+]  # fmt: skip
+
+
+def solved(name: str, frames: int | None = None):
+    scene = mechviz.load(name)
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames or scene.frames, 1))
+    return motion, solve_forces(motion)
+
+
+def text_of(name: str) -> str:
+    return mechviz.load(name).to_toml()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_read_as_they_were_written(name):
+    scene = mechviz.load(name)
+    again = mechviz.loads(scene.to_toml(), scene.name)
+    assert again == scene and again.to_toml() == scene.to_toml()
+    assert repr(again.mechanism.pairs[-1].face) == repr(scene.mechanism.pairs[-1].face)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("base = 40", 'base = "40 N"', ["pairs.K.profile.base", "40 N"]),
+        ("base = 40, ", "", ["pairs.K.profile", "'base' is missing"]),
+        ("roller = 10", "rollr = 10", ["Did you mean 'roller'?"]),
+        ("roller = 10", "roller = 10, knife = true", ["roller"]),
+        ("roller = 10", "flat = true, tilt = 95", ["pairs.K.follower.tilt", "95"]),
+        ("roller = 10", "roller = 10, tilt = 5", ["tilt goes with a flat face"]),
+        ('guide = "S"', 'guide = "Q"', ["pairs.K.follower.guide", "no pair 'Q'"]),
+        ('guide = "S"', 'guide = "O"', ["pairs.K.follower.guide", "'O' is no prismatic or revolute pair of 'follower'"]),
+        ('point = "T"', 'point = "X"', ["pairs.K.follower.point", "no point 'X'"]),
+        ("over = 60 }, {", "over = 50 }, {", ["pairs.K", "350 deg", "Add a dwell of 10 deg"]),
+        ("to = 20", 'to = "20 deg"', ["pairs.K.profile.lift[0].to"]),
+        ("to = 20", 'to = 20, law = "cycloid"', ["pairs.K.profile.lift[0]", "cycloid"]),
+        ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nradius = 5', ["radius does not go with a cam"]),
+        ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nclosure = "spring"', ["pairs.K.closure"]),
+    ],
+)  # fmt: skip
+def test_faults_of_scenes(old, new, words):
+    text = text_of("cam-roller")
+    assert old in text
+    with pytest.raises((SceneError, MechanismError)) as error:
+        compile_mechanism(mechviz.loads(text.replace(old, new, 1)).mechanism)
+    said = " ".join(str(error.value).split())
+    for word in words:
+        assert word in said, said
+
+
+def test_tables_of_the_contact():
+    """Names, units and values that the recording promises, against the textbook's formulas."""
+    run = run_scene(mechviz.load("cam-roller-offset"))
+    found = {t.path: t for t in tables(run)}
+    contact = found["data", "cams", "K", "contact"]
+    assert [unit for _, unit in contact.columns] == ["m", "m", "N", "rad", "m", "m"]
+    x, y, force, alpha, radius, eccentricity = contact.values.T
+    lift, rate, second = found["data", "cams", "K", "lift"].values.T
+    e, r = 0.014, 0.010
+    h = np.sqrt((0.038 + r) ** 2 - e**2) + lift
+    np.testing.assert_allclose(np.tan(alpha), (rate - e) / h, atol=1e-12)
+    np.testing.assert_allclose(force, np.hypot(*run.forces.reaction("K")[:, :2].T), rtol=1e-12)
+    np.testing.assert_allclose((x - e) ** 2 + (y - h) ** 2, r**2, rtol=1e-9)
+    assert np.isnan(eccentricity).all()
+    q, p = rate - e, h  # the pitch curve's derivatives in turned axes
+    rho = (p**2 + q**2) ** 1.5 / (p**2 + q**2 + q * rate - p * second)
+    np.testing.assert_allclose(radius, rho - r, rtol=1e-9)
+    flat = next(t for t in tables(run_scene(mechviz.load("cam-flat"))) if t.path == ("data", "cams", "K", "contact"))
+    assert np.isfinite(flat.values[:, 5]).all() and not flat.values[:, 3].any()
+
+
+def test_contact_is_lost_where_the_force_changes_its_sign():
+    motion, forces = solved("valve-train")
+    (cam,) = placed_cams(motion)
+    events = [e for e in cam_events(motion, forces) if "contact" in e.text]
+    assert [e.text.split(" at ")[0] for e in events] == ["contact lost", "contact regained"] * 2  # rise, return
+    assert "deg of the cam" in events[0].text and events[0].level == "WARN"
+    again = motion.again
+    for event in events:  # the acceleration may jump there: force on both sides
+        n = contact_force(solve_forces(again(np.array([event.time - 2e-6, event.time + 2e-6]))), cam)
+        assert n[0] * n[1] < 0.0
+    slow = mechviz.loads(text_of("valve-train").replace("3600 rpm", "1500 rpm")).mechanism
+    calm = solve_motion(compile_mechanism(slow), default_times(slow))
+    assert not [e for e in cam_events(calm, solve_forces(calm)) if "lost" in e.text]
+
+
+def test_infinite_jerk_and_pressure_angles_are_events():
+    motion, forces = solved("cam-knife")
+    jerk = [e for e in cam_events(motion, forces) if "infinite jerk" in e.text]
+    np.testing.assert_allclose([e.value for e in jerk], np.nan)
+    angles = np.degrees(motion.coordinate("O")[:, 0])
+    at = np.interp([e.time for e in jerk], motion.time, angles)
+    assert set(np.round(at).astype(int) % 360) == {0, 50, 100, 150, 215, 280}
+    steep = [e for e in cam_events(*solved("cam-oscillating-roller")) if "pressure angle" in e.text]
+    assert not steep
+    text = text_of("cam-roller").replace("base = 40", "base = 40, pressure_limit = 15")
+    m = mechviz.loads(text).mechanism
+    motion = solve_motion(compile_mechanism(m), default_times(m))
+    steep = [e for e in cam_events(motion, None) if "pressure angle" in e.text]
+    assert len(steep) == 2  # rise and return
+    rows = placed_cams(motion)[0].rows(motion)
+    np.testing.assert_allclose(max(e.value for e in steep), np.abs(rows.pressure_angle).max())
+
+
+def _section(mesh: trimesh.Trimesh, z: float):
+    """The outline of a solid at a height."""
+    lines = trimesh.intersections.mesh_plane(mesh, [0.0, 0.0, 1.0], [0.0, 0.0, z])[:, :, :2]
+    return lines if len(lines) else None
+
+
+@pytest.mark.parametrize("name", [n for n in SCENES if n not in ("cam-groove", "cam-linkage")])
+def test_the_solids_touch_over_a_turn(name):
+    """Distance of cam and follower, cut through the middle of their layer: zero within the tessellation, never overlapping."""
+    motion, _ = solved(name, 61)
+    solids = build_solids(motion.mechanism, {k: motion.pose(k) for k in motion.model.links})
+    assert not solids.clashes
+    (placed,) = placed_cams(motion)
+    cam, follower = (solids.links[k] for k in placed.links)
+    plate = cam.parts[cam.kinds.index("plate")]
+    z = 0.5 * (plate.vertices[:, 2].min() + plate.vertices[:, 2].max())
+    outlines = [[_section(p, z) for p in s.parts] for s in (cam, follower)]
+    ring, tip = (
+        shapely.union_all([shapely.polygons(loop) for s in parts if s is not None for loop in _loops(s)]) for parts in outlines
+    )
+    if placed.yoke:  # the frame of the yoke is a ring: its opening is no material
+        tip = shapely.union_all([p for s in outlines[1] if s is not None for p in [_ringed(s)]])
+    tolerance = 2e-5
+    for k in range(0, motion.frames, 3):
+        a, b = (_at(shape, motion.pose(link)[k]) for shape, link in zip((ring, tip), placed.links, strict=True))
+        assert a.distance(b) < tolerance
+        assert a.buffer(-tolerance).intersection(b).area < 1e-12
+
+
+def _loops(segments: np.ndarray) -> list[np.ndarray]:
+    shapes = shapely.polygonize(shapely.linestrings(np.round(segments, 9)))
+    return [np.asarray(p.exterior.coords) for p in shapes.geoms]
+
+
+def _ringed(segments: np.ndarray):
+    rings = sorted((shapely.Polygon(loop) for loop in _loops(segments)), key=lambda p: -p.area)
+    return rings[0].difference(shapely.union_all(rings[1:])) if len(rings) > 1 else rings[0]
+
+
+def _at(shape, pose):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return shapely.affinity.affine_transform(shape, [c, -s, s, c, pose[0], pose[1]])
+
+
+def test_a_scene_without_cams_pays_nothing(monkeypatch):
+    """Neither geometry nor events nor tables of cams are looked for."""
+    import sys
+
+    import mechcore.cams.happenings as happenings
+
+    def refuse(*args):
+        raise AssertionError("called")
+
+    monkeypatch.setattr(happenings, "placed_cams", refuse)
+    monkeypatch.setattr(sys.modules["mechcore.cams.placed"].PlacedCam, "at", refuse)
+    assert not [t for t in tables(run_scene(mechviz.load("crank-rocker"))) if "cams" in t.path]
