@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore import Compiled, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.answers import grashof
 from mechcore.assembly import all_modes
 from mechcore.equations import contour_equations
+from mechcore.friction.events import friction_events
 from mechcore.leastnorm import indeterminate
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
@@ -59,11 +60,22 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
+    if "friction" in scene.mechanism.effects:
+        lines += _friction(motion)
     if modes:
         lines += _all_modes(compiled)
     if equations:
         lines += ["", *contour_equations(motion)]
     return lines
+
+
+def _friction(motion: Motion) -> list[str]:
+    """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
+    found = [e for e in friction_events(solve_forces(motion)) if e.level == "WARN" or e.text.startswith("self-locking")]
+    if not found:
+        return ["friction   no jam and no self-locking over the run"]
+    lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
+    return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
 
 
 def _grashof(compiled: Compiled) -> list[str]:

@@ -18,6 +18,7 @@ from mechcore.plan import make_plan
 from mechcore.spec import Drive, Friction, Link, PinSlot, Prismatic
 from mechviz.record import inspect
 from mechviz.record.inspection import format_inspection
+from mechviz.report import check_lines
 from mechviz.scene import Scene, SceneBuilder, json_schema
 from recordings import made
 
@@ -235,3 +236,14 @@ def test_inspection_lists_losses_and_jams():
     assert "Friction losses, mean of the run" in text and "friction moment O" in text and "efficiency of the run" in text
     jam = format_inspection(inspect(made("jamming-sleeve").path))
     assert "jams to the end of the run" in jam and " nan " not in jam
+    assert "where it jams: there are no forces beyond" in jam
+
+
+def test_check_and_record_say_where_friction_jams_or_locks():
+    """Without a recording, and in what the recording's command prints."""
+    assert any("jams to the end of the run" in line for line in check_lines(mechviz.load("jamming-sleeve")))
+    assert any("self-locking until" in line for line in check_lines(mechviz.load("self-locking-wedge")))
+    smooth = mechviz.loads(mechviz.load("jamming-sleeve").text.replace("coefficient = 0.2", "coefficient = 0.02"))
+    assert any("no jam and no self-locking" in line for line in check_lines(smooth))
+    assert not any(line.startswith("friction") for line in check_lines(mechviz.load("crank-rocker")))
+    assert "warning: S: jams to the end of the run" in str(made("jamming-sleeve").summary)

@@ -68,6 +68,7 @@ class Inspection:
     skipped: tuple[str, ...]
     peaks: tuple[Peak, ...]
     losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
+    losses_until: float | None  # time of the first jam [s], up to which the losses are counted; None: the whole run
     health: tuple[Peak, ...]
     events: tuple[LoggedEvent, ...]
 
@@ -80,6 +81,7 @@ def inspect(path: Path | str) -> Inspection:
     if not recording.has(*frame_pose):
         raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first.", "Record the scene again.")
     rows = recording.rows(*frame_pose, component="Scalars:scalars")
+    losses = _losses(recording, model)
     return Inspection(
         path=recording.path,
         bytes=recording.path.stat().st_size,
@@ -99,7 +101,8 @@ def inspect(path: Path | str) -> Inspection:
         effects=tuple(properties.get("effects", ())),
         skipped=tuple(properties.get("skipped", ())),
         peaks=tuple(_peaks(recording, model)),
-        losses=tuple(_losses(recording, model)),
+        losses=tuple((joint, loss) for joint, loss, _ in losses),
+        losses_until=min((end for _, _, end in losses if end is not None), default=None),
         health=tuple(_health(recording)),
         events=recording.events,
     )
@@ -130,18 +133,20 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
     return [p for p in found if p is not None]
 
 
-def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float]]:
-    """Mean power that friction takes in each joint that has any [W], the largest first; up to where the mechanism jams."""
+def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float, float | None]]:
+    """Mean power that friction takes in each joint that has any [W], the largest first; up to where the mechanism jams [s]."""
     found = []
     for joint in model["joints"]:
         path = ("data", "joints", joint, "friction_loss")
         if recording.has(*path):
             rows = recording.rows(*path, component="Scalars:scalars")
             time, values = 1e-9 * rows.time.astype(float), rows.values.reshape(len(rows.time))
-            known = len(values) if np.isfinite(values).all() else int(np.argmax(~np.isfinite(values)))
+            whole = bool(np.isfinite(values).all())
+            known = len(values) if whole else int(np.argmax(~np.isfinite(values)))
             time, values = time[: max(known, 1)], values[: max(known, 1)]
             span = float(np.ptp(time))
-            found.append((joint, float(np.trapezoid(values, time)) / span if span > 0 else float(values.mean())))
+            mean = float(np.trapezoid(values, time)) / span if span > 0 else float(values.mean())
+            found.append((joint, mean, None if whole else float(time[-1])))
     return sorted(found, key=lambda item: -item[1])
 
 
@@ -208,7 +213,9 @@ def format_inspection(found: Inspection) -> str:
         lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
     if found.losses:
         total = sum(loss for _, loss in found.losses)
-        lines += ["", "Friction losses, mean of the run"]
+        until = found.losses_until
+        span = "of the run" if until is None else f"up to {until:.6g} s, where it jams: there are no forces beyond"
+        lines += ["", f"Friction losses, mean {span}"]
         lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
         lines.append(f"  {'all':<12}  {total:>12.5g} W")
     if found.health:

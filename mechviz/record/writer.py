@@ -40,6 +40,9 @@ BLOCK = 2000
 """Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
 
 
+MOST_WARNINGS = 6  # in the summary
+
+
 @dataclass(frozen=True)
 class RecordingSummary:
     """What was computed, left out and written, and what each stage cost. As text: a few lines for people."""
@@ -69,6 +72,10 @@ class RecordingSummary:
             "cost: " + ", ".join(f"{s.name} {1e3 * s.seconds:.1f} ms" for s in self.stages),
         ]
         lines += [f"the solids of {a} and {b} pass through each other in every order of layers" for a, b in self.clashes]
+        warnings = [e for e in self.events if e.level == "WARN"]
+        lines += [f"warning: {e.item}: {e.text} (t = {e.time:.6g} s)" for e in warnings[:MOST_WARNINGS]]
+        if len(warnings) > MOST_WARNINGS:
+            lines.append(f"and {len(warnings) - MOST_WARNINGS} warnings more: see mechviz inspect {self.path}")
         return "\n".join(lines)
 
 
