@@ -555,12 +555,20 @@ def modules_after(code: str) -> set[str]:
     out = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"], capture_output=True, text=True, check=True
     )
-    return {name.partition(".")[0] for name in out.stdout.split()}
+    return {name.partition(".")[0] for name in out.stdout.splitlines()[-1].split()}
 
 
 def test_listing_the_gallery_is_light():
     heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pydantic", "pint"}
     assert not modules_after("import mechviz; mechviz.gallery()") & heavy
+
+
+@pytest.mark.parametrize("words", [["scenes"], ["scenes", "--names"], ["--help"]])
+def test_commands_that_compute_nothing_load_nothing_heavy(words):
+    heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pint"}
+    code = f"import sys\nsys.argv = {['mechviz', *words]!r}\nimport runpy"
+    code += "\ntry:\n    runpy.run_module('mechviz', run_name='__main__')\nexcept SystemExit as e:\n    assert not e.code"
+    assert not modules_after(code) & heavy
 
 
 def test_reading_a_scene_loads_no_viewer():
