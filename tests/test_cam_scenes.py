@@ -17,7 +17,7 @@ from mechviz.tables import tables
 
 SCENES = [
     "cam-roller", "cam-roller-offset", "cam-knife", "cam-flat", "cam-mushroom", "cam-oscillating-roller", "cam-oscillating-flat",
-    "cam-wedge", "cam-yoke", "cam-groove", "cam-linkage", "valve-train",
+    "cam-wedge", "cam-sine-acceleration", "cam-yoke", "cam-groove", "cam-linkage", "valve-train",
 ]  # fmt: skip
 
 
@@ -87,6 +87,16 @@ def test_tables_of_the_contact():
     np.testing.assert_allclose(radius, rho - r, rtol=1e-9)
     flat = next(t for t in tables(run_scene(mechviz.load("cam-flat"))) if t.path == ("data", "cams", "K", "contact"))
     assert np.isfinite(flat.values[:, 5]).all() and not flat.values[:, 3].any()
+
+
+def test_the_lectures_sinusoidal_acceleration():
+    """Closing the profile leaves h = R - a0/w^2 sin(w t), lift 2 a0/w^2, where R is the mean height (theory of the lecture)."""
+    motion, _ = solved("cam-sine-acceleration")
+    angle = motion.coordinate("O")[:, 0]
+    height = motion.coordinate("S") + np.array([0.1, 0.0, 0.0])
+    np.testing.assert_allclose(height[:, 0], 0.04 - 0.01 * np.sin(angle), atol=1e-15)
+    w = 240.0 * np.pi / 30.0
+    np.testing.assert_allclose(height[:, 2], 0.01 * w**2 * np.sin(angle), atol=1e-11)
 
 
 def test_contact_is_lost_where_the_force_changes_its_sign():
