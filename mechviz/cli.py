@@ -112,7 +112,10 @@ def load_scene(source: str) -> Scene:
 def solve(scene: Scene, frames: int | None, cycles: int | None) -> Run:
     from .run import run_scene
 
-    return run_scene(scene, frames=frames, cycles=cycles)
+    if scene.simulation is None:
+        return run_scene(scene, frames=frames, cycles=cycles)
+    with progress_bar("simulating") as bar:
+        return run_scene(scene, frames=frames, cycles=cycles, advance=lambda t, end: bar(round(1e3 * t / end), 1000))
 
 
 @contextmanager

@@ -13,6 +13,8 @@ from mechcore import Compiled, Motion, compile_mechanism, default_times, solve_f
 from mechcore.effects import effects_of, sum_up, wrenches
 from mechcore.plan import Plan, make_plan
 
+from .run import run_scene
+
 if TYPE_CHECKING:
     from .scene import Scene
 
@@ -33,7 +35,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
     """Wall times of all that the plan of a scene computes. Each repeat starts from a motion of which nothing is known yet."""
     mechanism = scene.mechanism
     plan: Plan = make_plan(mechanism) if outputs is None else make_plan(mechanism, outputs)
-    frames = default_times(mechanism, scene.frames, scene.cycles)
+    frames = None if scene.simulation is not None else default_times(mechanism, scene.frames, scene.cycles)
     found: dict[str, list[float]] = {}
 
     def timed(name: str, work: Callable[[], Any]) -> Any:
@@ -45,6 +47,10 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost
     effects = effects_of(mechanism)
     named = len(mechanism.effects)
     for _ in range(repeats + 1):
+        if scene.simulation is not None:
+            for spent in run_scene(scene).stages:
+                found.setdefault(spent.name, []).append(spent.seconds)
+            continue
         compiled = timed("compile", partial(compile_mechanism, mechanism))
         motion = timed("positions", partial(_positions, compiled, frames))
         for stage in ("velocities", "accelerations"):

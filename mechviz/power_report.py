@@ -57,7 +57,7 @@ def force_lines(forces: Forces) -> list[str]:
     ]
     lines.insert(len(lines) - 1, "-" * len(lines[0]))
     lines += ["", f"What is supplied is absorbed: the works close to {table.closure:.1e} of what is supplied.", ""]
-    for share in drive_shares(forces):
+    for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
         when = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
         more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
         lines.append(

@@ -11,6 +11,7 @@ from mechcore.answers import grashof
 from mechcore.assembly import all_modes
 from mechcore.equations import contour_equations
 from mechcore.friction.events import friction_events
+from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
@@ -30,7 +31,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     """
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
-    motion = solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
+    free = [d.pair for d in scene.mechanism.drives if isinstance(d.law, Free)]
+    times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # forces decide what comes after
+    motion = solve_motion(compiled, times)
     n, p5, p4, w = gruebler(model)
     rank = rank_mobility(motion)
     drives = len(scene.mechanism.drives)
@@ -38,8 +41,14 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         scene.title,
         "",
         f"mobility   W = 3·{n} - 2·{p5} - {p4} = {w} (Gruebler-Kutzbach); {rank} by the rank of the constraints; "
-        f"{drives} drive{'s' if drives != 1 else ''}",
+        f"{_led(drives - len(free), free)}",
     ]
+    if scene.simulation is not None:
+        lines.append(f"dynamics   forces decide the motion of {', '.join(free)} for {scene.simulation.duration:g} s")
+        for s in scene.simulation.stops:
+            lines.append(f"           stop {s.name} of {s.pair}, restitution {s.restitution:g}")
+        for look in scene.simulation.watches:
+            lines.append(f"           watched: {look.name}{', ends the motion' if look.ends else ''}")
     redundant = redundant_pairs(model)
     if redundant:
         lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
@@ -51,7 +60,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += _modes(compiled)
     lines += _reach(compiled)
     lines.append(
-        f"health     contours close to {np.max(motion.closure) * 1e3:.1e} mm over {motion.frames} frames; "
+        f"health     contours close to {np.max(motion.closure) * 1e3:.1e} mm {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"
     )
     lines += _grashof(compiled)
@@ -60,7 +69,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
-    if "friction" in scene.mechanism.effects:
+    if "friction" in scene.mechanism.effects and not free:
         lines += _friction(motion)
     if modes:
         lines += _all_modes(compiled)
@@ -76,6 +85,18 @@ def _friction(motion: Motion) -> list[str]:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
     return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
+
+
+def _over(frames: int) -> str:
+    return f"over {frames} frames" if frames != 1 else "at the start"
+
+
+def _led(drives: int, free: list[str]) -> str:
+    """How many drives and free coordinates there are."""
+    words = [f"{drives} drive{'s' if drives != 1 else ''}"] if drives or not free else []
+    if free:
+        words.append(f"{len(free)} free coordinate{'s' if len(free) != 1 else ''}")
+    return ", ".join(words)
 
 
 def _grashof(compiled: Compiled) -> list[str]:
@@ -112,7 +133,8 @@ def _reach(compiled: Compiled) -> list[str]:
     if isinstance(next(pair for pair in compiled.mechanism.pairs if pair.name == drive.pair), Cylinder):
         ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
     spans = [f"{_plain(a * factor)}{unit} to {_plain(b * factor)}{unit}" for a, b in ranges]
-    lines = [f"reach      drive {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}"]
+    what = "free" if isinstance(drive.law, Free) else "drive"
+    lines = [f"reach      {what} {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}"]
     if len(spans) > 1:  # the first one is where the run starts
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"

@@ -6,7 +6,9 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.plan import OUTPUTS, Plan, make_plan
@@ -14,6 +16,8 @@ from mechcore.studies import StudyResults
 from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation
+
     from .scene import Scene
 
 __all__ = ["Run", "Stage", "run_scene", "stopwatch", "with_run"]
@@ -29,7 +33,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class Run:
-    """A solved scene. ``forces`` is None where the scene names no effects and no loads."""
+    """A solved scene. ``forces`` is None where the scene names no effects and no loads.
+
+    ``simulation`` is there where forces decide the motion; motion and forces then are what it gives at the frames.
+    """
 
     scene: Scene
     compiled: Compiled
@@ -38,6 +45,7 @@ class Run:
     plan: Plan
     stages: tuple[Stage, ...]
     studies: StudyResults = field(default_factory=StudyResults)
+    simulation: Simulation | None = None
 
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
@@ -64,8 +72,12 @@ def run_scene(
     cycles: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     outputs: Iterable[str] = OUTPUTS,
+    advance: Callable[[float, float], None] = lambda *_: None,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
+
+    Where forces decide the motion it is found first, over the scene's duration; ``advance`` is told how far it is known and how
+    far it is wanted [s].
 
     Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
@@ -83,20 +95,23 @@ def run_scene(
 
     with stage("compile"):
         compiled = compile_mechanism(mechanism)
-    times = default_times(mechanism, scene.frames, scene.cycles)
+    simulation = None
+    if scene.simulation is not None:
+        with stage("motion under forces"):
+            simulation = _simulate(scene, compiled, advance)
     with stage("positions"):
-        motion = solve_motion(compiled, times)
-        _ = motion.origins
+        motion = _motion(scene, compiled, simulation)
+        _read(motion, "origins")
     if plan.has("velocities"):
         with stage("velocities"):
-            _ = motion.origin_velocities
+            _read(motion, "origin_velocities")
     if plan.has("accelerations"):
         with stage("accelerations"):
-            _ = motion.origin_accelerations
+            _read(motion, "origin_accelerations")
     forces = None
     if plan.has("reactions and drive efforts"):
         with stage("reactions and drive efforts"):
-            forces = solve_forces(motion)
+            forces = solve_forces(motion) if simulation is None else simulation.forces(motion)
     if forces is not None and plan.has("energy and power balance"):
         with stage("energy and power balance"):
             _ = forces.energy, forces.power_balance
@@ -107,4 +122,43 @@ def run_scene(
     if plan.has("closure and condition"):
         with stage("closure and condition"):
             _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
-    return Run(scene=scene, compiled=compiled, motion=motion, forces=forces, plan=plan, stages=tuple(stages), studies=studies)
+    return Run(
+        scene=scene,
+        compiled=compiled,
+        motion=motion,
+        forces=forces,
+        plan=plan,
+        stages=tuple(stages),
+        studies=studies,
+        simulation=simulation,
+    )
+
+
+def _simulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None]) -> Simulation:
+    """The motion that forces make of a scene's free coordinates."""
+    from mechcore.dynamics import simulate
+
+    spec = scene.simulation
+    assert spec is not None
+    return simulate(
+        compiled,
+        spec.duration,
+        tolerance=spec.tolerance,
+        method=spec.method,
+        stops=spec.stops,
+        watches=spec.watches,
+        progress=lambda t: advance(t, spec.duration),
+    )
+
+
+def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> Any:
+    """The motion at the frames of a scene."""
+    if simulation is None:
+        return solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
+    return simulation.view(np.linspace(0.0, simulation.duration, scene.frames + 1))
+
+
+def _read(motion: Any, stage: str) -> None:
+    """Work out a stage of a motion, or of each of its parts."""
+    for _, part in getattr(motion, "parts", ((None, motion),)):
+        getattr(part, stage)

@@ -222,5 +222,7 @@ def _health(run: Run) -> Iterator[Table]:
     }
     if run.forces is not None:
         values["power_balance", "1"] = run.forces.power_balance
+    if run.simulation is not None:
+        values["energy_drift", "1"] = run.simulation.drift(motion.time)
     for column, value in values.items():
         yield Table(("health", column[0]), "health", (column,), np.reshape(value, (-1, 1)))

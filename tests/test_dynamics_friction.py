@@ -88,7 +88,7 @@ def test_oscillator_loses_the_same_way_every_half_swing_and_sticks():
     assert np.abs(forces.power_balance).max() < 1e-9
     held = t > e["stop_time"]
     pull = i["k"] * e["final_position"]  # sticking friction holds the spring
-    assert forces.friction("S")[held, 0] == pytest.approx(pull, abs=1e-8)
+    assert forces.friction.applied("S")[held, 0] == pytest.approx(pull, abs=1e-8)
     assert np.abs(forces.effort("S")).max() < 1e-7
 
 

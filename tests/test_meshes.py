@@ -22,6 +22,7 @@ from mechcore.pairs import build_pairs
 from mechcore.spec import Link, Mechanism, Pair, Prismatic, Revolute
 from mechviz.meshes import Solids, build_solids, stl_bytes
 from mechviz.meshes.layers import Post, order_layers
+from mechviz.run import run_scene
 from mechviz.scene import gallery_names
 
 FRAMES = 48
@@ -31,6 +32,14 @@ Poses = dict[str, np.ndarray]
 def moved(mechanism: Mechanism) -> tuple[Mechanism, Poses]:
     motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, FRAMES, 1.0))
     return mechanism, {link: np.asarray(motion.pose(link)) for link in motion.model.links}
+
+
+def moved_scene(name: str) -> tuple[Mechanism, Poses]:
+    scene = mechviz.load(name)
+    if scene.simulation is None:
+        return moved(scene.mechanism)
+    motion = run_scene(scene, frames=FRAMES, outputs=("positions",)).motion
+    return motion.mechanism, {link: np.asarray(motion.pose(link)) for link in motion.model.links}
 
 
 def mechanism(points: Mapping[str, Mapping[str, tuple[float, float]]], *pairs: Pair) -> Mechanism:
@@ -122,7 +131,7 @@ def plunger() -> tuple[Mechanism, Poses]:
 
 
 CASES = {
-    **{name: lambda name=name: moved(mechviz.load(name).mechanism) for name in gallery_names()},
+    **{name: lambda name=name: moved_scene(name) for name in gallery_names()},
     "tiny crank": lambda: moved(slider_crank(r=0.005, l=0.5)),
     "micrometres": lambda: crank_rocker(1e-8),
     "kilometres": lambda: crank_rocker(5.0),

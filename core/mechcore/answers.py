@@ -6,7 +6,9 @@ drive stands still. Everything is vectorised over the frames.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import wraps
 from itertools import combinations
 from typing import Any
 
@@ -35,6 +37,29 @@ Real = NDArray[np.float64]
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
 
+def over_parts(compute: Callable[..., Any]) -> Callable[..., Any]:
+    """Answers of a motion that is joined of several (forward dynamics): of each part, put together frame by frame."""
+
+    @wraps(compute)
+    def joined(motion: Any, *args: Any) -> Any:
+        parts = getattr(motion, "parts", None)
+        if parts is None:
+            return compute(motion, *args)
+        found = [(rows, compute(part, *args)) for rows, part in parts]
+        if not isinstance(found[0][1], dict):
+            return _put_together(motion.frames, found)
+        return {name: _put_together(motion.frames, [(rows, f[name]) for rows, f in found]) for name in found[0][1]}
+
+    return joined
+
+
+def _put_together(frames: int, found: list[tuple[Any, Real]]) -> Real:
+    out = np.empty((frames, *found[0][1].shape[1:]))
+    for rows, values in found:
+        out[rows] = values
+    return out
+
+
 def per_unit(motion: Motion) -> Motion:
     """The same positions moved by the first drive at unit speed, all others at rest, without acceleration."""
     zero = np.zeros(motion.frames)
@@ -49,6 +74,7 @@ def per_unit(motion: Motion) -> Motion:
     return Motion(motion.model, motion.time, drives, motion.state, patches)
 
 
+@over_parts
 def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     """Instant centre (F, 2) [m] of every two links, where their velocities agree; infinite where they do not turn relative to
     each other, in the direction in which it lies. n (n - 1) / 2 of them."""
@@ -73,6 +99,7 @@ def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     return out
 
 
+@over_parts
 def transmission_angles(motion: Motion) -> dict[str, Real]:
     """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2."""
     m = motion.model
@@ -113,6 +140,7 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
         }
 
 
+@over_parts
 def curvature(motion: Motion, link: str, point: str) -> Real:
     """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point stands still.
 

@@ -57,6 +57,11 @@ class Compressor:
         expanded = np.maximum(self.delivery * left, self.suction)
         return np.where(outward, expanded, np.minimum(squeezed, self.delivery))
 
+    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+        """Whether a valve is open (...): 1, else 0."""
+        p = self.pressure(x, outward, firing)
+        return np.where(outward, p <= self.suction, p >= self.delivery).astype(int)
+
     @property
     def work(self) -> float:
         """Work that the gas does in a cycle, over the piston's area [J/m^2]: the negative of what the compressor needs.
@@ -100,6 +105,10 @@ class FourStroke:
         fired = self.highest * np.minimum(1.0, self.cutoff / v) ** m
         return np.where(firing, np.where(outward, fired, squeezed), np.where(outward, self.intake, self.exhaust))
 
+    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+        """Whether heat is still supplied at constant pressure (...): 1, else 0."""
+        return np.asarray(self._volume(x) < self.cutoff).astype(int)
+
     @property
     def work(self) -> float:
         """Work of the gas in a cycle of four strokes, over the piston's area [J/m^2]."""
@@ -126,6 +135,10 @@ class Diagram:
     def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
         return np.where(outward, self.outward(x), self.inward(x))
 
+    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+        """Between which of its points the diagram is (...)."""
+        return np.where(outward, _part(self.outward, x), _part(self.inward, x))
+
 
 @dataclass(frozen=True, kw_only=True)
 class FourStrokeDiagram:
@@ -141,3 +154,12 @@ class FourStrokeDiagram:
     def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
         fired = np.where(outward, self.power(x), self.compression(x))
         return np.where(firing, fired, np.where(outward, self.intake(x), self.exhaust(x)))
+
+    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+        """Between which of its points the diagram is (...)."""
+        fired = np.where(outward, _part(self.power, x), _part(self.compression, x))
+        return np.where(firing, fired, np.where(outward, _part(self.intake, x), _part(self.exhaust, x)))
+
+
+def _part(branch: Any, x: Array) -> Array:
+    return branch.part(x) if hasattr(branch, "part") else np.zeros(np.shape(x), int)

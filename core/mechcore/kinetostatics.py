@@ -155,6 +155,10 @@ class Forces:
         names = [d.pair for d in self.motion.mechanism.drives]
         return sum((self.power(p) for p in names), np.zeros(self.motion.frames))
 
+    def powers(self) -> list[tuple[Wrench, Real]]:
+        """All loads and inertia forces, each with its power (F,) [W]."""
+        return [(w, self._over_frames(power_of(self.motion, w))) for w in self.applied]
+
     def power_of(self, kinds: Sequence[str]) -> Real:
         """Power of the loads of some kinds (F,) [W]."""
         return self._power(lambda w: w.kind in kinds)
@@ -171,6 +175,12 @@ class Forces:
     @cached_property
     def power_balance(self) -> Real:
         """Power supplied plus power of all loads and inertia, relative to the largest single power of the run (F,)."""
+        total, largest = self.power_residual
+        return total / largest if largest > 0 else total
+
+    @cached_property
+    def power_residual(self) -> tuple[Real, float]:
+        """Power supplied plus power of all loads and inertia (F,) [W], and the largest single power of the run."""
         m = self.motion
         parts = [self.power(d.pair) for d in m.mechanism.drives]
         parts += [self._over_frames(power_of(m, w)) for w in self.applied]
@@ -181,7 +191,7 @@ class Forces:
         if float(np.nanmax(np.abs(total), initial=0.0)) > 1e-9 * largest:
             # forces at right angles to the motion all the time: what is left of their powers is rounding of |F| |v|
             largest = max([largest, *(1e-6 * apparent_power(m, w) for w in self.applied)])
-        return total / largest if largest > 0 else total
+        return total, largest
 
     @cached_property
     def kinetic_energy(self) -> Real:

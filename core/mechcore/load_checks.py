@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from dataclasses import fields
 
 from .errors import Fault
-from .loads import Damper, Drag, Factor, Force, GasPressure, GasSpring, Load, Spring, Torque, Viscous
+from .loads import Damper, Drag, Factor, Force, GasPressure, GasSpring, Governor, Load, Machine, Spring, Torque, Viscous
 from .spec import EFFECTS, Cylinder, Mechanism, PinSlot, Prismatic, Revolute
 
 __all__ = ["load_faults"]
 
-_POSITIVE = ("gas_length", "extended", "exponent", "area")
+_POSITIVE = ("gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
+_NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
 _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back")
 
 
@@ -39,6 +40,10 @@ def _values(load: Load) -> Iterator[tuple[str, str]]:
                 yield f"its {f.name} is {value}.", "Give a finite number."
             elif (f.name in _POSITIVE and value <= 0) or (f.name in _NOT_NEGATIVE and value < 0):
                 yield f"its {f.name} of {value:g} is {'negative' if value < 0 else 'zero'}.", "Give a positive one."
+            elif f.name in _NOT_ZERO and value == 0:
+                yield f"its {f.name} is zero.", "Give one; its sign is the direction."
+    if isinstance(load, Governor) and not load.least < load.most:
+        yield f"its least torque of {load.least:g} N m is no less than its most of {load.most:g} N m.", "Give [least, most]."
     if isinstance(load, Damper | Drag) and not (load.linear or load.quadratic):
         yield "it has neither a linear nor a quadratic coefficient.", "Give one of them."
 
@@ -72,6 +77,11 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
         elif not isinstance(pairs[load.pair], sound):
             what = "sliding pair" if isinstance(load, GasPressure) else "revolute or sliding pair"
             yield f"'{load.pair}' is no {what}.", f"Name a {what}."
+    if isinstance(load, Machine):
+        if (load.link is None) == (load.pair is None):
+            yield "it has to act on a link or on a pair.", "Give one of them."
+        elif load.pair is not None and not isinstance(pairs.get(load.pair), Revolute):
+            yield f"'{load.pair}' is no revolute pair.", "Name a revolute pair, or a link."
     if isinstance(load, GasPressure) and load.drive is not None and load.drive not in pairs:
         yield f"there is no pair '{load.drive}'.", ""
 

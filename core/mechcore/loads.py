@@ -16,13 +16,18 @@ from numpy.typing import ArrayLike, NDArray
 from .indicator import Cycle
 
 __all__ = [
+    "ConstantPower",
     "Damper",
+    "DcMotor",
     "Drag",
     "Factor",
     "Force",
     "GasPressure",
     "GasSpring",
+    "Governor",
+    "InductionMotor",
     "Load",
+    "Machine",
     "Polynomial",
     "Spring",
     "Torque",
@@ -195,4 +200,52 @@ class GasPressure(_Load):
     fires: float = 0.0
 
 
-Load = Force | Torque | Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Drag | Viscous | GasPressure
+@dataclass(frozen=True, kw_only=True)
+class _Machine(_Load):
+    """Acts on a link, from outside, by its angular velocity w; or between the links of a revolute ``pair``, by its rate w."""
+
+    link: str | None = None
+    pair: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DcMotor(_Machine):
+    """A DC motor with separate or permanent excitation: torque ``stall_torque (1 - w / no_load_speed)``.
+
+    Positive numbers turn counter-clockwise; with both negative it runs the other way.
+    """
+
+    stall_torque: float  # [N m]
+    no_load_speed: float  # [rad/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InductionMotor(_Machine):
+    """An induction motor by the formula of Kloss: torque ``2 breakdown_torque / (s / s_b + s_b / s)``, s the slip
+    ``1 - w / synchronous_speed``, s_b the slip at the breakdown torque. It turns the way that the synchronous speed says."""
+
+    breakdown_torque: float  # [N m]
+    breakdown_slip: float
+    synchronous_speed: float  # [rad/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstantPower(_Machine):
+    """A machine of constant power: torque ``power / |w|``, but no more than ``torque_limit``, whose sign is the direction."""
+
+    power: float  # [W]
+    torque_limit: float  # [N m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Governor(_Machine):
+    """A machine with a proportional speed governor: torque ``gain (set_speed - w)``, kept between ``least`` and ``most``."""
+
+    set_speed: float  # [rad/s]
+    gain: float  # [N m s/rad]
+    least: float  # [N m]
+    most: float  # [N m]
+
+
+Machine = DcMotor | InductionMotor | ConstantPower | Governor
+Load = Force | Torque | Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Drag | Viscous | GasPressure | Machine

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .effects import effects_of
+from .laws.free import Free
 from .spec import ANSWERS, EFFECTS, Mechanism, braked
 
 __all__ = ["OUTPUTS", "Plan", "Step", "make_plan"]
@@ -42,8 +43,12 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     wanted = set(outputs)
     effects = effects_of(mechanism)
     loads = effects[len(mechanism.effects) :]
+    free = [d.pair for d in mechanism.drives if isinstance(d.law, Free)]
     do_forces = bool(effects) and bool(wanted & {"forces", "energy"})
     computed: list[Step] = [Step("positions", "always")]
+    if free:
+        why = f"forces decide the motion of {_listed(free)}: it is found before all else"
+        computed.insert(0, Step("motion under forces", why))
     skipped: list[Step] = []
 
     def step(name: str, needed: bool, why: str, why_not: str) -> None:

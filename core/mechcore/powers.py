@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects import Wrench, power_of
+from .effects import Wrench
 from .errors import Fault, MechanismError
 from .kinetostatics import LOSSES, Forces
 
@@ -95,9 +95,7 @@ def power_table(forces: Forces) -> PowerTable:
     rows: list[tuple[str, str, str, Literal["external", "internal"], Real]] = [
         (d.pair, "drive", "drive", "external", forces.power(d.pair)) for d in motion.mechanism.drives
     ]
-    for w in forces.applied:
-        power = np.broadcast_to(np.asarray(power_of(motion, w), float), (motion.frames,))
-        rows.append((w.name, w.kind, w.cause, _place(w), power))
+    rows += [(w.name, w.kind, w.cause, _place(w), power) for w, power in forces.powers()]
     if forces.friction is not None:
         rows += [(pair, "friction", "dry friction", "internal", -forces.friction.losses(pair)) for pair in forces.friction.pairs]
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)

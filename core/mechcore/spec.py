@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING, Literal
 
 from .laws import Law, MotionCurve
 from .loads import (
+    ConstantPower,
     Damper,
+    DcMotor,
     Drag,
     Factor,
     Force,
     GasPressure,
     GasSpring,
+    Governor,
+    InductionMotor,
     Load,
+    Machine,
     Polynomial,
     Spring,
     Torque,
@@ -36,8 +41,10 @@ __all__ = [
     "PLANS",
     "Belt",
     "CamPair",
+    "ConstantPower",
     "Cylinder",
     "Damper",
+    "DcMotor",
     "Drag",
     "Drive",
     "Factor",
@@ -46,8 +53,11 @@ __all__ = [
     "GasPressure",
     "GasSpring",
     "Gear",
+    "Governor",
+    "InductionMotor",
     "Link",
     "Load",
+    "Machine",
     "Mechanism",
     "Pair",
     "PinSlot",
@@ -123,6 +133,7 @@ class Friction:
     bearing: Literal["slider", "guide"] = "slider"
     lever: float = 0.0  # [m]
     exact: bool = False
+    brake: float = 0.0  # revolute, prismatic: friction that does not depend on what presses [N m or N], as of a brake
     static: float = 0.0  # coefficient of sticking, in forward dynamics; 0: the same as that of sliding
 
 
@@ -296,7 +307,7 @@ Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cy
 def friction_of(pair: Pair) -> Friction | None:
     """What a pair says about friction, if it can have any and has some."""
     f: Friction | None = getattr(pair, "friction", None)
-    return f if f is not None and (f.lever if isinstance(pair, Rolling | Gear | Rack) else f.coefficient) else None
+    return f if f is not None and (f.lever if isinstance(pair, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
 
 
 def braked(pairs: Sequence[Pair]) -> tuple[str, ...]:

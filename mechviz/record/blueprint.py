@@ -12,7 +12,7 @@ from mechcore.events import Event
 from ..tables import pair_unit
 from ..vectors import FORCE_FAMILIES, plotted_against
 from .paths import entity
-from .plots import Output, cam_outputs, effort_outputs, main_outputs, reaction_outputs, study_outputs
+from .plots import Output, cam_outputs, effort_outputs, free_outputs, main_outputs, reaction_outputs, study_outputs
 from .polygons import OVERLAYS
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ __all__ = ["legend_place", "make_blueprint", "opening_timeline"]
 
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
+SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
 LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
@@ -85,6 +86,9 @@ def _pace(run: Run) -> dict[str, float]:
 
 def _playback_speed(run: Run) -> float:
     """Seconds of the run per second on the screen."""
+    if run.simulation is not None:  # in its own time, unless that takes too long or is over too soon
+        span = run.simulation.duration
+        return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
     drives = run.motion.mechanism.drives
     cycle = drives[0].law.duration if drives else float(np.ptp(run.motion.time))
     return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
@@ -137,7 +141,7 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _plots(run: Run) -> list[Any]:
     times = _axis_values(run)
-    stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run))]
+    stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run), *free_outputs(run))]
     stacks += [cam_outputs(run)]
     stacks.append(reaction_outputs(run))
     motion = main_outputs(run)
@@ -222,16 +226,21 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
     ]
     if run.forces is not None:
         health.append(("Health: power balance [1]", ("power_balance",)))
+    if run.simulation is not None:
+        health.append(("Health: energy drift [1]", ("energy_drift",)))
     views: list[Any] = []
     if events:
         no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text itself says when
         columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
         views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
     views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
-    if run.forces is not None:
+    if run.forces is not None and run.simulation is None:
         views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
+    rubbing = run.forces is not None and run.forces.friction is not None
+    if rubbing or (run.simulation is not None and run.simulation.stops):
+        name = "States" if run.simulation is not None else "Friction: states"
+        views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name=name))
     if run.forces is not None and run.forces.friction is not None:
-        views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name="Friction: states"))
         losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.pairs)
         views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))

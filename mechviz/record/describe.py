@@ -12,6 +12,7 @@ from ..power_report import power_markdown
 from ..study_words import study_lines
 from ..tables import joints_of
 from ..vectors import Scales
+from .simulations import simulation_notes
 
 if TYPE_CHECKING:
     from ..meshes import Solids
@@ -72,9 +73,16 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "mps_per_metre": scales.mps_per_metre,
         "mps2_per_metre": scales.mps2_per_metre,
         "wall_seconds": wall_seconds,
+        **_simulated(run),
         "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
         "complete": complete,
     }
+
+
+def _simulated(run: Run) -> dict[str, Any]:
+    """How the motion was found, where forces decide it."""
+    s = run.simulation
+    return {} if s is None else {"duration": s.duration, "method": s.method, "motion_tolerance": s.tolerance}
 
 
 def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> str:
@@ -98,6 +106,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     ]
     if run.forces is not None:
         lines += ["", *power_markdown(power_table(run.forces))]
+    lines += simulation_notes(run)
     lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
     lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
     if every > 1:

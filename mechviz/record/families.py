@@ -21,6 +21,7 @@ from .legend import legend_shapes
 from .lumps import lump_shapes
 from .plots import plot_streams, plot_styles
 from .polygons import polygon_shapes, polygon_streams, polygon_views
+from .simulations import simulation_styles
 from .streams import (
     Static,
     Stream,
@@ -87,6 +88,7 @@ FAMILIES: tuple[Family, ...] = (
         streams=lambda c: friction_streams(c.run, c.solids, c.every),
         statics=lambda c: friction_styles(c.run, c.solids),
     ),
+    Family("simulation", statics=lambda c: simulation_styles(c.run)),
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
     Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),

@@ -84,6 +84,8 @@ def friction_styles(run: Run, solids: Solids) -> Iterator[Static]:
             thin = rr.LineStrips3D.from_fields(colors=[COLOR], radii=[0.0018 * solids.size])
             yield Static(entity("vectors", "friction", e.pair, "circle"), thin)
             yield Static(entity("vectors", "friction", e.pair, "line"), thin)
+    if run.simulation is not None:
+        return  # its lanes know sticking and contact
     look = rr.StateConfiguration(
         values=list(STATES), labels=[label for label, _ in STATES.values()], colors=[color for _, color in STATES.values()]
     )

@@ -174,6 +174,22 @@ def _efforts(run: Run) -> list[Gathered]:
     return found
 
 
+def free_outputs(run: Run) -> list[Output]:
+    """Where forces decide the motion: speeds of the free coordinates, angular and linear in separate plots, and the energy."""
+    if run.simulation is None or run.forces is None:
+        return []
+    found = []
+    prescribed = {d.pair for d in run.motion.mechanism.drives}
+    pairs = [d.pair for d in run.scene.mechanism.drives if d.pair not in prescribed]
+    for unit in ("rad", "m"):
+        some = [p for p in pairs if pair_unit(run.motion, p) == unit]
+        if some:
+            shown = tuple((entity("data", "joints", p, "motion"), (False, True, False)) for p in some)
+            rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
+            found.append(Output(f"Speed [{unit}/s]", shown, rates))
+    return [*found, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+
+
 def reaction_outputs(run: Run) -> list[Output]:
     """Magnitudes of the joint reactions, no more in one plot than its legend has room for."""
     if run.forces is None:

@@ -20,6 +20,7 @@ from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import links_with_mass, tables
 from ..vectors import Scales
+from . import simulations
 from .arrows import LEGEND_ROOM, extent, shapes
 from .blueprint import make_blueprint
 from .describe import notes, properties, scene_text
@@ -103,8 +104,7 @@ def write_recording(
         arrows, arcs, scales = shapes(run, solids.size)
         every = picture_stride(run)
         timelines = Timelines.of(run)
-        rubbing = [] if run.forces is None else friction_events(run.forces)
-        events = sorted([*find_events(run.motion), *peak_events(run), *rubbing, *_cam_events(run)], key=lambda e: e.time)
+        events = sorted([*_course_events(run), *peak_events(run)], key=lambda e: e.time)
         content = Content(
             run,
             solids,
@@ -139,7 +139,10 @@ def write_recording(
             for link in _properties_of_links(run):
                 part.stream.log(*link, static=True)
             _send_events(part.stream, timelines, events)
-            send_lanes(part.stream, timelines, run)
+            if run.simulation is None:
+                send_lanes(part.stream, timelines, run)
+            else:
+                simulations.send_lanes(part.stream, timelines, run.simulation)
             _send_streams(part, streams, timelines, progress)
         _describe(part.stream, run, solids, scales, stages, every, complete=True)
     return RecordingSummary(
@@ -163,6 +166,14 @@ def _cam_events(run: Run) -> list[Event]:
     from mechcore.cams.happenings import cam_events
 
     return cam_events(run.motion, run.forces)
+
+
+def _course_events(run: Run) -> list[Event]:
+    """What happens in the course of the motion."""
+    if run.simulation is not None:
+        return simulations.simulation_events(run)
+    rubbing = [] if run.forces is None else friction_events(run.forces)
+    return [*find_events(run.motion), *rubbing, *_cam_events(run)]
 
 
 def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:

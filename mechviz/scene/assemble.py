@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from mechcore.errors import Fault
 from mechcore.laws import Law
+from mechcore.laws.free import Free
 from mechcore.reduction import Body
 from mechcore.spec import Drive, Link, Mechanism, friction_of
 
@@ -13,8 +14,9 @@ from .convert import Converter
 from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
 from .drives import law_of
+from .free_motion import SimulationSpec, free_law, simulation_faults, simulation_spec
 from .frictions import idle_effect
-from .load_references import check_loads
+from .load_references import check_loads, split_point
 from .load_specs import load_spec
 from .masses import links_that_cannot_turn, mass_properties
 from .meant import likely_sort, links_as_meant, points_as_meant, touched_links
@@ -28,8 +30,11 @@ from .validate import Reading
 __all__ = ["assemble"]
 
 
-def assemble(reading: Reading, name: str, outlines: Mapping[str, Body] | None = None) -> tuple[Mechanism | None, list[Fault]]:
-    """The mechanism, or None, with every fault that is left beside those of form in ``reading.faults``.
+def assemble(
+    reading: Reading, name: str, outlines: Mapping[str, Body] | None = None
+) -> tuple[Mechanism | None, SimulationSpec | None, list[Fault]]:
+    """The mechanism, or None, how its motion is found where forces decide it, and every fault that is left beside those of form
+    in ``reading.faults``.
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
     ``outlines`` are those of links whose mass follows from them; they are drawn here when all else is known.
@@ -88,17 +93,30 @@ def assemble(reading: Reading, name: str, outlines: Mapping[str, Body] | None = 
             laws[key] = law
         if sort == "angle" and driven[key].program is None:
             masters[key] = law
-    drives = [Drive(pair=key, law=laws[key]) for key in driven if key in laws]
+    starts: dict[str, Free] = {}
+    for key, pair in moved.items():
+        if pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
+            sort, path = KINDS[pair.kind].driven, f"pairs.{key}.free"
+            drawn = drawn_angle(pair, placement) if sort == "angle" else 0.0
+            start = free_law(pair.free, sort or likely_sort(pair.free), convert, path, drawn=drawn)
+            if start is not None:
+                _check_length(pair, start, convert, path)
+                starts[key] = start
+    led = {**laws, **starts}
+    drives = [Drive(pair=key, law=led[key]) for key in moved if key in led]
+    watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
+    faults += simulation_faults(reading)
+    simulation = simulation_spec(document, starts, convert, watched)
     loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += convert.faults
     if faults or reading.faults:
-        return None, faults
+        return None, None, faults
     if len(loads) < len(document.loads):
         raise RuntimeError("a load of the scene was lost without a fault")
     traced = [place for text in document.trace if not isinstance(place := resolve_trace(reading, text), Fault)]
-    found = Mechanism(
+    mechanism = Mechanism(
         name=name,
         frame=document.frame,
         links=tuple(links),
@@ -114,8 +132,8 @@ def assemble(reading: Reading, name: str, outlines: Mapping[str, Body] | None = 
         traced=tuple(traced),
     )
     if outlines is None and drawn_links(document):
-        return assemble(reading, name, drawn_bodies(found, document))
-    return found, []
+        return assemble(reading, name, drawn_bodies(mechanism, document))
+    return mechanism, simulation, []
 
 
 def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -> None:

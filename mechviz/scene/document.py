@@ -15,6 +15,7 @@ from mechcore.spec import ANSWERS, EFFECTS
 from .bodies import LumpDocument, MassDocument, MassEntry
 from .fields import (
     Angle,
+    Duration,
     GravityVector,
     Inertia,
     Name,
@@ -24,6 +25,7 @@ from .fields import (
     describe,
     fault,
 )
+from .free_motion import Method, Tolerance, WatchDocument
 from .frictions import FrictionDefaults
 from .load_documents import LoadDocument
 from .pairs import PairDocument
@@ -66,6 +68,12 @@ class RunDocument(Table):
     """Number of frames."""
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1
     """Number of cycles of the drive."""
+    duration: Duration | None = None
+    """Free coordinates: how long the motion is followed."""
+    tolerance: Tolerance | None = None
+    """Free coordinates: local error of the motion, relative to one radian or the mechanism's size. Default 1e-9."""
+    method: Method | None = None
+    """Free coordinates: how the motion is found. Default "auto"; "radau" for stiff forces."""
 
 
 def _is_list(value: Any) -> str:
@@ -188,6 +196,8 @@ class SceneDocument(Table):
     """A rough start position: world coordinates of points, or poses of links."""
     loads: dict[Name, LoadDocument] = Field(default={})
     """Forces, torques, springs, dampers, drag, gas pressure by name."""
+    watch: dict[Name, WatchDocument] = Field(default={})
+    """Values to look out for by name, where something is free."""
     systems: dict[Name, SystemDocument] = Field(default={})
     """Force systems by name: the loads on a link, reduced and drawn."""
     substitutes: dict[Name, SubstituteDocument] = Field(default={})

@@ -24,11 +24,11 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration", "Extent",
+    "Angle", "AngularSpeed", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration", "Effort", "Extent",
     "Flag", "Force",
     "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Period", "Point",
-    "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",
-    "Time", "Torque",
+    "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",
+    "Time", "Torque", "TorsionalGain",
     "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
@@ -140,6 +140,10 @@ Inertia = Annotated[float | str, Quantity(("inertia",), "zero")]
 Extent = Annotated[float | str, Quantity(("length",), "zero")]
 Speed = Annotated[float | str, Quantity(("linear speed",))]
 Pressure = Annotated[float | str, Quantity(("pressure",), "above zero")]
+Power = Annotated[float | str, Quantity(("power",), "above zero")]
+AngularSpeed = Annotated[float | str, Quantity(("angular speed",))]
+TorsionalGain = Annotated[float | str, Quantity(("torsional damping",), "above zero")]
+Effort = Annotated[float | str, Quantity(("torque", "force"), "zero")]
 Frequency = Annotated[float | str, Quantity(("frequency",), "above zero")]
 Gravity = Annotated[float | str, Quantity(("gravity",))]
 # of a revolute pair or of a prismatic one

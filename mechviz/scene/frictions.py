@@ -9,7 +9,7 @@ from pydantic import PlainValidator, WithJsonSchema
 
 from mechcore.spec import Friction
 
-from .fields import Flag, Length, Size, describe, fault
+from .fields import Effort, Flag, Length, Size, describe, fault
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ class FrictionDocument(Table):
 
     coefficient: Coefficient | None = None
     """Coefficient of friction. Default: the scene's."""
+    static: Coefficient | None = None
+    """Coefficient of sticking, where forces decide the motion: at least that of sliding. Default: the same."""
     radius: Size | None = None
     """Revolute, pin in slot: radius of the pin. Default of a revolute pair: the scene's."""
     exact: Flag | None = None
@@ -53,6 +55,8 @@ class FrictionDocument(Table):
     """Prismatic: how far along the guide the bearing's middle lies from the point of the link that carries it. Default 0."""
     height: Size | None = None
     """Prismatic: distance of the two faces of the guide that the friction acts on. Default 0: on the line of the guide."""
+    brake: Effort | None = None
+    """Revolute, prismatic: friction moment or force that does not depend on what presses on the pair, as of a brake."""
     lever: Size | None = None
     """Rolling, gear, rack: lever arm of the force across the contact, against the rolling."""
 
@@ -71,9 +75,9 @@ class FrictionDefaults(Table):
 
 
 FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
-    "revolute": ("coefficient", "radius", "exact"),
-    "prismatic": ("coefficient", "length", "bearing", "offset", "height"),
-    "pin_slot": ("coefficient", "radius"),
+    "revolute": ("coefficient", "static", "radius", "exact", "brake"),
+    "prismatic": ("coefficient", "static", "length", "bearing", "offset", "height", "brake"),
+    "pin_slot": ("coefficient", "static", "radius"),
     "rolling": ("lever",),
     "gear": ("lever",),
     "rack": ("lever",),
@@ -115,11 +119,19 @@ def friction_spec(
     if kind in _LEVERS:
         return Friction(lever=length("lever"))
     coefficient = own.coefficient if own.coefficient is not None else default.coefficient
+    effort = "torque" if kind == "revolute" else "force"
+    brake = 0.0 if own.brake is None else convert.si(own.brake, effort, f"{path}.friction.brake")
+    if brake and (coefficient is None or (kind == "revolute" and own.radius is None and default.radius is None)):
+        return Friction(brake=brake)
     if coefficient is None:
         if table is not None and own.sound("coefficient") and default.sound("coefficient"):
             remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all pairs."
             convert.note(f"{path}.friction", "'coefficient' is missing.", remedy)
         return None
+    static = own.static or 0.0
+    if static and static < coefficient and own.sound("static", "coefficient"):
+        why = f"{static:g} is less than the coefficient of sliding, {coefficient:g}."
+        convert.note(f"{path}.friction.static", why, "Give at least as much, or leave it out.")
     if kind == "revolute":
         radius = length("radius", default.radius)
         if not radius:
@@ -127,9 +139,10 @@ def friction_spec(
                 remedy = 'Add radius = "5 mm", the radius of the pin, here or in [friction].'
                 convert.note(f"{path}.friction", "'radius' is missing: friction in a pin acts at its radius.", remedy)
             return None
-        return Friction(coefficient=coefficient, radius=radius, exact=default.exact if own.exact is None else own.exact)
+        exact = default.exact if own.exact is None else own.exact
+        return Friction(coefficient=coefficient, static=static, radius=radius, exact=exact, brake=brake)
     if kind == "pin_slot":
-        return Friction(coefficient=coefficient, radius=length("radius"))
+        return Friction(coefficient=coefficient, static=static, radius=length("radius"))
     bearing = length("length", default.length)
     for key in ("offset", "height", "bearing"):
         if not bearing and getattr(own, key) is not None and own.sound("length") and default.sound("length"):
@@ -137,10 +150,12 @@ def friction_spec(
             convert.note(f"{path}.friction.{key}", "without a length of the bearing it has no meaning.", remedy)
     return Friction(
         coefficient=coefficient,
+        static=static,
         length=bearing,
         bearing=own.bearing or "slider",
         offset=length("offset"),
         height=length("height"),
+        brake=brake,
     )
 
 

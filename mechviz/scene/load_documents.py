@@ -15,6 +15,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from .factors import FactorPolynomial, FactorTable
 from .fields import (
     Angle,
+    AngularSpeed,
     Coefficient,
     Coordinate,
     Extent,
@@ -22,17 +23,19 @@ from .fields import (
     ForceVector,
     Length,
     Number,
+    Power,
     Pressure,
     QuadraticCoefficient,
     Size,
     Stiffness,
     Text,
     Torque,
+    TorsionalGain,
     fault,
 )
 from .tables import Table, one_of, refuse
 
-__all__ = ["KINDS", "CompressorDocument", "DiagramDocument", "FourStrokeDocument", "LoadDocument"]
+__all__ = ["KINDS", "MACHINES", "CompressorDocument", "DiagramDocument", "FourStrokeDocument", "LoadDocument"]
 
 
 def _positive(value: float) -> float:
@@ -147,6 +150,9 @@ class Kind:
 
 _CYCLES = ("compressor", "four_stroke", "diagram")
 
+_DC = ("stall_torque", "no_load_speed")
+_INDUCTION = ("breakdown_torque", "breakdown_slip", "synchronous_speed")
+
 KINDS: Mapping[str, Kind] = {
     "force": Kind("a force", ("on", "at", "axes", "against", "table", "polynomial"), ("on",)),
     "torque": Kind("a torque, which acts on the whole link", ("on", "against", "table", "polynomial"), ("on",)),
@@ -158,7 +164,14 @@ KINDS: Mapping[str, Kind] = {
     "drag": Kind("drag", ("linear", "quadratic"), some=("linear", "quadratic")),
     "viscous": Kind("viscous friction", ("linear",), ("linear",)),
     "gas": Kind("gas pressure", ("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"), ("bore", "top", "stroke")),
+    "dc_motor": Kind("a DC motor", _DC, _DC),
+    "induction_motor": Kind("an induction motor", _INDUCTION, _INDUCTION),
+    "constant_power": Kind("a machine of constant power", ("power", "torque_limit"), ("power", "torque_limit")),
+    "governor": Kind("a speed governor", ("set_speed", "gain", "limits"), ("set_speed", "gain", "limits")),
 }
+MACHINES = ("dc_motor", "induction_motor", "constant_power", "governor")
+"""Loads that drive by a characteristic, and name the pair or link that they drive."""
+
 _EXAMPLES = {
     "on": '"the link"',
     "stiffness": '"2 N/mm" (or "3 N m/rad" for a torsion spring)',
@@ -170,11 +183,22 @@ _EXAMPLES = {
     "bore": '"80 mm"',
     "top": "the pair's coordinate at top dead centre",
     "stroke": '"80 mm"',
+    "stall_torque": '"20 N m", its torque at rest',
+    "no_load_speed": '"1500 rpm"',
+    "breakdown_torque": '"60 N m", the greatest one',
+    "breakdown_slip": "0.2, the slip at the breakdown torque",
+    "synchronous_speed": '"1500 rpm"',
+    "power": '"2 kW"',
+    "torque_limit": '"50 N m"; its sign is the direction',
+    "set_speed": '"300 rpm"',
+    "gain": '"5 N m s/rad"',
+    "limits": '["0 N m", "50 N m"], the least and the greatest torque',
 }
 
 
 class LoadDocument(Table):
-    """A load: exactly one of force, torque, spring, damper, gas_spring, torsion_spring, torsion_damper, drag, viscous or gas."""
+    """A load: exactly one of force, torque, spring, damper, gas_spring, torsion_spring, torsion_damper, drag, viscous, gas,
+    dc_motor, induction_motor, constant_power or governor."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
 
@@ -198,6 +222,14 @@ class LoadDocument(Table):
     """The revolute or sliding pair in which viscous friction acts."""
     gas: Text | None = None
     """The sliding pair of the piston on which a gas presses, by an indicator diagram."""
+    dc_motor: Text | None = None
+    """The revolute pair or the link that a DC motor drives: a straight characteristic."""
+    induction_motor: Text | None = None
+    """The revolute pair or the link that an induction motor drives: slip curve of Kloss."""
+    constant_power: Text | None = None
+    """The revolute pair or the link that a machine of constant power drives."""
+    governor: Text | None = None
+    """The revolute pair or the link that a machine with a proportional speed governor drives."""
     on: Text | None = None
     """Force, torque: the link that it acts on."""
     at: Text | None = None
@@ -250,6 +282,26 @@ class LoadDocument(Table):
     """Gas, four strokes: position of the drive at the top dead centre of combustion. Default 0."""
     drive: Text | None = None
     """Gas, four strokes: the driven pair of the crank. Default: the first one."""
+    stall_torque: Torque | None = None
+    """DC motor: torque at rest; its sign is the direction."""
+    no_load_speed: AngularSpeed | None = None
+    """DC motor: speed without load, of the same sign."""
+    breakdown_torque: Torque | None = None
+    """Induction motor: greatest torque."""
+    breakdown_slip: Positive | None = None
+    """Induction motor: slip at the breakdown torque."""
+    synchronous_speed: AngularSpeed | None = None
+    """Induction motor: speed of the field; its sign is the direction."""
+    power: Power | None = None
+    """Constant power: the power."""
+    torque_limit: Torque | None = None
+    """Constant power: greatest torque, at low speeds; its sign is the direction."""
+    set_speed: AngularSpeed | None = None
+    """Governor: speed without load."""
+    gain: TorsionalGain | None = None
+    """Governor: torque per speed that is missing."""
+    limits: Annotated[list[Torque], Field(min_length=2, max_length=2)] | None = None
+    """Governor: least and greatest torque."""
     use: Literal["useful", "harmful"] | None = None
     """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
 

@@ -8,11 +8,12 @@ from mechcore.errors import Fault
 
 from .document import LoadDocument
 from .faults import did_you_mean, listing
+from .load_documents import MACHINES
 from .references import known_link, known_point, link_names, point_names
 from .tables import Unknown
 from .validate import Reading
 
-__all__ = ["check_loads", "split_point"]
+__all__ = ["check_loads", "known_pair", "known_place", "split_point"]
 
 _SLIDES = ("prismatic", "cylinder")
 _TURNS_OR_SLIDES = ("revolute", "prismatic", "pin_slot", "cylinder")
@@ -48,6 +49,12 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"{path}.drag", f"'{load.drag}' is the fixed link: it does not move.", "Name a moving link.")
         yield from _pair(reading, f"{path}.viscous", load.viscous, _TURNS_OR_SLIDES, "revolute or sliding pair")
         yield from _pair(reading, f"{path}.gas", load.gas, _SLIDES, "sliding pair")
+        for key in MACHINES:
+            name = getattr(load, key)
+            if name == reading.document.frame and name not in reading.document.pairs:
+                yield Fault(f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute pair or a moving link.")
+            elif name is not None and name not in link_names(reading):
+                yield from _pair(reading, f"{path}.{key}", name, ("revolute",), "revolute pair")
         yield from _driven(reading, f"{path}.drive", load.drive)
         for key in ("table", "polynomial"):
             factor = getattr(load, key)
@@ -115,6 +122,16 @@ def _pair(reading: Reading, path: str, pair: str | None, kinds: tuple[str, ...],
         yield Fault(path, f"'{pair}' is a weld, which does not move.", "Name another pair.")
 
 
+def known_pair(reading: Reading, path: str, pair: str | None) -> Iterator[Fault]:
+    """A fault where there is no such pair that moves."""
+    yield from _pair(reading, path, pair, (), "pair")
+
+
+def known_place(reading: Reading, path: str, text: str) -> Iterator[Fault]:
+    """A fault where there is no such point, "link.point"."""
+    yield from _point(reading, path, text)
+
+
 def _words(kind: str) -> str:
     from .pairs import KINDS
 
@@ -123,7 +140,7 @@ def _words(kind: str) -> str:
 
 def _driven(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
     pairs = reading.document.pairs
-    driven = [name for name, pair in pairs.items() if pair.drive is not None]
+    driven = [name for name, pair in pairs.items() if pair.led]
     if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["pairs"]:
         return
     what = f"pair '{drive}' has no drive." if drive in pairs else f"there is no pair '{drive}'."

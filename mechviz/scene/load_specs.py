@@ -9,12 +9,16 @@ from typing import Any
 from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import Table
 from mechcore.spec import (
+    ConstantPower,
     Damper,
+    DcMotor,
     Drag,
     Factor,
     Force,
     GasPressure,
     GasSpring,
+    Governor,
+    InductionMotor,
     Load,
     Polynomial,
     Spring,
@@ -127,7 +131,7 @@ class _Maker:
         """The kind of quantity that a factor depends on; None where its pair is not there."""
         if of in _ARGUMENT_KINDS:
             return _ARGUMENT_KINDS[of]
-        driven = [p for p in self.document.pairs.values() if p.drive is not None]
+        driven = [p for p in self.document.pairs.values() if p.led]
         found = self.document.pairs.get(pair) if pair is not None else (driven[0] if driven else None)
         if found is None or len(found.kinds) > 1:
             return None
@@ -252,6 +256,63 @@ class _Maker:
                 self.path, "its coefficients are zero: it does nothing.", "Give one of them a value, or leave it out."
             )
 
+    # -- machines by their characteristic -----------------------------------------------------------------------------
+    def driven(self, name: str) -> dict[str, str]:
+        """The pair or the link that a machine drives."""
+        return {"pair": name} if name in self.document.pairs else {"link": name}
+
+    def not_zero(self, **values: float) -> None:
+        for key, value in values.items():
+            if value == 0.0:
+                self.convert.note(f"{self.path}.{key}", "is zero.", "Give a value; its sign is the direction.")
+
+    def dc_motor(self) -> Load | None:
+        assert self.load.dc_motor is not None
+        stall, speed = self.si("stall_torque", "torque"), self.si("no_load_speed", "angular speed")
+        if self.load.stall_torque is not None and self.load.no_load_speed is not None:
+            self.not_zero(stall_torque=stall, no_load_speed=speed)
+            if stall * speed < 0.0:
+                why = "stall torque and no-load speed point in opposite directions."
+                self.convert.note(f"{self.path}.no_load_speed", why, "Give both the same sign.")
+        return DcMotor(**self.common, **self.driven(self.load.dc_motor), stall_torque=stall, no_load_speed=speed)
+
+    def induction_motor(self) -> Load | None:
+        assert self.load.induction_motor is not None
+        torque, speed = self.si("breakdown_torque", "torque"), self.si("synchronous_speed", "angular speed")
+        if self.load.breakdown_torque is not None and torque <= 0.0:
+            why = f"{torque:g} N m is not positive."
+            self.convert.note(f"{self.path}.breakdown_torque", why, "The sign of the synchronous speed is the direction.")
+        if self.load.synchronous_speed is not None:
+            self.not_zero(synchronous_speed=speed)
+        return InductionMotor(
+            **self.common,
+            **self.driven(self.load.induction_motor),
+            breakdown_torque=torque,
+            breakdown_slip=self.load.breakdown_slip or math.nan,
+            synchronous_speed=speed,
+        )
+
+    def constant_power(self) -> Load | None:
+        assert self.load.constant_power is not None
+        power, limit = self.si("power", "power"), self.si("torque_limit", "torque")
+        if self.load.torque_limit is not None:
+            self.not_zero(torque_limit=limit)
+        return ConstantPower(**self.common, **self.driven(self.load.constant_power), power=power, torque_limit=limit)
+
+    def governor(self) -> Load | None:
+        assert self.load.governor is not None
+        least, most = self.convert.row(self.load.limits or (math.nan, math.nan), "torque", f"{self.path}.limits")
+        if least >= most:
+            self.convert.note(f"{self.path}.limits", f"{least:g} N m is no less than {most:g} N m.", "Write [least, greatest].")
+        return Governor(
+            **self.common,
+            **self.driven(self.load.governor),
+            set_speed=self.si("set_speed", "angular speed"),
+            gain=self.si("gain", "torsional damping"),
+            least=least,
+            most=most,
+        )
+
     # -- gas ----------------------------------------------------------------------------------------------------------
     def gas(self) -> Load | None:
         load = self.load
@@ -343,4 +404,8 @@ _MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
     "drag": _Maker.drag,
     "viscous": _Maker.viscous,
     "gas": _Maker.gas,
+    "dc_motor": _Maker.dc_motor,
+    "induction_motor": _Maker.induction_motor,
+    "constant_power": _Maker.constant_power,
+    "governor": _Maker.governor,
 }

@@ -118,7 +118,7 @@ def _load_names(reading: Reading, load: LoadDocument) -> LoadDocument:
     if load.at is not None and load.on is not None:
         changes["at"] = _nearest_point(reading, load.on, load.at)
     if load.table is not None and load.table.drive is not None:
-        driven = [name for name, pair in reading.document.pairs.items() if pair.drive is not None]
+        driven = [name for name, pair in reading.document.pairs.items() if pair.led]
         near = _nearest(load.table.drive, driven)
         changes["table"] = _with(load.table, {"drive": None if isinstance(near, Unknown) else near})
     return _with(load, changes)

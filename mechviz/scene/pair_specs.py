@@ -217,7 +217,7 @@ def modes_of(document: SceneDocument) -> dict[str, str]:
     """
     modes = {}
     for name, pair in document.pairs.items():
-        if pair.kind == "cylinder" and pair.drive is None:
+        if pair.kind == "cylinder" and not pair.led:
             modes[name] = "ahead"
         if pair.mode is not None:
             modes[f"{name}.eye" if pair.kind == "cylinder" else name] = pair.mode

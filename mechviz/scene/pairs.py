@@ -13,6 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from .cams import FollowerDocument, ProfileDocument
 from .fields import Angle, Direction, Flag, Size, Text
+from .free_motion import FreeDocument, StopDocument
 from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
 from .tables import Table, one_of, refuse
@@ -47,12 +48,17 @@ class Kind:
 _WHEELS = "Drive the revolute pair of one of its wheels instead."
 
 KINDS: Mapping[str, Kind] = {
-    "revolute": Kind("a revolute pair", ("at", "side", "assembly", "branch", "friction", "drive"), driven="angle"),
-    "prismatic": Kind("a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive"), driven="length"),
+    "revolute": Kind("a revolute pair", ("at", "side", "assembly", "branch", "friction", "drive", "free", "stops"), driven="angle"),
+    "prismatic": Kind(
+        "a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive", "free", "stops"), driven="length"
+    ),
     "weld": Kind("a weld", ("at", "angle"), undriven="A weld does not move: leave it out."),
-    "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "friction", "drive"), driven="length"),
+    "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "friction", "drive", "free", "stops"), driven="length"),
     "rolling": Kind(
-        "a rolling pair", ("at", "along", "radius", "side", "branch", "friction", "drive"), needs=("radius",), driven="length"
+        "a rolling pair",
+        ("at", "along", "radius", "side", "branch", "friction", "drive", "free", "stops"),
+        needs=("radius",),
+        driven="length",
     ),
     "gear": Kind(
         "a gear pair", ("carrier", "teeth", "radii", "internal", "pressure_angle", "friction"), undriven=_WHEELS, joins=False
@@ -66,7 +72,7 @@ KINDS: Mapping[str, Kind] = {
         undriven="Drive the pinion's revolute pair, or the rack's prismatic one, instead.",
         joins=False,
     ),
-    "cylinder": Kind("a cylinder", ("at", "side", "drive"), driven="length"),
+    "cylinder": Kind("a cylinder", ("at", "side", "drive", "free", "stops"), driven="length"),
     "cam": Kind(
         "a cam",
         ("profile", "follower", "closure"),
@@ -167,6 +173,10 @@ class PairDocument(Table):
     """Dry friction in this pair, where `effects` names friction."""
     drive: DriveDocument | None = None
     """Prescribed motion of this pair."""
+    free: FreeDocument | None = None
+    """Instead of a drive: forces decide the motion of this pair, which starts as stated."""
+    stops: list[StopDocument] = Field(default=[])
+    """End stops of this pair, where something is free."""
 
     @property
     def kinds(self) -> list[str]:
@@ -187,6 +197,11 @@ class PairDocument(Table):
     def joins(self) -> bool:
         """Whether it holds points of its links together; gears, belts, racks and cams do not."""
         return KINDS[self.kind].joins
+
+    @property
+    def led(self) -> bool:
+        """Whether its coordinate decides the configuration: it has a drive, or is free."""
+        return self.drive is not None or self.free is not None
 
     @property
     def coincide(self) -> bool:
@@ -216,7 +231,7 @@ class PairDocument(Table):
         if self.links[0] == self.links[1]:
             found.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
         for key in sorted(self.model_fields_set - set(KINDS), key=list(PairDocument.model_fields).index):
-            if key not in kind.keys and getattr(self, key) is not None and getattr(self, key) is not False:
+            if key not in kind.keys and getattr(self, key) not in (None, False, []):
                 found.append((key, f"{key} does not go with {kind.words}.", self._instead(key)))
         for key in kind.needs:
             if getattr(self, key) is None:
@@ -230,8 +245,11 @@ class PairDocument(Table):
             modes = [key for key in modes if key != "side"]
         if self.kind != "rack":
             found += self._two_modes(modes)
-        if self.drive is not None and modes and self.kind != "cylinder":
-            found.append((modes[0], f"{modes[0]} on a driven pair, whose position the drive decides.", f"Leave out {modes[0]}."))
+        if self.led and modes and self.kind != "cylinder":
+            what = "a driven pair, whose position the drive" if self.drive is not None else "a free pair, whose position its start"
+            found.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
+        if self.drive is not None and self.free is not None:
+            found.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
         refuse(found)
         return self
 
@@ -245,7 +263,7 @@ class PairDocument(Table):
     def _instead(self, key: str) -> str:
         """What to do about a key that does not go with this kind of pair."""
         kind = KINDS[self.kind]
-        if key == "drive":
+        if key in ("drive", "free"):
             return kind.undriven
         if key in _MODES and "branch" in kind.keys:
             return "Write branch = 'ahead' or 'behind' instead."

@@ -139,7 +139,7 @@ def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Ite
     document = reading.document
     if "*" in reading.broken["pairs"] or not touched:
         return
-    if not reading.undriven and all(pair.drive is None for pair in document.pairs.values()):
+    if not reading.undriven and not any(pair.led for pair in document.pairs.values()):
         first = next(iter(touched))
         yield Fault(
             "pairs",

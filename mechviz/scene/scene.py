@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from .assemble import assemble
 from .bodies import FOLDER
 from .document import SceneDocument
 from .faults import SceneError, in_file_order
+from .free_motion import SimulationSpec
 from .reading import find_scene, parse_toml, read_text
 from .validate import read_document
 from .writing import replace_file, toml_text
@@ -35,6 +36,7 @@ class Scene:
     text: str = field(
         repr=False
     )  # TOML that gives this scene again: the file's own text, with its comments, if it came from a file
+    simulation: SimulationSpec | None = field(default=None, repr=False)  # where forces decide the motion
 
     @classmethod
     def build(cls, *, name: str = "scene", **document: Any) -> Scene:
@@ -119,11 +121,11 @@ def json_schema() -> dict[str, Any]:
 
 def _scene(raw: Mapping[str, Any], name: str, *, text: str | None, source: str | None = None) -> Scene:
     reading = read_document(raw)
-    mechanism, faults = assemble(reading, name)
+    mechanism, simulation, faults = assemble(reading, name)
     if mechanism is None:
         raise SceneError(source or name, in_file_order([*reading.faults, *faults], raw))
-    scene = Scene(name, reading.document, mechanism, text or "")
-    return scene if text is not None else Scene(name, reading.document, mechanism, scene.to_toml())
+    scene = Scene(name, reading.document, mechanism, text or "", simulation)
+    return scene if text is not None else replace(scene, text=scene.to_toml())
 
 
 def _plain(value: Any) -> Any:

@@ -108,6 +108,7 @@ KINDS: Mapping[str, Kind] = {
         "({torque})*({time})**2/({angle})**2",
         "0.01 N m s^2/rad^2",
     ),
+    "power": Kind("a power", "W", "W", "2 kW"),
     "gravity": Kind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
 }
 

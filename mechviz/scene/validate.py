@@ -21,7 +21,7 @@ from .pairs import PairDocument
 
 __all__ = ["Reading", "read_document"]
 
-_SECTIONS = ("links", "pairs", "sketch", "loads", "systems", "substitutes")
+_SECTIONS = ("links", "pairs", "sketch", "loads", "watch", "systems", "substitutes")
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Reading:
     @property
     def undriven(self) -> set[str]:
         """Pairs of which it is not known whether they are driven."""
-        return {name for name, pair in self.shapeless.items() if pair.drive is not None or "drive" in pair.unread}
+        return {name for name, pair in self.shapeless.items() if pair.led or {"drive", "free"} & pair.unread}
 
 
 def _ends(path: str) -> list[int]:

@@ -51,13 +51,19 @@ class GivenFriction(FrictionResult):
     """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
     wrenches."""
 
-    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry):
+    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry, passed: Any):
         self.motion = motion
+        self.stability = np.ones(motion.frames)
         self.elements = tuple(elements)
         self.jammed = np.zeros(motion.frames, bool)
         self.reached = np.ones(motion.frames)
         self._applied = tuple(applied)
         self._found = found
+        self._passed = passed  # what joints and relations transmit
+
+    @property
+    def _transmitted(self) -> Any:
+        return self._passed
 
     def value(self, i: int) -> Array:
         return self._found.value[:, i]
@@ -79,7 +85,8 @@ def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array) -> Forces
     elements = [replace(e, sign=np.full(motion.frames, s)) for e, s in zip(elements_of(motion), system.signs, strict=True)]
     for i, e in enumerate(elements):
         e.load(motion, force, moment, found.value[:, i])
-    return Forces(motion, applied, *transmit(motion, force, moment)[:2], GivenFriction(motion, applied, elements, found))
+    passed = transmit(motion, force, moment)
+    return Forces(motion, applied, *passed[:2], GivenFriction(motion, applied, elements, found, passed))
 
 
 class Phases:
@@ -277,7 +284,7 @@ class DrySystem:
 def _sticking(e: Element) -> float:
     """Limit of sticking friction over that of sliding friction."""
     f = e.friction
-    return max(1.0, f.static / f.coefficient) if f.static and f.coefficient else 1.0
+    return max(1.0, f.static / f.coefficient) if f.static and f.coefficient and e.kind != "brake" else 1.0
 
 
 def _rates_of(units: Sequence[Motion], e: Element) -> Array:

@@ -96,6 +96,17 @@ class EnergyMotion:
         a = self.curve(q[:, None], v[:, None], t)
         return q[:, None], v[:, None], a
 
+    def borders(self, end: float) -> Array:
+        """Times until ``end`` [s] between which the motion is one smooth function."""
+        legs = [leg.time + np.unique(leg.clock(np.arange(leg.clock.count) / leg.clock.count)[:, 0]) for leg in self.legs]
+        found = np.concatenate(legs)
+        last = self.legs[-1].time + self.legs[-1].duration
+        if self.period is not None and end > last:
+            again = found[found >= last - self.period * (1.0 + 1e-12)]
+            turns = np.arange(1, int(np.ceil((end - last) / self.period)) + 1)
+            found = np.concatenate([found, (again + turns[:, None] * self.period).ravel()])
+        return np.asarray(found[(found >= 0.0) & (found < end)])
+
 
 def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an

@@ -73,11 +73,13 @@ def integrate(
     first: float | None = None,
     nodes: int | None = None,
     after: Callable[[Window], float | None] | None = None,
+    bends: Callable[[Window, float], float | None] | None = None,
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
-    with every accepted window; a time that it returns ends the integration there. Raises `MechanismError` where no window
+    with every accepted window; a time that it returns ends the integration there. ``bends`` finds the first time in a window, later
+    than a given one, at which the equations change their form: windows end there. Raises `MechanismError` where no window
     however short succeeds.
     """
     s = nodes or nodes_for(tolerance)
@@ -90,6 +92,7 @@ def integrate(
     guess = np.repeat(a0, s, axis=0)
     t = t0
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+    cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
     while t < t1 - least:
         h = min(h, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
@@ -100,6 +103,11 @@ def integrate(
             nodes_a, count = solved
             solution.evaluations += count
             window = Window(t, h, q, v, rule.legendre @ nodes_a)
+            bend = bends(window, t + 10.0 * least) if bends is not None and cuts < 5 else None
+            if bend is not None and t + 20.0 * least < bend < t + h * (1.0 - 1e-10):
+                cuts, uncut, h = cuts + 1, max(uncut, h), bend - t
+                guess = window(t + h * rule.nodes)[2]
+                continue
             error = _tail(window) / (tolerance * scale)
             worst = float(np.max(error))
         else:
@@ -127,7 +135,10 @@ def integrate(
         t += h
         longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / (s + 1)), 0.3, 1.6))
         guess = _extrapolated(window, t + longer * rule.nodes, end_a)
-        h = longer
+        h = max(longer, 0.5 * uncut)
+        if uncut:
+            guess = np.repeat(end_a, s, axis=0)
+        cuts, uncut = 0, 0.0
     return solution
 
 

@@ -2,34 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects import Wrench, power_of
 from ..kinetostatics import Forces, LoadResult
 from ..motion import Motion
+from ..spec import Mechanism
+from .happenings import Stop
+from .reactions import STOP, stop_name
 
-__all__ = ["JoinedForces", "JoinedMotion"]
+__all__ = ["JoinedForces", "JoinedFriction", "JoinedMotion"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 
 
 class JoinedMotion:
-    """Results of a `Motion` by name, whose frames come from several motions of the same mechanism."""
+    """Results of a `Motion` by name, whose frames come from several motions of the same mechanism.
 
-    def __init__(self, time: Array, parts: Sequence[tuple[Any, Motion]]):
+    ``mechanism``: as it is to be seen from outside, if not as it was solved; ``again``: the same motion at other times (n,);
+    ``coordinates``: pairs whose coordinate and its rates (F, 3) are known, whole turns included.
+    """
+
+    def __init__(
+        self,
+        time: Array,
+        parts: Sequence[tuple[Any, Motion]],
+        *,
+        mechanism: Mechanism | None = None,
+        again: Callable[[Array], JoinedMotion] | None = None,
+        coordinates: Mapping[str, Array] | None = None,
+    ):
         self.time = time
         self.parts = tuple(parts)
         self.model = parts[0][1].model
         self.changes = tuple(c for _, m in parts for c in m.changes)
+        self.again = again
+        self._mechanism = mechanism
+        self._coordinates = coordinates or {}
 
     @property
-    def mechanism(self) -> Any:
-        return self.model.mechanism
+    def mechanism(self) -> Mechanism:
+        return self._mechanism or self.model.mechanism
+
+    @property
+    def drives(self) -> list[tuple[Array, Array, Array]]:
+        """Position, speed and acceleration (F,) of each drive of the mechanism [rad or m, s]."""
+        rows = [self.coordinate(d.pair) for d in self.mechanism.drives]
+        return [(r[:, 0], r[:, 1], r[:, 2]) for r in rows]
 
     @property
     def frames(self) -> int:
@@ -72,6 +98,8 @@ class JoinedMotion:
 
     def coordinate(self, pair: str) -> Array:
         """Relative coordinate of a pair and its first two derivatives (F, 3)."""
+        if pair in self._coordinates:
+            return self._coordinates[pair]
         out = self._join(lambda m: m.coordinate(pair))
         joint = self.model.joints[self.model.joint_index[pair]] if pair in self.model.joint_index else None
         if joint is None or joint.coordinate == "angle":
@@ -99,11 +127,24 @@ class JoinedMotion:
 
 
 class JoinedForces:
-    """Results of `Forces` by name, whose frames come from several motions of the same mechanism."""
+    """Results of `Forces` by name, whose frames come from several motions of the same mechanism.
 
-    def __init__(self, motion: JoinedMotion, parts: Sequence[tuple[Any, Forces]]):
+    ``stops``: end stops that may hold something somewhere; ``energies``: time (n,) -> kinetic and potential energy, work done and
+    energy dissipated so far (n, 4) [J].
+    """
+
+    def __init__(
+        self,
+        motion: JoinedMotion,
+        parts: Sequence[tuple[Any, Forces]],
+        *,
+        stops: Sequence[Stop] = (),
+        energies: Callable[[Array], Array] | None = None,
+    ):
         self.motion = motion
         self.parts = tuple(parts)
+        self._stops = {stop_name(s): s for s in stops}
+        self._energies = energies
 
     def _join(self, value: Callable[[Forces], Array]) -> Array:
         first = [(rows, value(f)) for rows, f in self.parts]
@@ -120,7 +161,7 @@ class JoinedForces:
         return self._join(lambda f: f.position(pair))
 
     def effort(self, pair: str) -> Array:
-        """What the drive or the hold of a pair exerts, zero where the pair is not led (F,)."""
+        """What the drive of a pair exerts, zero where the pair is not led (F,)."""
         return self._join(lambda f: f.effort(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
 
     def wrench(self, pair: str) -> Array:
@@ -129,9 +170,10 @@ class JoinedForces:
     def power(self, pair: str) -> Array:
         return self._join(lambda f: f.power(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
 
-    def friction(self, pair: str) -> Array:
-        """Friction on the pair's second link: Fx, Fy [N], couple [N m] (F, 3); zero where the scene names none."""
-        return self._join(lambda f: np.zeros((f.motion.frames, 3)) if f.friction is None else f.friction.applied(pair))
+    @cached_property
+    def friction(self) -> JoinedFriction | None:
+        """Friction of the pairs; None where the mechanism names none."""
+        return None if all(f.friction is None for _, f in self.parts) else JoinedFriction(self)
 
     def power_by_cause(self, causes: Sequence[str]) -> Array:
         return self._join(lambda f: f.power_by_cause(causes))
@@ -139,19 +181,31 @@ class JoinedForces:
     def inertia(self, link: str) -> Array:
         return self._join(lambda f: f.inertia(link))
 
+    def powers(self) -> list[tuple[Wrench, Array]]:
+        """All loads and inertia forces, each with its power (F,) [W]; those of end stops do no work and are left out."""
+        first = [w for w in self.parts[0][1].applied if w.name not in self._stops]
+        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(first)]  # type: ignore[misc]
+
     @cached_property
     def loads(self) -> dict[str, LoadResult]:
-        names = self.parts[0][1].loads
-        return {
-            n: LoadResult(
-                name=load.name,
-                kind=load.kind,
-                cause=load.cause,
-                links=load.links,
-                values=self._join(lambda f, n=n: f.loads[n].values),  # type: ignore[misc]
-            )
-            for n, load in names.items()
-        }
+        """All loads but inertia by name, those of end stops among them, zero while nothing rests on them."""
+        out: dict[str, LoadResult] = {}
+        for name, stop in self._stops.items():
+            links = next(p.links for p in self.motion.mechanism.pairs if p.name == stop.pair)
+
+            def held(f: Forces, name: str = name, pair: str = stop.pair) -> Array:
+                if name in f.loads:
+                    return f.loads[name].values
+                return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.pair_position(pair)])
+
+            model = self.motion.model
+            turns = model.joints[model.joint_index[stop.pair]].coordinate == "angle"
+            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held), turns)
+        for name, load in self.parts[0][1].loads.items():
+            if name not in out:
+                values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]
+                out[name] = replace(load, values=values)
+        return out
 
     @cached_property
     def kinetic_energy(self) -> Array:
@@ -162,9 +216,65 @@ class JoinedForces:
         return self._join(lambda f: f.potential_energy)
 
     @cached_property
+    def energy(self) -> Array:
+        """Kinetic, potential, work done so far, dissipated so far (F, 4) [J]."""
+        assert self._energies is not None
+        return self._energies(self.motion.time)
+
+    @cached_property
     def power_balance(self) -> Array:
-        return self._join(lambda f: f.power_balance)
+        """Sum of all powers, relative to the largest single power of the run (F,)."""
+        largest = max(f.power_residual[1] for _, f in self.parts)
+        total = self._join(lambda f: f.power_residual[0])
+        return total / largest if largest > 0 else total
+
+
+class JoinedFriction:
+    """Dry friction of the pairs over several motions; results have a leading frame axis and go by the names of the pairs."""
+
+    def __init__(self, forces: JoinedForces):
+        self._forces = forces
+        known = [f.friction for _, f in forces.parts if f.friction is not None]
+        self.elements = known[0].elements
+        self.pairs = known[0].pairs
+        self.jammed = np.zeros(forces.motion.frames, bool)
+        self.stability = np.ones(forces.motion.frames)
+
+    def _join(self, value: Callable[[Any], Array], columns: int) -> Array:
+        none = (columns,) if columns else ()
+        return self._forces._join(lambda f: np.zeros((f.motion.frames, *none)) if f.friction is None else value(f.friction))
+
+    def applied(self, pair: str) -> Array:
+        """What friction adds to the force and couple on the second link (F, 3)."""
+        return self._join(lambda f: f.applied(pair), 3)
+
+    def wrench(self, pair: str) -> Array:
+        """Friction on the pair's second link: Fx, Fy [N] and couple [N m], stated at the pair's position (F, 3)."""
+        return self._join(lambda f: f.wrench(pair), 3)
+
+    def normal_load(self, pair: str) -> Array:
+        return self._join(lambda f: f.normal_load(pair), 0)
+
+    def losses(self, pair: str) -> Array:
+        """Power that friction in a pair turns into heat (F,) [W]."""
+        return self._join(lambda f: f.losses(pair), 0)
+
+    @cached_property
+    def power(self) -> Array:
+        """Power of all friction (F,) [W]."""
+        return self._join(lambda f: f.power, 0)
+
+    def mean_losses(self) -> dict[str, float]:
+        """Mean power that friction takes in each pair over the run [W]."""
+        time = self._forces.motion.time
+        span = float(np.ptp(time)) or 1.0
+        return {p: float(np.trapezoid(self.losses(p), time)) / span for p in self.pairs}
 
 
 def _leads(forces: Forces, pair: str) -> bool:
     return any(d.pair == pair for d in forces.motion.mechanism.drives)
+
+
+def _power_of(forces: Forces, k: int) -> Array:
+    power = np.asarray(power_of(forces.motion, forces.applied[k]), float)
+    return np.array(np.broadcast_to(power, (forces.motion.frames,)))

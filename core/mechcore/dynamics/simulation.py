@@ -7,29 +7,32 @@ gives the motion without a single step in time. All else is collocation in windo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..effects import power_of, wrenches
+from ..effects import potential
 from ..errors import Fault, MechanismError
-from ..kinetostatics import solve_forces
+from ..kinetostatics import Forces, solve_forces
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
-from ..spec import Mechanism
+from ..spec import Mechanism, braked
+from .accounts import Ledger, kinetic_energy_of, ledger, powers_of
+from .bends import bend_finder
 from .chart import Chart
 from .charts import Lead, best_chart, curve_around
 from .collocation import Window
 from .curve import TURN, Curve
-from .dry import DrySystem, Phases, braking_elements, forces_with
+from .dry import DrySystem, Phases, braking_elements
 from .energy import by_energy
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .integrate import Solution, integrate
 from .joined import JoinedForces, JoinedMotion
+from .reactions import piece_forces
 from .reduced import free_of, motion_at, reduce
 
 __all__ = ["Method", "Simulation", "simulate"]
@@ -56,6 +59,7 @@ class Piece:
     compiled: Compiled
     way: Any
     system: Any
+    resting: tuple[tuple[int, Stop], ...] = ()  # coordinates that stand still, with the stops that they rest on
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
@@ -63,8 +67,16 @@ class Piece:
         return q, v, self.system(q, v, t)
 
     def motion(self, t: Array) -> Motion:
-        """The mechanism's motion at times (n,) within the piece."""
-        return motion_at(self.compiled, *_in_order(t, *self(t)))
+        """The mechanism's motion at times (n,) within the piece; accelerations not from a table, so that links are in balance to
+        the last digits."""
+        q, v, _ = self.way(t)
+        system = Chart(self.compiled) if isinstance(self.system, Curve) else self.system
+        return motion_at(self.compiled, q, v, t, system(q, v, t))
+
+    def forces(self, t: Array, motion: Motion) -> Forces:
+        """All reactions of the piece's motion at times (n,)."""
+        q, v, _ = self.way(t)
+        return piece_forces(motion, self.system, q, v, self.resting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +93,12 @@ class Simulation:
     tolerance: float
     evaluations: int
     lost: tuple[tuple[float, float], ...] = field(default=())  # time and energy [J] of every impact
+    stops: tuple[Stop, ...] = ()
+
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Pairs whose dry friction counts, in the order of the mechanism's pairs."""
+        return braked(self.compiled.mechanism.pairs) if "friction" in self.compiled.mechanism.effects else ()
 
     @property
     def duration(self) -> float:
@@ -134,68 +152,76 @@ class Simulation:
         """The mechanism's motion at times (F,) [s]: a `Motion`, or what stands for one where charts or phases change."""
         t = np.atleast_1d(np.asarray(t, float))
         parts = self._rows(t)
-        if all(piece.compiled is self.compiled and not isinstance(piece.system, DrySystem) for piece, _ in parts):
+        if all(p.compiled is self.compiled and not (p.resting or isinstance(p.system, DrySystem)) for p, _ in parts):
             return motion_at(self.compiled, *_in_order(t, *self(t)))
         return JoinedMotion(t, [(rows, piece.motion(t[rows])) for piece, rows in parts])
+
+    def view(self, t: ArrayLike) -> JoinedMotion:
+        """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
+        joint motion; it can be asked again at other times."""
+        t = np.atleast_1d(np.asarray(t, float))
+        parts = [(rows, piece.motion(t[rows])) for piece, rows in self._rows(t)]
+        mechanism = self.compiled.mechanism
+        shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
+        return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self._coordinates(t))
+
+    def _coordinates(self, t: Array) -> dict[str, Array]:
+        """The free coordinates with their rates (n, 3), by pair: whole turns are known here."""
+        found = np.stack(self(t), axis=-1)
+        free = [d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
+        return {pair: found[:, i] for i, pair in enumerate(free)}
 
     def forces(self, motion: Any) -> Any:
         """All joint reactions of a motion of this simulation, by the kinetostatic core: a `Forces`, or what stands for one.
 
-        The free coordinates' efforts are zero to rounding, or hold what rests on a stop.
+        The free coordinates' efforts are zero to rounding; what rests on a stop is held by a load.
         """
         if not isinstance(motion, JoinedMotion):
             return solve_forces(motion)
         parts = []
         for (piece, rows), (_, part) in zip(self._rows(motion.time), motion.parts, strict=True):
-            if isinstance(piece.system, DrySystem):
-                q, v, _ = piece.way(motion.time[rows])
-                parts.append((rows, forces_with(part, piece.system, q, v)))
-            else:
-                parts.append((rows, solve_forces(part)))
-        return JoinedForces(motion, parts)
+            parts.append((rows, piece.forces(motion.time[rows], part)))
+        return JoinedForces(motion, parts, stops=self.stops, energies=self.energies)
+
+    @cached_property
+    def _ledger(self) -> Ledger:
+        edges = np.unique(np.concatenate([self._borders(), [0.0, self.duration]]))
+        tiny = 1e-15 * self.duration
+        return ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], edges[-1]))
+
+    def _powers(self, t: Array) -> Array:
+        """Powers (n, 3) [W]: of forces with a potential, of drives and process, of losses."""
+        out = np.empty((len(t), 3))
+        for piece, rows in self._rows(t):
+            motion = piece.motion(t[rows])
+            out[rows] = powers_of(motion, piece.forces(t[rows], motion))
+        return out
 
     def work(self, t: ArrayLike) -> Array:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
         t = np.atleast_1d(np.asarray(t, float))
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        edges = np.unique(np.concatenate([self._borders(), t[(t > 0) & (t < self.duration)], [0.0, self.duration]]))
-        widths = np.diff(edges)
-        x = (edges[:-1, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
-        power = self._power(x).reshape(len(widths), -1)
-        gained = np.concatenate([[0.0], np.cumsum(0.5 * widths * (power @ weights))])
-        total = np.interp(t, edges, gained)
-        for time, energy in self.lost:
-            total = total - np.where(t > time, energy, 0.0)
-        return np.asarray(total)
+        return np.asarray(self._ledger(t).sum(axis=1) - self._impacts(t))
 
-    def _power(self, t: Array) -> Array:
-        """Power of all loads, prescribed drives and friction (n,) [W]."""
-        out = np.empty(len(t))
-        prescribed = [d.pair for d in self.compiled.mechanism.drives if not isinstance(d.law, Free)]
+    def _impacts(self, t: Array) -> Array:
+        """Energy that impacts have taken until times (n,) [J]."""
+        return np.asarray(sum((np.where(t > time, energy, 0.0) for time, energy in self.lost), np.zeros(len(t))))
+
+    def energies(self, t: ArrayLike) -> Array:
+        """Kinetic and potential energy, work done by drives and process forces so far, energy dissipated so far, impacts
+        included (n, 4) [J]."""
+        t = np.atleast_1d(np.asarray(t, float))
+        works = self._ledger(t)
+        stored = np.empty(len(t))
         for piece, rows in self._rows(t):
-            motion = piece.motion(t[rows])
-            if prescribed or isinstance(piece.system, DrySystem):
-                part = JoinedMotion(t[rows], [(np.arange(len(rows)), motion)])
-                forces = self.forces(part).parts[0][1]
-                total = sum((forces.power(p) for p in prescribed), np.zeros(len(rows)))
-                total = total + sum((power_of(motion, w) for w in forces.applied if w.kind != "inertia"), np.zeros(len(rows)))
-                out[rows] = total if forces.friction is None else total + forces.friction.power
-            else:
-                out[rows] = sum((power_of(motion, w) for w in wrenches(motion) if w.kind != "inertia"), np.zeros(len(rows)))
-        return out
+            stored[rows] = potential(piece.motion(t[rows]))
+        return np.column_stack([self.kinetic_energy(t), stored, works[:, 1], self._impacts(t) - works[:, 2]])
 
     def kinetic_energy(self, t: ArrayLike) -> Array:
         """Kinetic energy (n,) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty(len(t))
         for piece, rows in self._rows(t):
-            motion = piece.motion(t[rows])
-            total: Any = np.zeros(len(rows))
-            for k, (mass, centre, inertia) in enumerate(motion.model.masses):
-                if k and (mass or inertia):
-                    total = total + 0.5 * mass * np.abs(motion.of_point(k, centre, 1)) ** 2
-                    total = total + 0.5 * inertia * motion.speeds.spin[motion.model.angles.spin[k]] ** 2
-            out[rows] = total
+            out[rows] = kinetic_energy_of(piece.motion(t[rows]))
         return out
 
     def drift(self, t: ArrayLike) -> Array:
@@ -211,7 +237,7 @@ class Simulation:
             if isinstance(p.way, Solution):
                 out += [w.start for w in p.way.windows if p.start <= w.start < p.end]
             else:
-                out += list(np.linspace(p.start, p.end, 400)[1:-1])
+                out += list(p.way.borders(p.end))
         return np.array(out)
 
 
@@ -362,6 +388,7 @@ class _Run:
             self.tolerance,
             self.evaluations,
             tuple(self.lost),
+            tuple(self.stops),
         )
 
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
@@ -401,11 +428,20 @@ class _Run:
             return first[0][0] if first else None
 
         solution = integrate(
-            system, q, v, t, self.duration, tolerance=self.tolerance, scale=self.scale, stiff=self.method == "radau", after=after
+            system,
+            q,
+            v,
+            t,
+            self.duration,
+            tolerance=self.tolerance,
+            scale=self.scale,
+            stiff=self.method == "radau",
+            after=after,
+            bends=bend_finder(self.compiled),
         )
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
-        self.pieces.append(Piece(t, end, self.compiled, solution, system))
+        self.pieces.append(Piece(t, end, self.compiled, solution, system, tuple(sorted(self.resting.items(), key=lambda e: e[0]))))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
         ended = False
@@ -466,7 +502,9 @@ class _Run:
             pair = self.phases.names[i]
             kind = "stick" if word == "stick" else "slip"
             text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
-            self.happenings.append(Happening(t, kind, pair, text))
+            found = Happening(t, kind, pair, text)
+            if found not in self.happenings[-4:]:  # a pair may have friction of several kinds
+                self.happenings.append(found)
         return self.phases.at_rest(t, q, v)
 
     def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:

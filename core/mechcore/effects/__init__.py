@@ -10,11 +10,15 @@ from collections.abc import Callable
 from typing import Any
 
 from ..loads import (
+    ConstantPower,
     Damper,
+    DcMotor,
     Drag,
     Force,
     GasPressure,
     GasSpring,
+    Governor,
+    InductionMotor,
     Spring,
     Torque,
     TorsionDamper,
@@ -29,6 +33,7 @@ from .dry_friction import DryFriction
 from .gas import CylinderGas
 from .gravity import Gravity
 from .inertia import Inertia
+from .machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
@@ -69,6 +74,10 @@ LOADS: dict[type, Callable[[Any], Effect]] = {
     Drag: MediumDrag,
     Viscous: ViscousFriction,
     GasPressure: CylinderGas,
+    DcMotor: DirectCurrent,
+    InductionMotor: Induction,
+    ConstantPower: ConstantPowerMachine,
+    Governor: Governed,
 }
 
 

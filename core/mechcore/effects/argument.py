@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import Fault, MechanismError
+from ..laws import Table
 from ..loads import Factor
 from .base import Configuration
 
-__all__ = ["coordinate", "factor_of", "needs_of", "rate"]
+__all__ = ["bends", "coordinate", "factor_of", "needs_of", "phase_of", "rate"]
 
 Array = Any
 
@@ -76,6 +77,21 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Array:
             Fault(f"loads.{load}", f"the function of its factor gives no finite number at {where:g}.", "Give it a value there.")
         )
     return value
+
+
+def bends(factor: Factor | None) -> bool:
+    """Whether a factor has bends: tables of straight lines, and tables that end."""
+    f = None if factor is None else factor.function
+    return isinstance(f, Table) and (f.period is None or not f.smooth)
+
+
+def phase_of(at: Configuration, factor: Factor | None) -> Array:
+    """Between which bends of its table a factor is: a whole number (F,)."""
+    if factor is None or not bends(factor):
+        return np.zeros(np.shape(at.time), int)
+    argument = np.asarray(_argument(at, factor), float)
+    table = factor.function
+    return np.asarray(table.part(argument))  # type: ignore[attr-defined] # a table, as `bends` has seen
 
 
 def _argument(at: Configuration, factor: Factor) -> Array:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
+
 from ..kinematics import Rates
 from ..model import Model
 from .wrench import Totals, Wrench
@@ -24,6 +26,7 @@ CAUSES = {
     "inertia": "-m a and -J alpha (d'Alembert)",
     "process": "what the machine is there for, or what drives it: gas, cutting, lifting, prescribed forces",
     "drive": "torque or force of a driven pair",
+    "stop": "what an end stop holds while a pair rests on it",
 }
 """Causes of forces, as the lecture classes them (by origin), each with its meaning."""
 
@@ -82,6 +85,15 @@ class Effect:
         for w in found:
             totals.add(w)
         return found
+
+    @property
+    def piecewise(self) -> bool:
+        """Whether its law changes its form somewhere, with a bend or a jump; then `phase` says which form holds."""
+        return False
+
+    def phase(self, at: Configuration) -> Array:
+        """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
+        return np.zeros(np.shape(at.time), int)
 
     def potential(self, at: Configuration) -> Array:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""

@@ -42,8 +42,8 @@ class CylinderGas(Effect):
             raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
         return np.clip(x, 0.0, stroke)
 
-    def pressure(self, at: Configuration) -> Array:
-        """Absolute pressure in the cylinder [Pa]."""
+    def _strokes(self, at: Configuration) -> tuple[Array, Array, Array]:
+        """Displacement [m], whether the piston moves away from the head, whether the gas fires in this turn."""
         load = self.load
         x = self.displacement(at)
         speed = rate(at, load.pair)
@@ -54,7 +54,20 @@ class CylinderGas(Effect):
             pair = load.drive if load.drive is not None else at.model.mechanism.drives[0].pair
             turned = np.mod(coordinate(at, pair) - load.fires + np.pi, 4.0 * np.pi)
             firing = turned < 2.0 * np.pi
-        return load.cycle.pressure(x, outward, firing)
+        return x, outward, firing
+
+    def pressure(self, at: Configuration) -> Array:
+        """Absolute pressure in the cylinder [Pa]."""
+        return self.load.cycle.pressure(*self._strokes(at))
+
+    @property
+    def piecewise(self) -> bool:
+        return True
+
+    def phase(self, at: Configuration) -> Array:
+        x, outward, firing = self._strokes(at)
+        part = getattr(self.load.cycle, "part", None)
+        return 2 * outward + firing + (0 if part is None else 4 * part(x, outward, firing))
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model

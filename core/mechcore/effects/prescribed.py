@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..loads import Force, Torque
-from .argument import factor_of, needs_of
+from .argument import bends, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
 from .wrench import Wrench
 
 __all__ = ["AppliedForce", "AppliedTorque"]
+
+Array = Any
 
 
 class AppliedForce(Effect):
@@ -17,6 +21,13 @@ class AppliedForce(Effect):
         super().__init__(load.name)
         self.load = load
         self.needs = needs_of(load.factor)
+
+    @property
+    def piecewise(self) -> bool:
+        return bends(self.load.factor)
+
+    def phase(self, at: Configuration) -> Array:
+        return phase_of(at, self.load.factor)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
@@ -39,6 +50,13 @@ class AppliedTorque(Effect):
         super().__init__(load.name)
         self.load = load
         self.needs = needs_of(load.factor)
+
+    @property
+    def piecewise(self) -> bool:
+        return bends(self.load.factor)
+
+    def phase(self, at: Configuration) -> Array:
+        return phase_of(at, self.load.factor)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load

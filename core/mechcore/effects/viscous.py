@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..loads import Viscous
 from .argument import rate
 from .base import Configuration, Effect
+from .pair_effort import pair_wrench
 from .wrench import Wrench
 
 __all__ = ["ViscousFriction"]
@@ -21,13 +22,7 @@ class ViscousFriction(Effect):
         self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
-        model = at.model
-        j = model.joint_index[self.load.pair]
-        joint, (first, second) = model.joints[j], model.ends[j]
+        turns = at.model.joints[at.model.joint_index[self.load.pair]].coordinate == "angle"
         effort = -self.load.coefficient * rate(at, self.load.pair)
-        place = at.joint_point(j)
-        arm, other_arm = place - at.origins[second], place - at.origins[first]
-        if joint.coordinate == "angle":
-            return [Wrench(self.name, "viscous torque", second, 0j, effort, arm, self.cause, first, other_arm)]
-        along = at.guide(j) * (1.0 if joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
-        return [Wrench(self.name, "viscous", second, effort * along, 0.0, arm, self.cause, first, other_arm)]
+        kind = "viscous torque" if turns else "viscous"
+        return [pair_wrench(at, self.load.pair, effort, name=self.name, kind=kind, cause=self.cause)]

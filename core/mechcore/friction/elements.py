@@ -39,7 +39,7 @@ class Element:
 
     pair: str
     what: Literal["turn", "slide"]
-    kind: Literal["pin", "guide", "normal", "contact"]  # how the normal load follows from what the pair transmits
+    kind: Literal["pin", "guide", "normal", "contact", "brake"]  # how the normal load follows from what the pair transmits
     friction: Friction
     factor: float  # moment or force per normal load [m or 1]
     links: tuple[int, int]  # first and second
@@ -72,6 +72,8 @@ class Element:
         self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
     ) -> tuple[Array, Array]:
         """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
+        if self.kind == "brake":  # its factor is the whole friction, whatever the pair transmits: see `response.system`
+            return np.ones(motion.frames), np.zeros(motion.frames)
         if self.kind == "contact":
             force = contacts[self.pair][1]
             return np.real(force), np.imag(force)
@@ -96,16 +98,17 @@ def elements_of(motion: Motion) -> list[Element]:
     return [_element(motion, pair, *parts, least) for pair in motion.mechanism.pairs for parts in _parts(pair)]
 
 
-def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Literal["pin", "guide", "normal", "contact"], float]]:
+def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Literal["pin", "guide", "normal", "contact", "brake"], float]]:
     """What friction brakes in a pair, by which normal load, with which factor."""
     f = friction_of(pair)
     if f is None:
         return []
     mu = f.coefficient
-    if isinstance(pair, Revolute):
-        return [("turn", "pin", f.radius * (mu / np.sqrt(1.0 + mu * mu) if f.exact else mu))]
-    if isinstance(pair, Prismatic):
-        return [("slide", "guide", mu)]
+    if isinstance(pair, Revolute | Prismatic):
+        what: Literal["turn", "slide"] = "turn" if isinstance(pair, Revolute) else "slide"
+        arm = f.radius * (mu / np.sqrt(1.0 + mu * mu) if f.exact else mu) if what == "turn" else mu
+        found: list[Any] = [(what, "pin" if what == "turn" else "guide", arm)] if arm else []
+        return [*found, (what, "brake", f.brake)] if f.brake else found
     if isinstance(pair, PinSlot):
         turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
         return [("slide", "normal", mu), *turn]

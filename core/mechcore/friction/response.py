@@ -83,6 +83,9 @@ def system(
         for i, element in enumerate(elements):
             sign = way * element.sign
             a[i, 0], a[i, 1] = element.normal(motion, *response.base[:2], sign)
+            if element.kind == "brake":
+                k[i] = 0.0
+                continue
             for j, (source, unit) in enumerate(zip(elements, response.units, strict=True)):
                 p, q = element.normal(motion, *unit[:2], sign)
                 braking = -way * source.sign * source.factor

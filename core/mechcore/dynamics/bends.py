@@ -1,0 +1,50 @@
+"""Where the law of a force changes its form: windows of the integration end there, so that in each all forces are smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import effects_of
+from ..solve import Compiled
+from .collocation import Window
+from .reduced import motion_at
+
+__all__ = ["bend_finder"]
+
+Array = NDArray[np.float64]
+SAMPLES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
+_X = (np.arange(SAMPLES) + 0.5) / SAMPLES
+_FINE = np.linspace(0.0, 1.0, 18)
+ROUNDS = 11  # 17^11 = 3e13 places in a sample
+
+
+def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] | None:
+    """Window, time -> the first time [s] in it, later than that, at which the law of some force changes its form; None where
+    none does. None at once where no force of the mechanism has several forms."""
+    effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
+    if not effects:
+        return None
+
+    def forms(window: Window, t: Array) -> Array:
+        q, v, _ = window(t)
+        motion = motion_at(compiled, q, v, t)
+        return np.stack([np.broadcast_to(e.phase(motion), t.shape) for e in effects])
+
+    def first(window: Window, after: float) -> float | None:
+        low, high = max(after, window.start), window.start + window.length
+        t = np.concatenate([[low], low + (high - low) * _X, [high]])
+        for _ in range(ROUNDS):
+            found = forms(window, t)
+            changed = np.flatnonzero((found[:, 1:] != found[:, :-1]).any(axis=0))
+            if not len(changed):
+                return None
+            k = int(changed[0])
+            if not t[k] < t[k + 1] or t[k + 1] - t[k] <= 4.0 * np.spacing(t[k + 1]):
+                break
+            t = t[k] + (t[k + 1] - t[k]) * _FINE
+        return float(t[min(int(changed[0]) + 1, len(t) - 1)])
+
+    return first

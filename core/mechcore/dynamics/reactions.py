@@ -1,0 +1,52 @@
+"""Reactions in a stretch of motion: with the friction that forward dynamics found, and with what end stops hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import Wrench, sum_up
+from ..effects.pair_effort import pair_wrench
+from ..kinetostatics import Forces, solve_forces, transmit
+from ..motion import Motion
+from .dry import DrySystem, forces_with
+from .free import Free
+from .happenings import Stop
+from .reduced import tangents
+
+__all__ = ["STOP", "piece_forces", "stop_name"]
+
+Array = NDArray[np.float64]
+STOP = "stop"  # kind and cause of what an end stop holds
+
+
+def stop_name(stop: Stop) -> str:
+    """Name of an end stop among the loads."""
+    return f"stop {stop.name}"
+
+
+def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Sequence[tuple[int, Stop]]) -> Forces:
+    """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
+
+    ``resting``: coordinates that stand still, and the stops that they rest on. What it takes to hold them is a load on the two
+    links of the stop's pair; nothing is left for the free coordinates to do.
+    """
+    if isinstance(system, DrySystem):
+        return forces_with(motion, system, q, v)
+    forces = solve_forces(motion)
+    if not resting:
+        return forces
+    free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
+    held: list[Wrench] = []
+    units = tangents(motion, free)
+    for i, stop in resting:
+        lead = motion.mechanism.drives[free[i]].pair
+        per_unit = np.ones(motion.frames) if lead == stop.pair else units[i].coordinate(stop.pair)[:, 1]
+        effort = forces.effort(lead) / per_unit
+        held.append(pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP))
+    applied = (*forces.applied, *held)
+    loads = sum_up(list(applied), len(motion.model.links))
+    return Forces(motion, applied, *transmit(motion, *loads)[:2], forces.friction)

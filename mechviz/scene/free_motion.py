@@ -1,0 +1,255 @@
+"""The part of the scene document that leaves a motion to the forces: free coordinates, end stops, values to look out for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import PlainValidator, WithJsonSchema, model_validator
+
+from mechcore.errors import Fault
+
+from .fields import Coordinate, Flag, Name, Quantity, Rate, Text, describe, fault
+from .tables import Table, Unknown, refuse
+
+if TYPE_CHECKING:
+    from mechcore.dynamics import Free, Stop, Watch
+
+    from .convert import Converter
+    from .document import SceneDocument
+    from .validate import Reading
+
+__all__ = [
+    "FreeDocument",
+    "Method",
+    "Restitution",
+    "SimulationSpec",
+    "StopDocument",
+    "Tolerance",
+    "WatchDocument",
+    "free_law",
+    "simulation_faults",
+    "simulation_spec",
+    "stop_name",
+]
+
+Method = Literal["auto", "energy", "gauss", "radau"]
+TOLERANCE = 1e-9
+"""Where the scene states none."""
+
+
+def _restitution(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        remedy = "Give a number from 0 (it stays there) to 1 (it loses nothing)."
+        raise fault(f"{describe(value)} is no coefficient of restitution.", remedy)
+    return float(value)
+
+
+def _tolerance(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-14 <= value <= 0.1:
+        raise fault(f"{describe(value)} is no tolerance.", "Give a number from 1e-14 to 0.1, such as 1e-9.")
+    return float(value)
+
+
+Restitution = Annotated[float, PlainValidator(_restitution), WithJsonSchema({"type": "number", "minimum": 0, "maximum": 1})]
+Tolerance = Annotated[float, PlainValidator(_tolerance), WithJsonSchema({"type": "number", "minimum": 1e-14, "maximum": 0.1})]
+Level = Annotated[float | str, Quantity(("angle", "length", "angular speed", "linear speed"))]
+
+
+class FreeDocument(Table):
+    """A free coordinate: forces decide its motion. This is its start."""
+
+    position: Coordinate | None = None
+    """Position at the start. Default: as drawn, or 0."""
+    speed: Rate = 0.0
+    """Speed at the start."""
+
+
+class StopDocument(Table):
+    """An end stop of a pair, which its coordinate cannot pass."""
+
+    at: Coordinate
+    """Position of the stop."""
+    side: Literal["upper", "lower"]
+    """"upper": the coordinate stays below it; "lower": above it."""
+    restitution: Restitution = 0.0
+    """Newton's coefficient of restitution: speed after the impact over that before. Default 0: it stays there."""
+    name: Name | None = None
+    """Its name in events and loads. Default: the pair's name and the side."""
+
+
+class WatchDocument(Table):
+    """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
+
+    pair: Text | None = None
+    """The pair whose position or velocity is watched. Give this or point."""
+    point: Text | None = None
+    """The point, "link.point", whose x or y is watched."""
+    of: Literal["position", "velocity", "x", "y"] | None = None
+    """What is watched: "position" (default) or "velocity" of a pair, "x" (default) or "y" of a point."""
+    at: Level = 0.0
+    """The value."""
+    rising: Flag | None = None
+    """true or false: only where it is passed upwards or downwards. Default: both ways."""
+    ends: Flag = False
+    """Whether the motion ends there."""
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> WatchDocument:
+        found = []
+        if (self.pair is None) == (self.point is None):
+            what = "neither a pair nor a point" if self.pair is None else "a pair and a point at once"
+            found.append(("", f"{what} to watch.", 'Give one of them, such as pair = "A".'))
+        elif self.of is not None and (self.of in ("x", "y")) != (self.point is not None):
+            sort = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
+            found.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'pair'}.", f"Write {sort}."))
+        refuse(found)
+        return self
+
+    @property
+    def what(self) -> Literal["position", "velocity", "x", "y"]:
+        return self.of or ("position" if self.point is None else "x")
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationSpec:
+    """How the motion of the free coordinates is to be found, in SI units."""
+
+    duration: float
+    tolerance: float
+    method: Method
+    stops: tuple[Stop, ...]
+    watches: tuple[Watch, ...]
+
+
+def stop_name(pair: str, stop: StopDocument) -> str:
+    """The name of a stop of a pair in events and loads."""
+    return stop.name or f"{pair} {stop.side}"
+
+
+def _rate_kind(sort: str) -> str:
+    return "angular speed" if sort == "angle" else "linear speed"
+
+
+def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, drawn: float) -> Free | None:
+    """Start of a free coordinate, None where a fault was noted. ``drawn``: the position where none is stated [rad or m]."""
+    from mechcore.laws.free import Free
+
+    start = drawn if given.position is None else convert.si(given.position, sort, f"{path}.position")
+    speed = convert.si(given.speed, _rate_kind(sort), f"{path}.speed")
+    return None if math.isnan(start) or math.isnan(speed) else Free(start, speed)
+
+
+def simulation_spec(
+    document: SceneDocument,
+    starts: Mapping[str, Free],
+    convert: Converter,
+    points: Mapping[str, tuple[str, str]],
+) -> SimulationSpec | None:
+    """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
+    from .pairs import KINDS
+
+    if not starts:
+        return None
+    from mechcore.dynamics import Stop, Watch
+
+    stops, watches = [], []
+    for pair, entry in document.pairs.items():
+        for k, s in enumerate(entry.stops):
+            path = f"pairs.{pair}.stops[{k}]"
+            at = convert.si(s.at, KINDS[entry.kind].driven or "angle", f"{path}.at")
+            start = starts.get(pair)
+            if start is not None and (start.start > at if s.side == "upper" else start.start < at):
+                beyond = "above" if s.side == "upper" else "below"
+                why = f"the motion starts {beyond} this {s.side} stop."
+                convert.note(f"{path}.at", why, "Start on the other side, or move the stop.")
+            stops.append(Stop(name=stop_name(pair, s), pair=pair, at=at, side=s.side, restitution=s.restitution))
+    for name, w in document.watch.items():
+        sort = "length"
+        if w.pair is not None and w.pair in document.pairs:
+            sort = KINDS[document.pairs[w.pair].kind].driven or "angle"
+        kind = _rate_kind(sort) if w.what == "velocity" else sort
+        at = convert.si(w.at, kind, f"watch.{name}.at")
+        point = None if w.point is None else points.get(w.point)
+        watches.append(Watch(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
+    run = document.run
+    duration = math.nan if run.duration is None else convert.si(run.duration, "time", "run.duration")
+    tolerance = TOLERANCE if run.tolerance is None else run.tolerance
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches))
+
+
+_NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
+_STUDIES = ("plans", "polodes", "reduced", "shaking", "systems", "substitutes")
+_ADD_FREE = 'Leave it out, or let forces move a pair: free = { speed = "10 rpm" } instead of its drive.'
+
+
+def simulation_faults(reading: Reading) -> Iterator[Fault]:
+    """What does not fit together about free coordinates, in what could be read."""
+    document = reading.document
+    run, pairs = document.run, document.pairs
+    free = [name for name, pair in pairs.items() if pair.free is not None]
+    if not free:
+        if not reading.shapeless and not any("free" in pair.unread for pair in pairs.values()):
+            yield from _idle(document)
+        return
+    if run.duration is None and run.sound("duration"):
+        yield Fault("run", f"'duration' is missing: how long does {free[0]} move?", 'Add duration = "5 s" to [run].')
+    if run.cycles != 1:
+        remedy = 'Leave out cycles and write duration = "5 s".'
+        yield Fault("run.cycles", f"{run.cycles} cycles of a motion that forces decide.", remedy)
+    if "inertia" not in document.effects and not any(isinstance(name, Unknown) for name in document.effects):
+        why = f"{free[0]} is free, motion under forces needs masses, and inertia is not named."
+        yield Fault("effects", why, 'Add "inertia" to effects.')
+    for k, name in enumerate(document.answers):
+        if name in _NEEDS_DRIVE:
+            yield Fault(f"answers[{k}]", f"{name} is told per unit speed of a drive, and {free[0]} is free.", "Leave it out.")
+    for key in _STUDIES:
+        if getattr(document, key):
+            yield Fault(key, f"{free[0]} is free: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
+    for name, pair in pairs.items():
+        if pair.kinds == ["cam"]:
+            why = f"{free[0]} is free: cams are computed for prescribed motions."
+            yield Fault(f"pairs.{name}", why, "Prescribe a drive instead.")
+    yield from _stops(document, free)
+    yield from _watches(reading)
+
+
+def _idle(document: SceneDocument) -> Iterator[Fault]:
+    """Keys that only a motion under forces has."""
+    for key in ("duration", "tolerance", "method"):
+        if getattr(document.run, key) is not None:
+            yield Fault(f"run.{key}", "nothing is free: the drive decides the motion.", _ADD_FREE)
+    for name, pair in document.pairs.items():
+        if pair.stops:
+            yield Fault(f"pairs.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
+    for name in document.watch:
+        yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
+
+
+def _stops(document: SceneDocument, free: list[str]) -> Iterator[Fault]:
+    names: set[str] = set()
+    for pair, entry in document.pairs.items():
+        for k, stop in enumerate(entry.stops):
+            name, path = stop_name(pair, stop), f"pairs.{pair}.stops[{k}]"
+            if name in names:
+                yield Fault(path, f"two stops are called '{name}'.", "Give one of them a name = ...")
+            if f"stop {name}" in document.loads:
+                yield Fault(path, f"a load is called 'stop {name}' already.", "Give one of them another name.")
+            names.add(name)
+            if len(free) > 1 and pair not in free:
+                why = f"with several free coordinates a stop has to be at one of them, and {pair} is none."
+                yield Fault(path, why, f"Make {pair} a free coordinate instead of one of {', '.join(free)}.")
+    if names and len(free) > 1 and "friction" in document.effects:
+        why = "end stops beside dry friction with several free coordinates: what then sticks is not found."
+        yield Fault("effects", why, "Leave out friction, or the stops.")
+
+
+def _watches(reading: Reading) -> Iterator[Fault]:
+    from .load_references import known_pair, known_place
+
+    for name, watch in reading.document.watch.items():
+        yield from known_pair(reading, f"watch.{name}.pair", watch.pair)
+        if watch.point is not None:
+            yield from known_place(reading, f"watch.{name}.point", watch.point)
