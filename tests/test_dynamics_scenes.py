@@ -197,9 +197,9 @@ def test_recorded_energies_close_and_happenings_are_there(name: str, tmp_path: P
     kinetic, potential, work, dissipated = found.scalars("data", "energy")[1].T
     balance = kinetic + potential - work + dissipated
     size = np.abs(found.scalars("data", "energy")[1]).max()
-    assert np.ptp(balance) <= 2e-7 * size
+    assert np.ptp(balance) <= 60.0 * run.simulation.tolerance * size
     assert np.all(np.diff(dissipated) >= -1e-9 * size)
-    assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 1e-7
+    assert np.abs(found.scalars("health", "energy_drift")[1]).max() < 30.0 * run.simulation.tolerance
     prescribed = [d.pair for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
     assert found.model["drives"] == prescribed
     texts = " ".join(e.text for e in found.events)

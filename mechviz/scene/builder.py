@@ -82,6 +82,8 @@ class SceneBuilder:
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
+        free: Mapping[str, Any] | None = None,
+        stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
         """A pin between two links; the keywords are the keys of a scene file."""
         entry = {
@@ -92,6 +94,8 @@ class SceneBuilder:
             "branch": branch,
             "friction": friction,
             "drive": drive,
+            "free": free,
+            "stops": stops,
         }
         return self._add("pairs", name, entry)
 
@@ -108,6 +112,8 @@ class SceneBuilder:
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
+        free: Mapping[str, Any] | None = None,
+        stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
         """A sliding pair between two links; the keywords are the keys of a scene file."""
         entry = {
@@ -119,6 +125,8 @@ class SceneBuilder:
             "branch": branch,
             "friction": friction,
             "drive": drive,
+            "free": free,
+            "stops": stops,
         }
         return self._add("pairs", name, entry)
 
@@ -140,6 +148,8 @@ class SceneBuilder:
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
+        free: Mapping[str, Any] | None = None,
+        stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
         """A pin of one link in a straight slot of the other; ``guide`` names the link with the slot."""
         entry = {
@@ -150,6 +160,8 @@ class SceneBuilder:
             "branch": branch,
             "friction": friction,
             "drive": drive,
+            "free": free,
+            "stops": stops,
         }
         return self._add("pairs", name, entry)
 
@@ -166,6 +178,8 @@ class SceneBuilder:
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
+        free: Mapping[str, Any] | None = None,
+        stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
         """A wheel that rolls on a straight edge of another link without slipping."""
         entry = {
@@ -177,6 +191,8 @@ class SceneBuilder:
             "branch": branch,
             "friction": friction,
             "drive": drive,
+            "free": free,
+            "stops": stops,
         }
         return self._add("pairs", name, entry)
 
@@ -261,9 +277,12 @@ class SceneBuilder:
         at: str | Sequence[str] | None = None,
         side: str | None = None,
         drive: Mapping[str, Any] | None = None,
+        free: Mapping[str, Any] | None = None,
+        stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
         """A cylinder between a point of the first link and a point of the second."""
-        return self._add("pairs", name, {"cylinder": [first, second], "at": at, "side": side, "drive": drive})
+        entry = {"cylinder": [first, second], "at": at, "side": side, "drive": drive, "free": free, "stops": stops}
+        return self._add("pairs", name, entry)
 
     def force(
         self,
@@ -347,9 +366,22 @@ class SceneBuilder:
         self._data["trace"].extend(points)
         return self
 
-    def run(self, *, frames: int = 360, cycles: int = 1) -> SceneBuilder:
-        """Frames and drive cycles of a run."""
-        self._data["run"] = {"frames": frames, "cycles": cycles}
+    def watch(self, name: str, **entry: Any) -> SceneBuilder:
+        """A value to look out for while forces move the mechanism, by the keys of a scene file: ``pair="A", at="90 deg"``."""
+        return self._add("watch", name, entry)
+
+    def run(
+        self,
+        *,
+        frames: int = 360,
+        cycles: int = 1,
+        duration: Value | None = None,
+        tolerance: float | None = None,
+        method: str | None = None,
+    ) -> SceneBuilder:
+        """Frames and drive cycles of a run; duration, tolerance and method where forces decide the motion."""
+        run = {"frames": frames, "cycles": cycles, "duration": duration, "tolerance": tolerance, "method": method}
+        self._data["run"] = {key: value for key, value in run.items() if value is not None}
         return self
 
     def scene(self) -> Scene:

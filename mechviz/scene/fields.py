@@ -24,7 +24,8 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "AngularSpeed", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration", "Effort", "Extent",
+    "Angle", "AngularSpeed", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration",
+    "Effort", "Extent",
     "Flag", "Force",
     "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Period", "Point",
     "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",

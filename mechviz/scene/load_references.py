@@ -52,7 +52,9 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         for key in MACHINES:
             name = getattr(load, key)
             if name == reading.document.frame and name not in reading.document.pairs:
-                yield Fault(f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute pair or a moving link.")
+                yield Fault(
+                    f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute pair or a moving link."
+                )
             elif name is not None and name not in link_names(reading):
                 yield from _pair(reading, f"{path}.{key}", name, ("revolute",), "revolute pair")
         yield from _driven(reading, f"{path}.drive", load.drive)

@@ -257,7 +257,7 @@ class _Maker:
             )
 
     # -- machines by their characteristic -----------------------------------------------------------------------------
-    def driven(self, name: str) -> dict[str, str]:
+    def driven(self, name: str) -> dict[str, Any]:
         """The pair or the link that a machine drives."""
         return {"pair": name} if name in self.document.pairs else {"link": name}
 

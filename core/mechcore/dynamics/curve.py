@@ -69,7 +69,9 @@ class Curve:
 def tabulate(compiled: Compiled, low: float, high: float, *, periodic: bool, tolerance: float = 1e-13) -> Curve:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``, one turn where it is ``periodic``."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
-    rest = tuple(e for e in effects if e.piecewise or not e.needs <= {"positions"} or not _repeats(e, compiled, low, high, periodic))
+    rest = tuple(
+        e for e in effects if e.piecewise or not e.needs <= {"positions"} or not _repeats(e, compiled, low, high, periodic)
+    )
     fixed = [e for e in effects if e not in rest]
 
     def values(q: Array) -> Array:

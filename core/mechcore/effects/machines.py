@@ -82,7 +82,6 @@ class ConstantPowerMachine(_ByCharacteristic):
         forward = np.maximum(speed * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
         return np.sign(load.torque_limit) * load.power / forward
 
-
     @property
     def piecewise(self) -> bool:
         return True

@@ -71,11 +71,11 @@ def _check(motion: Motion) -> None:
         if f is None:
             continue
         path = f"pairs.{pair.name}.friction"
-        for name in ("coefficient", "radius", "length", "height", "lever"):
+        for name in ("coefficient", "radius", "length", "height", "lever", "brake"):
             value = getattr(f, name)
             if not 0.0 <= value < np.inf:
                 faults.append(Fault(path, f"{name} = {value:g} is no {name}.", "Give a finite number of zero or more."))
-        if isinstance(pair, Revolute) and f.radius == 0.0:
+        if isinstance(pair, Revolute) and f.coefficient and f.radius == 0.0:
             faults.append(Fault(path, "the pin has no radius, at which friction acts.", "Give radius = ..., or no coefficient."))
     if faults:
         raise MechanismError(faults)

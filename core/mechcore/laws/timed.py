@@ -208,16 +208,17 @@ class Table:
         value = np.asarray(self._spline(inside, derivative))  # type: ignore[operator]
         return value if derivative == 0 else np.where(x == inside, value, 0.0)
 
-    def part(self, x: ArrayLike) -> Array:
+    def part(self, x: ArrayLike) -> NDArray[np.int64]:
         """Which smooth part of the table holds at arguments (...): a whole number; smooth tables bend where they end."""
         x = np.asarray(x, float)
         straight = not self.smooth or len(self.x) < 3
         knots = np.asarray(self.x if straight else (self.x[0], self.x[-1]), float)
         if self.period is None:
-            return np.searchsorted(knots, x, side="right")
+            return np.asarray(np.searchsorted(knots, x, side="right"))
         turns = np.floor((x - self.x[0]) / self.period)
         inside = x - turns * self.period
-        return (turns * (len(knots) + 1)).astype(int) + (np.searchsorted(knots, inside, side="right") if straight else 0)
+        inner = np.searchsorted(knots, inside, side="right") if straight else np.zeros(x.shape, int)
+        return np.asarray(turns * (len(knots) + 1) + inner, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
