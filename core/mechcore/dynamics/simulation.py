@@ -569,4 +569,4 @@ class _Run:
 
 def _passed(watch: Watch) -> str:
     what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
-    return f"{watch.name}: {watch.of} of {what} passes {watch.at:.6g}"
+    return f"{watch.of} of {what} passes {watch.at:.6g}"
