@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 import mechviz
+from mechcore.effects import effects_of
 from mechcore.laws.free import Free
 from mechcore.spec import Prismatic, Revolute
 from mechviz.run import run_scene
@@ -90,6 +91,11 @@ def smooth(m: Made) -> np.ndarray:
     return ok
 
 
+def bends(m: Made) -> bool:
+    """Whether forces decide the motion and their laws bend, and accelerations with them: their differences are of lower order."""
+    return m.run.simulation is not None and any(e.piecewise for e in effects_of(m.mechanism))
+
+
 def difference_errors(m: Made) -> dict[str, float]:
     """Root mean square of central differences minus recorded derivatives, over the largest derivative of its kind."""
     t, ok = m.time, smooth(m)
@@ -112,7 +118,7 @@ def test_velocities_and_accelerations_are_derivatives_of_the_poses(name):
     coarse, fine = difference_errors(made(name, frames)), difference_errors(made(name, 2 * frames))
     for kind, error in fine.items():
         assert error < 2e-3, kind
-        if coarse[kind] > 1e-7:  # below, the last digits of poses and times decide
+        if coarse[kind] > 1e-7 and not bends(made(name)):  # below, the last digits of poses and times decide
             order = np.log2(coarse[kind] / error)
             assert order == pytest.approx(2.0, abs=0.2), f"{kind}: order {order:.2f}, errors {coarse[kind]:.1e}, {error:.1e}"
 
