@@ -7,6 +7,7 @@ from shapely.geometry import Polygon
 
 from mechcore import compile_mechanism, default_times, solve_motion
 from mechcore.errors import MechanismError
+from mechcore.laws.free import Free
 from mechcore.reduction import Body, area_of, combine
 from mechcore.spec import Mechanism
 
@@ -29,7 +30,9 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Bod
     """
     links = drawn_links(document)
     try:
-        motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, document.run.frames, document.run.cycles))
+        free = any(isinstance(d.law, Free) for d in mechanism.drives)  # where it goes needs its masses: drawn at the start
+        times = [0.0] if free else default_times(mechanism, document.run.frames, document.run.cycles)
+        motion = solve_motion(compile_mechanism(mechanism), times)
         poses = {link.name: motion.pose(link.name) for link in mechanism.links}
     except MechanismError:
         poses = None
