@@ -1,0 +1,307 @@
+"""Forward dynamics side by side: work and precision of mechviz and of peers on Andrews' squeezer and the chain of four-bars.
+
+All rows of a problem take turns in one process; the least time counts. What is not installed gets no row; the environment of
+`peers/run.py` has all of them: ``benchmarks/peers/.venv/bin/python benchmarks/dynamics.py [--short]``.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests"), str(Path(__file__).resolve().parent)]
+
+from timing import interleaved, machine  # isort: skip # before numpy is imported: one thread
+
+import numpy as np
+from dynamic_mechanisms import chain, squeezer
+from scipy.integrate import solve_ivp
+
+from mechcore import compile_mechanism
+from mechcore.dynamics import simulate
+
+Row = tuple[str, str, Callable[[], float]]  # who, setting, computes the final angle
+
+
+def case() -> dict[str, Any]:
+    found = json.loads((ROOT / "tests" / "reference" / "andrews.json").read_text())["cases"]
+    return next(c for c in found if c["id"] == "andrews-squeezer")
+
+
+# --- P3: Andrews' squeezing mechanism ---------------------------------------------------------------------------------
+
+
+def andrews_by_hand(i: dict[str, Any]) -> Callable[[float, np.ndarray], np.ndarray]:
+    """The equations of the IVP test set in seven angles, constraints differentiated twice: y = (q, q') -> y'."""
+    k = type("Data", (), i)
+    ee, ff = k.e - k.ea, k.zf - k.fa
+
+    def rhs(_: float, y: np.ndarray) -> np.ndarray:
+        q, v = y[:7], y[7:]
+        b, th, ga, ph, de, om, ep = q
+        vb, vt, vg, vp, vd, vo, ve = v
+        sb, cb, st, ct, sg, cg = np.sin(b), np.cos(b), np.sin(th), np.cos(th), np.sin(ga), np.cos(ga)
+        sbt, cbt, sp, cp = np.sin(b + th), np.cos(b + th), np.sin(ph), np.cos(ph)
+        sd, cd, spd, cpd, so, co = np.sin(de), np.cos(de), np.sin(ph + de), np.cos(ph + de), np.sin(om), np.cos(om)
+        se, ce, soe, coe = np.sin(ep), np.cos(ep), np.sin(om + ep), np.cos(om + ep)
+        a = np.zeros((13, 13))
+        a[0, 0] = k.m1 * k.ra**2 + k.m2 * (k.rr**2 - 2 * k.da * k.rr * ct + k.da**2) + k.I1 + k.I2
+        a[0, 1] = a[1, 0] = k.m2 * (k.da**2 - k.da * k.rr * ct) + k.I2
+        a[1, 1] = k.m2 * k.da**2 + k.I2
+        a[2, 2] = k.m3 * (k.sa**2 + k.sb**2) + k.I3
+        a[3, 3] = k.m4 * ee**2 + k.I4
+        a[3, 4] = a[4, 3] = k.m4 * (ee**2 + k.zt * ee * sp) + k.I4
+        a[4, 4] = k.m4 * (k.zt**2 + 2 * k.zt * ee * sp + ee**2) + k.m5 * (k.ta**2 + k.tb**2) + k.I4 + k.I5
+        a[5, 5] = k.m6 * ff**2 + k.I6
+        a[5, 6] = a[6, 5] = k.m6 * (ff**2 - k.u * ff * so) + k.I6
+        a[6, 6] = k.m6 * (ff**2 - 2 * k.u * ff * so + k.u**2) + k.m7 * (k.ua**2 + k.ub**2) + k.I6 + k.I7
+        xd, yd = k.sd * cg + k.sc * sg + k.xb, k.sd * sg - k.sc * cg + k.yb
+        length = np.hypot(xd - k.xc, yd - k.yc)
+        pull = -k.c0 * (length - k.lo) / length
+        fx, fy = pull * (xd - k.xc), pull * (yd - k.yc)
+        f = np.zeros(13)
+        f[0] = k.mom - k.m2 * k.da * k.rr * vt * (vt + 2 * vb) * st
+        f[1] = k.m2 * k.da * k.rr * vb**2 * st
+        f[2] = fx * (k.sc * cg - k.sd * sg) + fy * (k.sd * cg + k.sc * sg)
+        f[3] = k.m4 * k.zt * ee * vd**2 * cp
+        f[4] = -k.m4 * k.zt * ee * vp * (vp + 2 * vd) * cp
+        f[5] = -k.m6 * k.u * ff * ve**2 * co
+        f[6] = k.m6 * k.u * ff * vo * (vo + 2 * ve) * co
+        g = np.zeros((6, 7))
+        x, y_ = -k.rr * sb + k.d * sbt, k.rr * cb - k.d * cbt
+        g[0::2, 0], g[1::2, 0] = x, y_
+        g[0::2, 1], g[1::2, 1] = k.d * sbt, -k.d * cbt
+        g[0, 2], g[1, 2] = -k.ss * cg, -k.ss * sg
+        g[2, 3], g[3, 3] = -k.e * cpd, -k.e * spd
+        g[2, 4], g[3, 4] = -k.e * cpd + k.zt * sd, -k.e * spd - k.zt * cd
+        g[4, 5], g[5, 5] = k.zf * soe, -k.zf * coe
+        g[4, 6], g[5, 6] = k.zf * soe - k.u * ce, -k.zf * coe - k.u * se
+        a[7:, :7], a[:7, 7:] = g, g.T
+        turn, fold, swing = (vb + vt) ** 2, (vp + vd) ** 2, (vo + ve) ** 2
+        cx, cy = -k.rr * cb * vb**2 + k.d * cbt * turn, -k.rr * sb * vb**2 + k.d * sbt * turn
+        f[7] = -(cx + k.ss * sg * vg**2)
+        f[8] = -(cy - k.ss * cg * vg**2)
+        f[9] = -(cx + k.e * spd * fold + k.zt * cd * vd**2)
+        f[10] = -(cy - k.e * cpd * fold + k.zt * sd * vd**2)
+        f[11] = -(cx + k.zf * coe * swing + k.u * se * ve**2)
+        f[12] = -(cy + k.zf * soe * swing - k.u * ce * ve**2)
+        return np.concatenate([v, np.linalg.solve(a, f)[:7]])
+
+    return rhs
+
+
+def andrews_rows(reference: dict[str, Any]) -> list[Row]:
+    i = reference["inputs"]
+    compiled = compile_mechanism(squeezer(i))
+    start = np.array([i["initial_q"][n] for n in ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")] + [0.0] * 7)
+    rhs = andrews_by_hand(i)
+    known = reference["expected"]["initial_qdd"]
+    if abs(rhs(0.0, start)[7] - known["beta"]) > 1e-6 * known["beta"]:
+        raise SystemExit("the equations by hand are wrong")
+    rows: list[Row] = []
+    for tolerance in (1e-5, 1e-7, 1e-9, 1e-11):
+        for method in ("energy", "gauss"):
+            rows.append(("mechviz", f"{method} {tolerance:.0e}", partial(mechviz_end, compiled, 0.03, tolerance, method)))
+        for method in ("DOP853", "LSODA"):
+            if method == "LSODA" and tolerance < 1e-10:
+                continue
+            job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
+            rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
+    return rows
+
+
+def mechviz_end(compiled: Any, duration: float, tolerance: float, method: str) -> float:
+    found = simulate(compiled, duration, tolerance=tolerance, method=method)  # type: ignore[arg-type]
+    return float(found([duration])[0][0, 0])
+
+
+def by_scipy(rhs: Any, start: np.ndarray, duration: float, tolerance: float, method: str) -> float:
+    found = solve_ivp(rhs, (0.0, duration), start, method=method, rtol=tolerance, atol=1e-2 * tolerance)
+    return float(found.y[0, -1])
+
+
+# --- P4: N four-bars in a row -----------------------------------------------------------------------------------------
+
+
+def chain_end(n: int, duration: float = 10.0, g: float = 9.81) -> float:
+    """The angle of the first upright, exactly: uprights turn together, bars are carried round, so that it is one pendulum."""
+    inertia, weight = (n + 1) / 3.0 + n, g * ((n + 1) / 2.0 + n)
+    found = solve_ivp(
+        lambda _, y: [y[1], -weight * np.cos(y[0]) / inertia], (0.0, duration), [np.pi / 2, -1.0],
+        method="DOP853", rtol=3e-14, atol=1e-15,
+    )  # fmt: skip
+    return float(found.y[0, -1])
+
+
+def chain_rows(n: int) -> list[Row]:
+    compiled = compile_mechanism(chain(n))
+    rows: list[Row] = []
+    for tolerance in (1e-6, 1e-9, 1e-11):
+        for method in ("energy", "gauss"):
+            rows.append(("mechviz", f"{method} {tolerance:.0e}", partial(mechviz_end, compiled, 10.0, tolerance, method)))
+    if find_spec("mujoco"):
+        rows += [("MuJoCo RK4", f"{steps} steps", mujoco_chain(n, steps)) for steps in (1000, 4000)]
+    if find_spec("pinocchio"):
+        rows += [("Pinocchio, own RK4", f"h = {10.0 / steps:g}", pinocchio_chain(n, steps)) for steps in (1000, 4000)]
+        if n <= 10:  # the singular position throws it off: beyond, it takes minutes and is wrong
+            rows.append(("Pinocchio + DOP853", "rtol 1e-07", pinocchio_chain(n, 0, 1e-7)))
+    return rows
+
+
+def mujoco_chain(n: int, steps: int, duration: float = 10.0) -> Callable[[], float]:
+    """Hinges of uprights and bars, the far end of every bar joined by a soft constraint at its hardest."""
+    import mujoco as mj
+
+    h = duration / steps
+    body = '<inertial pos="{}" mass="1" diaginertia="0.0834 0.0834 0.08333333333333333"/>'
+    parts, joins = [], []
+    for k in range(n + 1):
+        bar = ""
+        if k < n:
+            bar = f'<body name="bar{k}" pos="0 1 0"><joint type="hinge" axis="0 0 1"/>{body.format("0.5 0 0")}</body>'
+            joins.append(f'<connect body1="bar{k}" body2="upright{k + 1}" anchor="1 0 0"/>')
+        inner = f'<joint name="j{k}" type="hinge" axis="0 0 1"/>{body.format("0 0.5 0")}{bar}'
+        parts.append(f'<body name="upright{k}" pos="{k} 0 0">{inner}</body>')
+    model = mj.MjModel.from_xml_string(
+        f"""<mujoco><compiler inertiafromgeom="false" angle="radian"/>
+        <option gravity="0 -9.81 0" integrator="RK4" timestep="{h}" tolerance="1e-12"><flag contact="disable"/></option>
+        <default><equality solref="{2 * h} 1" solimp="0.9999 0.9999 0.001"/></default>
+        <worldbody>{"".join(parts)}</worldbody><equality>{"".join(joins)}</equality></mujoco>"""
+    )
+    data = mj.MjData(model)
+    uprights = [model.joint(f"j{k}").dofadr[0] for k in range(n + 1)]
+    bars = [d for d in range(model.nv) if d not in uprights]
+
+    def run() -> float:
+        mj.mj_resetData(model, data)
+        data.qvel[uprights], data.qvel[bars] = -1.0, 1.0  # bars keep their direction: they turn back on the uprights
+        for _ in range(steps):
+            mj.mj_step(model, data)
+        return float(data.qpos[uprights[0]]) + np.pi / 2
+
+    return run
+
+
+def pinocchio_chain(n: int, steps: int, rtol: float = 0.0, duration: float = 10.0) -> Callable[[], float]:
+    """Hinges of uprights and bars, closed by constraints with Baumgarte's stabilisation; steps by Runge's and Kutta's method."""
+    import pinocchio as pin
+
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    plain = np.eye(3)
+
+    def hang(parent: int, place: list[float], centre: list[float]) -> int:
+        j = model.addJoint(parent, pin.JointModelRZ(), pin.SE3(plain, np.array(place)), f"j{model.njoints}")
+        model.appendBodyToJoint(j, pin.Inertia(1.0, np.array(centre), np.diag([0.0834, 0.0834, 1.0 / 12.0])), pin.SE3.Identity())
+        return j
+
+    uprights, bars = [], []
+    for k in range(n + 1):
+        uprights.append(hang(0, [float(k), 0.0, 0.0], [0.0, 0.5, 0.0]))
+        if k < n:
+            bars.append(hang(uprights[k], [0.0, 1.0, 0.0], [0.5, 0.0, 0.0]))
+    corrector = pin.BaumgarteCorrectorParameters(100.0, 20.0)
+    constraints = pin.StdVec_RigidConstraintModel()
+    for k in range(n):
+        far, top = (pin.SE3(plain, np.array(p)) for p in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+        c = pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_3D, model, bars[k], far, uprights[k + 1], top, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        c.setBaumgarteCorrectorParameters(corrector)
+        constraints.append(c)
+    data = model.createData()
+    datas = pin.StdVec_RigidConstraintData()
+    for c in constraints:
+        datas.append(c.createData())
+    pin.initConstraintDynamics(model, data, constraints, datas)
+    settings = pin.ProximalSettings(1e-12, 1e-12, 20)
+    still = np.zeros(model.nv)
+    index = [model.joints[j].idx_v for j in uprights]
+    others = [model.joints[j].idx_v for j in bars]
+    v0 = np.zeros(model.nv)
+    v0[index], v0[others] = -1.0, 1.0
+
+    def rhs(_: float, y: np.ndarray) -> np.ndarray:
+        q, v = y[: model.nq], y[model.nq :]
+        a = pin.constraintDynamics(model, data, q, v, still, constraints, datas, settings)
+        return np.concatenate([v, a])
+
+    def run() -> float:
+        y = np.concatenate([np.zeros(model.nq), v0])
+        if not steps:
+            return by_scipy(rhs, y, duration, rtol, "DOP853") + np.pi / 2
+        h = duration / steps
+        for _ in range(steps):
+            k1 = rhs(0.0, y)
+            k2 = rhs(0.0, y + 0.5 * h * k1)
+            k3 = rhs(0.0, y + 0.5 * h * k2)
+            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rhs(0.0, y + h * k3))
+        return float(y[index[0]]) + np.pi / 2
+
+    return run
+
+
+# --- reports ----------------------------------------------------------------------------------------------------------
+
+
+def report(title: str, rows: list[Row], exact: float, *, runs: int) -> None:
+    """Time and error of every row; the best peer at the same or a smaller error, and how many times faster mechviz is."""
+    errors = {}
+    for who, setting, job in rows:
+        try:
+            errors[who, setting] = abs(job() - exact)
+        except Exception as error:  # a peer that fails does not disturb the others
+            print(f"{who} {setting}: {type(error).__name__}: {error}"[:120])
+    jobs = {key: next(j for w, s, j in rows if (w, s) == key) for key in errors}
+    times = interleaved({f"{w}|{s}": j for (w, s), j in jobs.items()}, runs=runs, seconds=0.05, pick=min)
+    ours = [(times[f"{w}|{s}"], e) for (w, s), e in errors.items() if w == "mechviz"]
+    print(f"\n### {title}\n\n| who | setting | time [ms] | error [rad] | mechviz at this error or less is faster by |")
+    print("|---|---|---|---|---|")
+    for (who, setting), error in errors.items():
+        spent = times[f"{who}|{setting}"]
+        better = [t for t, e in ours if e <= max(error, 1e-12)]
+        ratio = "" if who == "mechviz" else f"{spent / min(better):.1f}" if better else "not reached"
+        print(f"| {who} | {setting} | {1e3 * spent:.2f} | {error:.1e} | {ratio} |", flush=True)
+
+
+def scaling(counts: tuple[int, ...]) -> None:
+    print("\n### Chain of N four-bars, 10 s, cost by N\n")
+    print("| N | compile [ms] | energy 1e-9 [ms] | us a loop | error [rad] |\n|---|---|---|---|---|")
+    for n in counts:
+        spent, best, error = [], np.inf, np.nan
+        for _ in range(2):
+            start = time.perf_counter()
+            compiled = compile_mechanism(chain(n))
+            spent.append(time.perf_counter() - start)
+            start = time.perf_counter()
+            end = mechviz_end(compiled, 10.0, 1e-9, "energy")
+            best = min(best, time.perf_counter() - start)
+            error = abs(end - chain_end(n))
+        print(f"| {n} | {1e3 * min(spent):.1f} | {1e3 * best:.1f} | {1e6 * best / n:.0f} | {error:.1e} |", flush=True)
+
+
+def main() -> None:
+    short = "--short" in sys.argv
+    runs = 3 if short else 7
+    known = (("numpy", "numpy"), ("scipy", "scipy"), ("mujoco", "mujoco"), ("pin", "pinocchio"))
+    packages = [p for p, name in known if find_spec(name)]
+    print(f"{machine(*packages)}; least of {runs} turns, taken in alternation")
+    reference = case()
+    last = reference["expected"]["rows"][-1]
+    beta = last["q"]["beta"] if "q" in last else last["beta"]
+    report("Andrews' squeezing mechanism, 0.03 s, error of the crank angle", andrews_rows(reference), beta, runs=runs)
+    for n in (1, 2) if short else (1, 2, 10, 40):
+        title = f"Chain of {n} four-bar{'s' if n > 1 else ''}, 10 s through its singular position"
+        report(title, chain_rows(n), chain_end(n), runs=runs if n < 10 else 2)
+    scaling((10, 40, 100) if short else (10, 40, 100, 300, 1000))
+
+
+if __name__ == "__main__":
+    main()
