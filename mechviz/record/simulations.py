@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from .paths import entity
 from .streams import Static, Timelines
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Happening, Simulation
+    from mechcore.dynamics import Simulation
 
     from ..run import Run
 
@@ -28,21 +28,15 @@ LANES = {
 }
 """States of the lanes, with their labels and colours."""
 
-WARNED = ("impact", "contact", "end")
-
 
 def simulation_events(run: Run) -> list[Event]:
     """What happened while the motion was found, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
-    found = [Event(float(h.time), _level(h), h.item, h.text) for h in simulation.happenings]
+    found = [Event(float(h.time), "INFO", h.item, h.text) for h in simulation.happenings]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     others = [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
     return found + [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
-
-
-def _level(h: Happening) -> Literal["INFO", "WARN"]:
-    return "WARN" if h.kind in WARNED else "INFO"
 
 
 def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
