@@ -202,9 +202,9 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     if "inertia" not in document.effects and not any(isinstance(name, Unknown) for name in document.effects):
         why = f"{free[0]} is free, motion under forces needs masses, and inertia is not named."
         yield Fault("effects", why, 'Add "inertia" to effects.')
-    for k, name in enumerate(document.answers):
-        if name in _NEEDS_DRIVE:
-            yield Fault(f"answers[{k}]", f"{name} is told per unit speed of a drive, and {free[0]} is free.", "Leave it out.")
+    for k, answer in enumerate(document.answers):
+        if answer in _NEEDS_DRIVE:
+            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {free[0]} is free.", "Leave it out.")
     for key in _STUDIES:
         if getattr(document, key):
             yield Fault(key, f"{free[0]} is free: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
