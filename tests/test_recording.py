@@ -83,6 +83,10 @@ def smooth(m: Made) -> np.ndarray:
     breaks = [e.time for e in m.recording.events if "drive" in e.text.split(":")[1][:8] or "zone" in e.text]
     if m.run.simulation is not None:
         breaks += [h.time for h in m.run.simulation.happenings if h.kind != "watch"]
+        for rows, part in m.run.motion.parts:  # forces whose laws bend: accelerations bend with them
+            for effect in (e for e in effects_of(part.mechanism) if e.piecewise):
+                bent = np.flatnonzero(np.diff(np.broadcast_to(effect.phase(part), len(rows))))
+                breaks += [float(t[rows[k + j]]) for k in bent for j in (0, 1)]
     near_singular = m.recording.scalars("health", "condition")[1][:, 0] > 20.0  # much happens there between two frames
     assert near_singular.mean() < 0.3
     breaks += list(t[near_singular])
