@@ -11,7 +11,7 @@ import trimesh
 import mechviz
 from mechcore.effects import effects_of
 from mechcore.laws.free import Free
-from mechcore.spec import Prismatic, Revolute
+from mechcore.spec import CamPair, Prismatic, Revolute
 from mechviz.run import run_scene
 from recordings import NAMES, Made, made, place, points_of, size_of
 
@@ -87,6 +87,10 @@ def smooth(m: Made) -> np.ndarray:
             for effect in (e for e in effects_of(part.mechanism) if e.piecewise):
                 bent = np.flatnonzero(np.diff(np.broadcast_to(effect.phase(part), len(rows))))
                 breaks += [float(t[rows[k + j]]) for k in bent for j in (0, 1)]
+    for pair in m.mechanism.pairs:  # where pieces of a cam's law meet its jerk jumps
+        if isinstance(pair, CamPair):
+            k = np.flatnonzero(np.diff(piece_of(m, pair)))
+            breaks += [float(x) for x in (*t[k], *t[k + 1])]
     near_singular = m.recording.scalars("health", "condition")[1][:, 0] > 20.0  # much happens there between two frames
     assert near_singular.mean() < 0.3
     breaks += list(t[near_singular])
@@ -98,6 +102,20 @@ def smooth(m: Made) -> np.ndarray:
 def bends(m: Made) -> bool:
     """Whether forces decide the motion and their laws bend, and accelerations with them: their differences are of lower order."""
     return m.run.simulation is not None and any(e.piecewise for e in effects_of(m.mechanism))
+
+
+def piece_of(m: Made, pair: CamPair) -> np.ndarray:
+    """Which piece of a cam's law the follower is on at every frame (F,), counted on over the turns."""
+    if pair.bed:
+        argument = m.data("joints", pair.bed, "motion")[:, 0]
+    else:
+        guide = next(p for p in m.mechanism.pairs if p.name == pair.guide)
+        carrier = next(k for k in guide.links if k != pair.links[1])
+        argument = m.data("links", pair.links[0], "pose")[:, 2] - m.data("links", carrier, "pose")[:, 2]
+    knots = pair.lift.knots
+    way = pair.sense * argument + pair.phase - knots[0]
+    turns, rest = np.divmod(way, knots[-1] - knots[0])
+    return turns * len(knots) + np.searchsorted(knots - knots[0], rest, side="right")
 
 
 def difference_errors(m: Made) -> dict[str, float]:
