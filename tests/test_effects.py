@@ -16,6 +16,7 @@ from mechcore import MechanismError, compile_mechanism, default_times, solve_for
 from mechcore.effects import CAUSES, LOADS, NEEDS, effects_of, potential, power_of
 from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import ConstantSpeed, Oscillation, Table
+from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor
 from mechcore.spec import (
     Damper,
     Drag,
@@ -192,6 +193,10 @@ def every_load() -> Mechanism:
         TorsionDamper(name="torsion damper", links=("frame", "rocker"), coefficient=3.0),
         Drag(name="drag", link="coupler", point="B", quadratic=1.0),
         Viscous(name="viscous", pair="D", coefficient=1.0),
+        DcMotor(name="dc", link="rocker", stall_torque=2.0, no_load_speed=30.0),
+        InductionMotor(name="induction", pair="D", breakdown_torque=2.0, breakdown_slip=0.2, synchronous_speed=30.0),
+        ConstantPower(name="constant power", link="rocker", power=3.0, torque_limit=5.0),
+        Governor(name="governor", link="rocker", set_speed=2.0, gain=1.0, least=-3.0, most=3.0),
     )
     return replace(m, loads=loads, effects=("inertia", "gravity"))
 
