@@ -213,7 +213,9 @@ def section(mesh: trimesh.Trimesh, z: float) -> shapely.Geometry:
         for face in faces:
             inside = face.representative_point()
             ray = LineString([inside, (inside.x + 10.0, inside.y + 0.137)])
-            if len(shapely.get_parts(ray.intersection(open_lines))) % 2:
+            # line by line: some of them coincide, and their crossings would count once
+            crossed = sum(len(shapely.get_parts(ray.intersection(line))) for line in open_lines.geoms)
+            if crossed % 2:
                 area = area.symmetric_difference(face)
     return area
 
@@ -248,7 +250,13 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=pytest.mark.xfail(strict=True, reason="the rim of the groove reaches into the bracket of the frame"))
+        pytest.param(
+            n,
+            marks=pytest.mark.xfail(
+                strict=True,
+                reason="the section through the groove shows its roller inside the cam: mesh or section, not yet known which",
+            ),
+        )
         if n == "cam-groove"
         else n
         for n in CASES
