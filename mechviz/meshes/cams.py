@@ -23,6 +23,7 @@ __all__ = ["draw_cams", "group_cams"]
 
 _SAMPLES = 1080  # points of a profile
 _ROLLER = 256  # sides of a roller: it has to touch as exactly as the profile
+_FLOAT = 0.06  # of a roller above the floor of its groove, in thicknesses of a plate
 _CHEEK = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 
 
@@ -88,7 +89,7 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
         rim = outer.buffer(1.4 * r, quad_segs=32)
         rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER)
         draft.pieces.append(Piece(cam.cam, rim.difference(outer), group, "wheel", mates))
-        draft.pieces.append(Piece(cam.cam, rim, group, "disc", mates, height=(-_CHEEK, 0.05)))
+        draft.pieces.append(Piece(cam.cam, rim, group, "disc", mates, height=(-_CHEEK, 0.0)))  # the groove's floor
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
     if cam.placed.bed is None:  # the key stands before the hub, where it can be seen
@@ -252,7 +253,9 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     if fork:
         rod = unary_union(stem).difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER))
         cheek = outline.hull([((0.0, 0.0), 0.42 * head.top), ((0.0, bottom + 0.9 * r), 0.8 * half)], model.segments)
-        draft.pieces.append(Piece(cam.follower, _moved(head.touching, complex(*cam.tip), cam.turn), group, "wheel", mates))
+        roller = _moved(head.touching, complex(*cam.tip), cam.turn)
+        height = (_FLOAT, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
+        draft.pieces.append(Piece(cam.follower, roller, group, "wheel", mates, height=height))
         if placed.groove:
             cheek = outline.hull([((0.0, 0.0), 0.6 * min(head.top, r)), ((0.0, bottom + r), half)], model.segments)
             rod = unary_union([rod, cheek])
