@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from sections import section
 
 import mechviz
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
@@ -13,7 +14,6 @@ from mechviz.meshes import build_solids
 from mechviz.run import run_scene
 from mechviz.scene import SceneError
 from mechviz.tables import tables
-from sections import section
 
 SCENES = [
     "cam-roller", "cam-roller-offset", "cam-knife", "cam-flat", "cam-mushroom", "cam-oscillating-roller", "cam-oscillating-flat",
