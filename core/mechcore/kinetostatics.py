@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_simpson
 
 from . import blocks as bl
 from .closed_forms import cross
-from .effects import Wrench, apparent_power, point_of, potential, power_of, sum_up, totals, wrenches
+from .effects import Wrench, point_of, potential, power_of, sum_up, totals, wrenches
 from .frames import added, crossed, lazy, nothing
 from .leastnorm import least_norm
 from .motion import Motion
@@ -189,8 +189,13 @@ class Forces:
         largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
         total = sum(parts, np.zeros(m.frames))
         if float(np.nanmax(np.abs(total), initial=0.0)) > 1e-9 * largest:
-            # forces at right angles to the motion all the time: what is left of their powers is rounding of |F| |v|
-            largest = max([largest, *(1e-6 * apparent_power(m, w) for w in self.applied)])
+            # forces at right angles to the motion all the time, or on links that stand still: what is left of the powers is
+            # rounding of |F| |v| in all the joints that the forces pass through
+            pace = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in m.origin_velocities), default=0.0)
+            pace = max([pace, *(m.model.size * float(np.nanmax(np.abs(w), initial=0.0)) for w in m.speeds.spin)])
+            pushes = (float(np.nanmax(np.abs(w.force), initial=0.0)) for w in self.applied)
+            twists = (float(np.nanmax(np.abs(w.moment), initial=0.0)) / m.model.size for w in self.applied)
+            largest = max(largest, 1e-6 * pace * max([*pushes, *twists], default=0.0))
         return total, largest
 
     @cached_property

@@ -18,7 +18,7 @@ from ..linkers import find_linkers
 from ..overlays import overlay_box
 from ..run import Stage, stopwatch
 from ..solids import solids_of
-from ..tables import links_with_mass, tables
+from ..tables import tables
 from ..vectors import Scales
 from . import simulations
 from .arrows import LEGEND_ROOM, extent, shapes
@@ -28,6 +28,7 @@ from .events import peak_events
 from .families import Content, find_statics, find_streams, find_views
 from .frictions import send_lanes
 from .paths import entity
+from .references import link_properties
 from .stream_file import Part, recording_file
 from .streams import Stream, Timelines, magnification, picture_stride
 
@@ -190,11 +191,12 @@ def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: lis
 
 
 def _properties_of_links(run: Run) -> list[tuple[str, Any]]:
-    """Mass [kg], centre of mass in the link frame [m], J_S [kg m^2] of the links whose mass counts."""
+    """Where there are reactions: what balances of the moving links need, see `references`."""
     import rerun as rr
 
-    masses = {link.name: [link.mass, *link.centre, link.inertia] for link in run.motion.mechanism.links}
-    return [(entity("data", "links", k, "properties"), rr.Scalars(masses[k])) for k in links_with_mass(run)]
+    if run.forces is None:
+        return []
+    return [(entity("data", "links", k, "properties"), rr.Scalars(values)) for k, values in link_properties(run).items()]
 
 
 def _send_events(stream: Any, timelines: Timelines, events: list[Event]) -> None:

@@ -37,7 +37,7 @@ from .machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
-from .wrench import Totals, Wrench, apparent_power, point_of, power_of, sum_up
+from .wrench import Totals, Wrench, point_of, power_of, sum_up
 
 __all__ = [
     "CAUSES",
@@ -48,7 +48,6 @@ __all__ = [
     "Effect",
     "Totals",
     "Wrench",
-    "apparent_power",
     "effects_of",
     "point_of",
     "potential",

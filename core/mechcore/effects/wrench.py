@@ -13,7 +13,7 @@ from ..frames import added, crossed, nothing
 if TYPE_CHECKING:
     from .base import Configuration
 
-__all__ = ["Totals", "Wrench", "apparent_power", "point_of", "power_of", "sum_up"]
+__all__ = ["Totals", "Wrench", "point_of", "power_of", "sum_up"]
 
 Array = Any
 
@@ -62,18 +62,6 @@ def power_of(at: Configuration, wrench: Wrench) -> Array:
             total = total + sign * np.real(np.conj(wrench.force) * velocity)
         total = total + sign * wrench.moment * spin
     return total
-
-
-def apparent_power(at: Configuration, wrench: Wrench) -> float:
-    """Largest |force| |velocity| + |moment spin| of a wrench over the frames [W]: what its power would be along the motion."""
-    most = 0.0
-    for k, arm in ((wrench.link, wrench.arm), (wrench.other, wrench.other_arm)):
-        if k:
-            spin = at.speeds.spin[at.model.angles.spin[k]]
-            velocity = at.origin_velocities[k] + 1j * spin * arm
-            value = np.abs(wrench.force) * np.abs(velocity) + np.abs(wrench.moment * spin)
-            most = max(most, float(np.nanmax(value, initial=0.0)))
-    return most
 
 
 class Totals:
