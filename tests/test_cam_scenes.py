@@ -18,6 +18,9 @@ from mechviz.tables import tables
 SCENES = [
     "cam-roller", "cam-roller-offset", "cam-knife", "cam-flat", "cam-mushroom", "cam-oscillating-roller", "cam-oscillating-flat",
     "cam-wedge", "cam-sine-acceleration", "cam-yoke", "cam-groove", "cam-linkage", "valve-train",
+    "cam-constant-acceleration", "cam-constant-acceleration-smooth", "cam-constant-acceleration-general",
+    "cam-sine-acceleration-base",
+    "cam-oscillating-knife", "cam-oscillating-mushroom", "cam-flat-offset", "cam-mushroom-offset", "cam-wedge-oscillating",
 ]  # fmt: skip
 
 
@@ -97,6 +100,30 @@ def test_the_lectures_sinusoidal_acceleration():
     np.testing.assert_allclose(height[:, 0], 0.04 - 0.01 * np.sin(angle), atol=1e-15)
     w = 240.0 * np.pi / 30.0
     np.testing.assert_allclose(height[:, 2], 0.01 * w**2 * np.sin(angle), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("name", "c1", "a0"),  # C1 pi/w and a0 (pi/w)^2/2 [m]
+    [
+        ("cam-constant-acceleration", 0.0, 0.020),
+        ("cam-constant-acceleration-general", 0.008, 0.012),
+        ("cam-constant-acceleration-smooth", -0.020, 0.020),
+    ],
+)
+def test_the_lectures_constant_acceleration(name, c1, a0):
+    """h = R + C1 t + a0 t^2/2, then R + a0 (pi/w) t - a0 t^2/2 + C1 (2 pi/w - t); velocity jumps by -(a0 pi/w + 2 C1) and back."""
+    motion, forces = solved(name)
+    x = motion.coordinate("O")[:, 0] / np.pi
+    height = motion.coordinate("S")[:, 0] + 0.110
+    r = 0.040
+    wanted = np.where(x <= 1.0, r + c1 * x + a0 * x**2, r + 2.0 * a0 * x - a0 * x**2 + c1 * (2.0 - x))
+    np.testing.assert_allclose(height, wanted, atol=1e-13 if "smooth" not in name else 1e-12)
+    knocks = [e for e in cam_events(motion, forces) if "velocity jumps" in e.text]
+    assert len(knocks) == (0 if abs(a0 + c1) < 1e-12 else 2)
+    cam = placed_cams(motion)[0].cam
+    at = np.pi + (0.0 if knocks else 0.5 * np.pi)
+    left, right = (np.pi * cam.law(at, 1, side)[1] for side in ("left", "right"))
+    np.testing.assert_allclose(right - left, -2.0 * (a0 + c1), atol=1e-12)
 
 
 def test_contact_is_lost_where_the_force_changes_its_sign():

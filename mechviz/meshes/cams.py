@@ -89,7 +89,13 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
         rim = outer.buffer(1.4 * r, quad_segs=32)
         rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER)
         draft.pieces.append(Piece(cam.cam, rim.difference(outer), group, "wheel", mates))
-        draft.pieces.append(Piece(cam.cam, rim, group, "disc", mates, height=(-_CHEEK, 0.0)))  # the groove's floor
+        heads = [  # other pins through the cam need room for their heads
+            outline.disc(a.centres[cam.cam], 1.06 * a.sleeve, model.segments)
+            for a in model.axles
+            if cam.cam in a.centres and math.dist(a.centres[cam.cam], cam.bore) > 1e-9
+        ]
+        floor = rim.difference(unary_union(heads)) if heads else rim
+        draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
     if cam.placed.bed is None:  # the key stands before the hub, where it can be seen
@@ -173,16 +179,20 @@ def _head(model: Model, cam: CamDrawing) -> _Head:
         return _Head(Polygon([(z.real, z.imag) for z in corners]), max(z.imag for z in corners))
     if isinstance(face, Arc):
         radius = face.radius / cam.size
-        middle = complex(np.mean(normals[known]))
+        swings = isinstance(placed.cam.follower.guide, Oscillating)
+        middle = complex(np.mean(normals[known])) if swings else 1j
         middle /= abs(middle)
         lean = np.angle(normals[known] * np.conj(middle))
         margin = min(0.35, 0.6 * r / radius)
-        span = np.linspace(float(lean.min()) - margin, float(lean.max()) + margin, 121)
+        span = np.linspace(min(float(lean.min()), 0.0) - margin, max(float(lean.max()), 0.0) + margin, 121)
         arc = -radius * middle * np.exp(1j * span)
         rise = float(np.max(np.real(arc * np.conj(middle)))) + 0.7 * r
         ends = [z + (rise - (z * np.conj(middle)).real) * middle for z in (arc[-1], arc[0])]
         ring = [*arc, *ends]
-        return _Head(Polygon([(z.real, z.imag) for z in ring]).buffer(0.0), max(z.imag for z in ring))
+        shape = Polygon([(z.real, z.imag) for z in ring]).buffer(0.0)
+        if swings:  # a finger from the arc to its centre, where the arm is
+            shape = unary_union([shape, outline.hull([((0.0, 0.0), 0.8 * r)], model.segments), _finger(arc, 0.8 * r)])
+        return _Head(shape, max(z.imag for z in ring))
     steep = float(np.max(np.abs(s.pressure_angle[np.isfinite(s.pressure_angle)]), initial=0.0))
     half = min(math.radians(28.0), 0.6 * (0.5 * math.pi - steep))
     n = complex(normals[known].mean()) if isinstance(placed.cam.follower.guide, Oscillating) else 1j
@@ -191,6 +201,16 @@ def _head(model: Model, cam: CamDrawing) -> _Head:
     tall = wide / math.tan(half)
     ring = [0j, (tall - 1j * wide) * n, (tall + r - 1j * wide) * n, (tall + r + 1j * wide) * n, (tall + 1j * wide) * n]
     return _Head(Polygon([(z.real, z.imag) for z in ring]), tall + 0.5 * r)
+
+
+def _finger(arc: np.ndarray, half: float) -> Polygon:
+    """What joins an arc to its centre, the origin, without reaching beyond the arc."""
+    return Polygon([(z.real, z.imag) for z in [*arc, 0j]]).union(
+        Point(0.0, 0.0)
+        .buffer(half)
+        .union(Polygon([(z.real, z.imag) for z in arc]))
+        .convex_hull.intersection(Point(0.0, 0.0).buffer(0.999 * float(np.abs(arc).min()), quad_segs=64))
+    )
 
 
 def _yoke(cam: CamDrawing, r: float) -> _Head:

@@ -52,12 +52,11 @@ def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
     contour = cam_contour(placed.cam)
     each = max(count // contour.count, 8)
     t = (np.arange(contour.count)[:, None] + np.arange(each) / each).ravel()
-    z = np.asarray(contour(t if contour.closed else np.append(t, contour.count))[0])
+    t = t if contour.closed else np.append(t, contour.count)
+    if placed.bed is not None:  # the law goes on level for as long again on either side: a part of that is drawn
+        t = t[(t >= 0.8) & (t <= contour.count - 0.8)]
+    z = np.asarray(contour(t)[0])
     if placed.bed is not None:
-        law = placed.cam.law
-        third = law.length / 3.0  # the law goes on level for as long again on either side
-        low, high = law.start + 0.8 * third, law.end - 0.8 * third
-        z = z[(z.real >= low) & (z.real <= high)]
         z = z[np.argsort(z.real)]
     return z
 

@@ -26,6 +26,9 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
+
+
 @dataclass(frozen=True, eq=False)
 class ContactRows:
     """Where cam and follower touch over the frames (F): ``place`` in the world; NaN where there is nothing to say.
@@ -99,11 +102,26 @@ class PlacedCam:
 
     def law(self, argument: Array) -> Array:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
-        x = np.asarray(argument, float) * self.ahead
+        x = self._on_knots(np.asarray(argument, float) * self.ahead)
         known = np.isfinite(x)
         s = self.cam.law(np.where(known, x, self.cam.law.start), 2)
         s[1] *= self.ahead
         return np.where(known, s, np.nan)
+
+    def _on_knots(self, x: Array) -> Array:
+        """Arguments that rounding has moved off a knot of the law put back on it.
+
+        Where the law's derivatives jump, kinematics and contact would else take different sides.
+        """
+        law = self.cam.law
+        knots = np.asarray(law.knots)
+        local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
+        k = np.clip(np.searchsorted(knots, local), 1, len(knots) - 1)
+        near = np.where(local - knots[k - 1] < knots[k] - local, knots[k - 1], knots[k])
+        close = np.abs(near - local) < SAME * law.length
+        if law.repeats:
+            near = np.where(near == knots[-1], knots[0], near)
+        return np.where(close, near, x)
 
     def check(self) -> None:
         """Raises where the cam cannot be cut, or where a yoke does not fit."""
@@ -170,7 +188,7 @@ class PlacedCam:
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
-        x = self.argument(motion) * self.ahead
+        x = self._on_knots(self.argument(motion) * self.ahead)
         known = np.isfinite(x)
         found = self.cam.at(np.where(known, x, self.cam.law.start))
         if not known.all():

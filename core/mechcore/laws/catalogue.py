@@ -66,6 +66,11 @@ def _freudenstein_135() -> MotionCurve:
 RISES: dict[str, Rise] = {
     "constant-velocity": Rise(lambda: _poly(0.0, 1.0), "s = x: velocity steps at both ends", {}),
     "parabolic": Rise(_parabolic, "constant acceleration, then deceleration; skew: share of the acceleration", {"skew": 0.5}),
+    "constant-acceleration": Rise(
+        lambda entry: _poly(0.0, entry, 1.0 - entry),
+        "one acceleration throughout; entry: velocity at the start over the mean one (0: from rest, 2: to rest)",
+        {"entry": 0.0},
+    ),
     "harmonic": Rise(lambda: harmonic_sum(0.0, {}, {1: 0.5}), "simple harmonic, (1 - cos pi x)/2", {}),
     "double-harmonic": Rise(
         lambda: harmonic_sum(0.0, {}, {1: 0.5, 2: -0.125}), "acceleration zero at the start, steps at the end (rise-return)", {}
