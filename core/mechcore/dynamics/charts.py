@@ -17,7 +17,7 @@ from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive
-from .curve import TURN, Curve, tabulate
+from .curve import TURN, Curve, tabulate, whole_turn
 from .free import Free
 from .reduced import motion_at
 
@@ -46,6 +46,10 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve,
     """
     model = compiled.model
     rotary = _rotary(compiled)
+    if rotary:
+        turn = whole_turn(compiled, q, tolerance=tolerance, leads=lambda unit: bool(np.all(_led(unit) >= POOR)))
+        if turn is not None:
+            return turn, None
     reach = TURN if rotary else 4.0 * model.size
     x = q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1)
     share = _share(compiled, x)
@@ -64,9 +68,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve,
         low -= 1
     while high < len(x) - 1 and good[high + 1]:
         high += 1
-    if rotary and low == 0 and high == len(x) - 1 and _closes(compiled, q):
-        return tabulate(compiled, q, q + TURN, periodic=True, tolerance=tolerance), None
-    table = tabulate(compiled, float(x[low]), float(x[high]), periodic=False, tolerance=tolerance)
+    table = tabulate(compiled, float(x[low]), float(x[high]), tolerance=tolerance)
     while low < here and share[low] < FAIR:
         low += 1
     while high > here and share[high] < FAIR:
@@ -76,36 +78,33 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve,
 
 def _share(compiled: Compiled, q: Array) -> Array:
     """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
-    motion = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
+    return _led(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
+
+
+def _led(motion: Motion) -> Array:
     rates = _rates(motion)
-    own = rates[compiled.mechanism.drives[0].pair]
+    own = rates[motion.mechanism.drives[0].pair]
     with np.errstate(invalid="ignore", divide="ignore"):
-        most = np.max(np.array(list(rates.values())), axis=0)
-        share = own / most
+        share = own / np.max(np.array(list(rates.values())), axis=0)
     return np.where(np.isfinite(share), share, 0.0)
 
 
 def _rates(motion: Motion) -> dict[str, Array]:
     """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size."""
-    model = motion.model
+    model, speeds = motion.model, motion.speeds
+    spin = model.angles.spin
     out: dict[str, Any] = {}
-    for joint in model.joints:
+    for j, joint in enumerate(model.joints):
         if joint.freedoms:
-            rate = np.abs(motion.coordinate(joint.name)[:, 1])
+            if j in model.driven:
+                rate = motion.drives[model.driven[j]][1]
+            elif joint.coordinate == "slide":
+                rate = speeds.slide[j]
+            else:
+                first, second = model.ends[j]
+                rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
             out[joint.name] = rate if joint.coordinate == "angle" else rate / model.size
-    return out
-
-
-def _closes(compiled: Compiled, q: float) -> bool:
-    """Whether a turn of the coordinate brings every link back to where it was."""
-    model = compiled.model
-    ends = np.array([q, q + TURN])
-    motion = motion_at(compiled, ends[:, None], np.ones((2, 1)), np.zeros(2))
-    for link in model.links[1:]:
-        pose = motion.pose(link)
-        if np.abs(pose[1, :2] - pose[0, :2]).max() > 1e-8 * model.size or abs(np.exp(1j * np.diff(pose[:, 2]))[0] - 1.0) > 1e-8:
-            return False
-    return True
+    return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 
 
 def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], tolerance: float) -> tuple[Lead, float, float]:

@@ -7,22 +7,25 @@ exact. Loads that depend on speed or time are evaluated where they are needed. T
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..changes import Changes
 from ..effects import Effect, effects_of, power_of
 from ..motion import Motion
 from ..solve import Compiled
-from .panels import Panels, fit_panels
+from .panels import Panels, fit_panels, nodes_of
 from .reduced import motion_at, with_rates
 
-__all__ = ["TURN", "Curve", "tabulate"]
+__all__ = ["TURN", "Curve", "tabulate", "whole_turn"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
+FIRST = 8  # panels of the first try
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
@@ -66,39 +69,99 @@ class Curve:
         return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
 
 
-def tabulate(compiled: Compiled, low: float, high: float, *, periodic: bool, tolerance: float = 1e-13) -> Curve:
-    """Reduce the mechanism to its free coordinate between ``low`` and ``high``, one turn where it is ``periodic``."""
+def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
+    """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
+    fixed, rest = _parted(compiled)
+    return _curve(compiled, fit_panels(_values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
+
+
+def whole_turn(
+    compiled: Compiled, q: float, *, tolerance: float = 1e-13, leads: Callable[[Motion], bool] = lambda _: True
+) -> Curve | None:
+    """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
+    the coordinate does not lead over the whole turn, as ``leads`` says of the motion at a unit rate.
+
+    All that this takes is read off one set of positions: the nodes of the table and some of them a turn later.
+    """
+    changes = compiled.changes
+    if changes is not None and changes.gaps:
+        return None
+    low = q if changes is None or not changes.by_drive else _clear_of(changes, compiled.start[0], q)
+    x = nodes_of(low, low + TURN, FIRST)
+    again = np.arange(5, len(x), 13)
+    unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
+    once, twice = again, len(x) + np.arange(len(again))
+    if not leads(unit) or not _comes_back(unit, once, twice):
+        return None
+    fixed, rest = _parted(compiled)
+    forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
+    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
+    rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
+    force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
+    known = np.column_stack([inertia_of(unit), force])[: len(x)]
+    values = _values(compiled, repeating, leads)
+    table = fit_panels(values, low, low + TURN, periodic=True, tolerance=tolerance, first=FIRST, known=known)
+    return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
+
+
+def _parted(compiled: Compiled) -> tuple[list[Effect], list[Effect]]:
+    """Effects that depend on the position alone and are smooth in it, and the others."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
-    rest = tuple(
-        e for e in effects if e.piecewise or not e.needs <= {"positions"} or not _repeats(e, compiled, low, high, periodic)
-    )
-    fixed = [e for e in effects if e not in rest]
+    fixed = [e for e in effects if e.needs <= {"positions"} and not e.piecewise]
+    return fixed, [e for e in effects if e not in fixed]
+
+
+def _unit(compiled: Compiled, q: Array) -> Motion:
+    """The mechanism at positions (n,) of its coordinate, which runs at a unit rate: angles are followed by that."""
+    return motion_at(compiled, q[:, None], np.ones((len(q), 1)), q - q[0])
+
+
+def _force(effect: Effect, unit: Motion) -> Any:
+    """Reduced force of an effect (n,)."""
+    return sum((power_of(unit, w) for w in effect.wrenches(unit)), 0.0)
+
+
+def _values(
+    compiled: Compiled, effects: Sequence[Effect], leads: Callable[[Motion], bool] = lambda _: True
+) -> Callable[[Array], Array]:
+    """Position (n,) -> J and Q (n, 2); NaN where the coordinate does not lead."""
 
     def values(q: Array) -> Array:
-        unit = motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
-        force: Any = np.zeros(len(q))
-        for effect in fixed:
-            for w in effect.wrenches(unit):
-                force = force + power_of(unit, w)
-        return np.column_stack([inertia_of(unit), force])
+        unit = _unit(compiled, q)
+        force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
+        return np.column_stack([inertia_of(unit), force]) * (1.0 if leads(unit) else np.nan)
 
-    table = fit_panels(values, low, high, periodic=periodic, tolerance=tolerance)
+    return values
+
+
+def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
     first = table.derivative()
     second = first.derivative()
     both = table.stacked(first).stacked(Panels(table.low, table.width, second.coefficients[:, :, :1], table.periodic))
-    return Curve(compiled, table, both, rest)
+    return Curve(compiled, table, both, tuple(rest))
 
 
-def _repeats(effect: Effect, compiled: Compiled, low: float, high: float, periodic: bool) -> bool:
-    """Whether an effect is the same after a turn (torsion springs, and tables over an angle that goes on, are not)."""
-    if not periodic:
-        return True
-    q = np.linspace(low, high, 7)[:-1] + 0.1234
-    forces = []
-    for turn in (0.0, high - low):
-        unit = motion_at(compiled, (q + turn)[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
-        forces.append(sum((power_of(unit, w) for w in effect.wrenches(unit)), np.zeros(len(q))))
-    return bool(np.abs(forces[1] - forces[0]).max() <= 1e-9 * np.abs(forces[0]).max())
+def _clear_of(changes: Changes, start: float, q: float) -> float:
+    """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
+    interpolated."""
+    places = np.unique(np.round([start + c.time for c in changes.found], 9))
+    if not len(places):
+        return q
+    shifts = TURN / FIRST * np.arange(32) / 32
+    x = nodes_of(q, q + TURN, FIRST)
+    away = shifts[:, None, None] + x[:, None] - places
+    away = np.abs(away - TURN * np.round(away / TURN))
+    return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
+
+
+def _comes_back(motion: Motion, once: Array, twice: Array) -> bool:
+    """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
+    model, size = motion.model, motion.model.size
+    for k in range(1, len(model.links)):
+        place, turn = np.broadcast_to(motion.origin(k), motion.shape), np.broadcast_to(motion.rotation(k), motion.shape)
+        if not (np.abs(place[twice] - place[once]).max() <= 1e-8 * size and np.abs(turn[twice] - turn[once]).max() <= 1e-8):
+            return False
+    return True
 
 
 def inertia_of(unit: Motion) -> Array:

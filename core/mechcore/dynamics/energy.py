@@ -7,6 +7,7 @@ made at all. At turning points, where q' vanishes, a quadratic substitution make
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,29 +25,35 @@ _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points);
-    ``rate`` dt/du and ``clock`` t(u) - ``time`` as panels."""
+    ``clock``: dt/du and t(u) - ``time`` as panels."""
 
     start: float
     length: float
     ends: tuple[bool, bool]
     time: float
-    rate: Panels
     clock: Panels
+
+    @cached_property
+    def edges(self) -> Array:
+        """Times [s] since the leg's start at which its panels begin and end (p + 1,)."""
+        signs = (-1.0) ** np.arange(self.clock.coefficients.shape[1])
+        return np.append(self.clock.coefficients[:, :, 1] @ signs, self.clock.coefficients[-1, :, 1].sum())
 
     @property
     def duration(self) -> float:
-        return float(self.clock(np.ones(1))[0, 0])
+        return float(self.edges[-1])
 
     def __call__(self, t: Array) -> tuple[Array, Array]:
         """Position and speed (n,) at times (n,) within the leg."""
-        local = np.clip(t - self.time, 0.0, self.duration)
-        edges = np.append(self.clock(np.arange(self.clock.count) / self.clock.count)[:, 0], np.inf)
-        cell = np.clip(np.searchsorted(edges, local, side="right") - 1, 0, self.clock.count - 1)
-        low, high = cell / self.clock.count, (cell + 1) / self.clock.count
-        u = 0.5 * (low + high)
+        edges, count = self.edges, self.clock.count
+        local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
+        cell = np.minimum(np.searchsorted(edges[:-1], local, side="right") - 1, count - 1)
+        cell = np.maximum(cell, 0)
+        low, high = cell / count, (cell + 1) / count
+        u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) / count
         for _ in range(40):
-            rate = self.rate(u)[:, 0]
-            miss = self.clock(u)[:, 0] - local
+            rate, clock = self.clock(u).T
+            miss = clock - local
             high, low = np.where(miss > 0, np.minimum(high, u), high), np.where(miss <= 0, np.maximum(low, u), low)
             new = u - miss / rate
             new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
@@ -55,7 +62,7 @@ class Leg:
             if done:
                 break
         f, slope = _way(u, self.ends)
-        return self.start + self.length * f, self.length * slope / self.rate(u)[:, 0]
+        return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
 
 
 def _way(u: Array, ends: tuple[bool, bool]) -> tuple[Array, Array]:
@@ -98,7 +105,7 @@ class EnergyMotion:
 
     def borders(self, end: float) -> Array:
         """Times until ``end`` [s] between which the motion is one smooth function."""
-        legs = [leg.time + np.unique(leg.clock(np.arange(leg.clock.count) / leg.clock.count)[:, 0]) for leg in self.legs]
+        legs = [leg.time + np.unique(leg.edges[:-1]) for leg in self.legs]
         found = np.concatenate(legs)
         last = self.legs[-1].time + self.legs[-1].duration
         if self.period is not None and end > last:
@@ -112,9 +119,10 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, the end of the tabulated range)."""
     work = _Work(curve)
-    energy = 0.5 * float(curve.table(np.array([q0]))[0, 0]) * v0 * v0 - work(np.array([q0]))[0]  # T(q) = energy + work(q)
+    inertia, done = (float(x[0]) for x in work(np.array([q0])))
+    energy = 0.5 * inertia * v0 * v0 - done  # T(q) = energy + work(q)
     size = max(work.largest, abs(energy), 1e-300)
-    at_rest = 0.5 * float(curve.table(np.array([q0]))[0, 0]) * v0 * v0 <= 1e-15 * size
+    at_rest = 0.5 * inertia * v0 * v0 <= 1e-15 * size
     sign = np.sign(v0) if not at_rest else np.sign(float(curve.table(np.array([q0]))[0, 1]))
     if sign == 0:
         return None
@@ -143,21 +151,26 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
 
 
 class _Work:
-    """Work of the reduced force from the table's start, on the whole line where the table is periodic."""
+    """Reduced inertia, and work of the reduced force from the table's start, on the whole line where the table is periodic."""
 
     def __init__(self, curve: Curve):
         table = curve.table
         only = Panels(table.low, table.width, table.coefficients[:, :, 1:2], False)
-        self.integral = only.integral()
+        integral = only.integral()
+        inertia = np.pad(table.coefficients[:, :, :1], ((0, 0), (0, 1), (0, 0)))
+        self.both = Panels(table.low, table.width, np.concatenate([inertia, integral.coefficients], axis=2), False)
         self.low, self.high, self.periodic = table.low, table.high, table.periodic
-        self.per_turn = float(self.integral(np.array([table.high]))[0, 0])
-        self.largest = float(np.abs(self.integral.coefficients).sum(axis=1).max())
+        self.per_turn = float(integral.coefficients[-1, :, 0].sum())
+        self.largest = float(np.abs(integral.coefficients).sum(axis=1).max())
 
-    def __call__(self, q: Array) -> Array:
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """J and the work (n,) at positions (n,)."""
         if not self.periodic:
-            return self.integral(q)[:, 0]
+            inertia, work = self.both(q).T
+            return inertia, work
         turns = np.floor((q - self.low) / (self.high - self.low))
-        return turns * self.per_turn + self.integral(q - turns * (self.high - self.low))[:, 0]
+        inertia, work = self.both(q - turns * (self.high - self.low)).T
+        return inertia, turns * self.per_turn + work
 
 
 def _next(
@@ -172,7 +185,7 @@ def _next(
             return None, False
     per = 24 * table.count * max(1, round(span / (table.high - table.low)))
     x = q + sign * span * (np.arange(1, per + 1) / per)
-    left = energy + work(x)
+    left = energy + work(x)[1]
     low = np.flatnonzero(left <= 0.0)
     low = low[low > 0] if from_rest else low
     if not len(low):
@@ -180,7 +193,7 @@ def _next(
     a, b = (x[low[0] - 1] if low[0] else q), x[low[0]]
     for _ in range(80):
         middle = 0.5 * (a + b)
-        if energy + work(np.array([middle]))[0] > 0.0:
+        if energy + work(np.array([middle]))[1][0] > 0.0:
             a = middle
         else:
             b = middle
@@ -188,7 +201,7 @@ def _next(
         force = float(table(np.array([b]))[0, 1])
         if force == 0.0:
             return None, False
-        b = b - (energy + work(np.array([b]))[0]) / force
+        b = b - (energy + work(np.array([b]))[1][0]) / force
     return float(b), True
 
 
@@ -200,7 +213,8 @@ def _leg(
     def rate(u: Array) -> Array:
         f, slope = _way(u, ends)
         q = start + length * f
-        kinetic = energy + work(q)
+        inertia, done = work(q)
+        kinetic = energy + done
         for at, turning in ((start, ends[0]), (end, ends[1])):
             if turning:  # next to a turning point the difference would cancel: integrate the force from there
                 near = np.abs(q - at) < curve.table.width
@@ -208,10 +222,12 @@ def _leg(
                 force = curve.table((at + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(len(way), -1)
                 kinetic[near] = way * (force @ _GAUSS[1])
         kinetic = np.maximum(kinetic, 1e-300)
-        return (abs(length) * slope * np.sqrt(0.5 * curve.table(q)[:, 0] / kinetic))[:, None]
+        return (abs(length) * slope * np.sqrt(0.5 * inertia / kinetic))[:, None]
 
     first = max(2, round(abs(length) / curve.table.width))
     panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=first, most=4096)
     if panels.tail()[0] > 1e-6:
         return None
-    return Leg(start, length, ends, time, panels, panels.integral())
+    rates = np.pad(panels.coefficients, ((0, 0), (0, 1), (0, 0)))
+    clock = Panels(panels.low, panels.width, np.concatenate([rates, panels.integral().coefficients], axis=2), False)
+    return Leg(start, length, ends, time, clock)

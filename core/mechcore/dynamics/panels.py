@@ -11,11 +11,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-__all__ = ["NODES", "Panels", "fit_panels"]
+__all__ = ["NODES", "Panels", "fit_panels", "nodes_of"]
 
 Array = NDArray[np.float64]
 NODES = 16  # of a panel
-_X = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
+_X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
 
 
@@ -68,16 +68,19 @@ class Panels:
     def __call__(self, x: Array) -> Array:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
         u = (x - self.low) / self.width
-        k = np.floor(u)
-        z = 2.0 * (u - k) - 1.0
-        cell = k.astype(int)
-        cell = np.mod(cell, self.count) if self.periodic else np.clip(cell, 0, self.count - 1)
-        if not self.periodic:
+        if self.periodic:
+            k = np.floor(u)
+            cell = k.astype(int) % self.count
+            z = 2.0 * (u - k) - 1.0
+        else:
+            cell = np.minimum(np.maximum(u.astype(int), 0), self.count - 1)
             z = 2.0 * (u - cell) - 1.0
-            z = np.where(np.abs(z) <= 1.0 + 1e-9, z, np.nan)
-        z = np.clip(z, -1.0, 1.0)
-        basis = np.cos(np.arange(self.coefficients.shape[1]) * np.arccos(z)[:, None])
-        return (basis[:, None, :] @ self.coefficients[cell])[:, 0, :]
+            outside = np.abs(z) > 1.0 + 1e-9
+            if outside.any():
+                z = np.where(outside, np.nan, z)
+        angle = np.arccos(np.minimum(np.maximum(z, -1.0), 1.0))
+        basis = np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[1])))
+        return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
 
     def derivative(self) -> Panels:
         """The functions' derivatives by x."""
@@ -102,6 +105,13 @@ class Panels:
         return np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0)
 
 
+def nodes_of(low: float, high: float, count: int) -> Array:
+    """Nodes (count * NODES,) of panels between ``low`` and ``high``, in order."""
+    width = (high - low) / count
+    centres = low + width * (np.arange(count) + 0.5)
+    return np.asarray((centres[:, None] + 0.5 * width * _X).ravel())
+
+
 def fit_panels(
     function: Callable[[Array], Array],
     low: float,
@@ -111,16 +121,16 @@ def fit_panels(
     tolerance: float,
     first: int = 8,
     most: int = 4096,
+    known: Array | None = None,
 ) -> Panels:
     """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved
-    together until then."""
+    together until then. ``known``: the values at the `nodes_of` the first panels, where they are there already."""
     count = first
     previous: Any = np.inf
     while True:
         width = (high - low) / count
-        centres = low + width * (np.arange(count) + 0.5)
-        x = (centres[:, None] + 0.5 * width * _X).ravel()
-        values = function(x)
+        values = function(nodes_of(low, high, count)) if known is None else known
+        known = None
         coefficients = np.einsum("ij,pjc->pic", _FIT, values.reshape(count, NODES, -1))
         panels = Panels(low, width, coefficients, periodic)
         tail = float(panels.tail().max())

@@ -264,9 +264,10 @@ def simulate(
     system: Any = Chart(compiled)
     leads: tuple[float, float] | None = None
     if len(compiled.mechanism.drives) == 1 and not braking_elements(compiled, q, v):
-        system, leads = curve_around(compiled, q[0], min(1e-12, tolerance))
+        system, leads = curve_around(compiled, q[0], _table_tolerance(tolerance))
+    _weigh(compiled, q, system)
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
-        found = by_energy(system, q[0], v[0], duration, tolerance=min(1e-12, tolerance))
+        found = by_energy(system, q[0], v[0], duration, tolerance=_table_tolerance(tolerance))
         if found is not None:
             return Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
     if method == "energy":
@@ -281,6 +282,11 @@ def simulate(
     return _Run(compiled, (system, leads), duration, tolerance, method, stops, watches, progress).go(q, v)
 
 
+def _table_tolerance(tolerance: float) -> float:
+    """How exact tables of a motion are: their errors add up over turns, and digits there cost little."""
+    return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
+
+
 def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
     faults = []
     if not (np.isfinite(duration) and duration > 0):
@@ -293,20 +299,26 @@ def _validate(compiled: Compiled, duration: float, tolerance: float) -> None:
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     if not free:
         faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
-    if not faults:
-        q = np.array([[float(d.law(0.0)[0]) for d in free]])
-        inertia = reduce(compiled, q, np.zeros_like(q), np.zeros(1)).inertia[0]
-        values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
-        if values[0] <= 1e-14 * values[-1]:
-            faults.append(
-                Fault(
-                    "links",
-                    "a free coordinate moves no mass: its acceleration has no bound.",
-                    "Give a mass or a moment of inertia to the links that it moves.",
-                )
-            )
     if faults:
         raise MechanismError(faults)
+
+
+def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
+    """Refuse a start (f,) at which a free coordinate moves no mass."""
+    inertia = (
+        system.table(q)[:1, :1]
+        if isinstance(system, Curve)
+        else reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
+    )
+    values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
+    if values[0] <= 1e-14 * values[-1]:
+        raise MechanismError(
+            Fault(
+                "links",
+                "a free coordinate moves no mass: its acceleration has no bound.",
+                "Give a mass or a moment of inertia to the links that it moves.",
+            )
+        )
 
 
 class _Run:
@@ -451,7 +463,9 @@ class _Run:
             if kind == "stop":
                 v = self._impact(time, q, v, k)
             elif kind == "border":
-                lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, min(1e-12, self.tolerance))
+                lead, place, rate = best_chart(
+                    self.compiled, float(q[0]), float(v[0]), self.known, _table_tolerance(self.tolerance)
+                )
                 if lead not in self.known:
                     self.known.append(lead)
                 self._lead(lead.compiled, lead.curve, lead.well)
