@@ -1,12 +1,16 @@
 """Forward dynamics side by side: work and precision of mechviz and of peers on Andrews' squeezer and the chain of four-bars.
 
-All rows of a problem take turns in one process; the least time counts. What is not installed gets no row; the environment of
-`peers/run.py` has all of them: ``benchmarks/peers/.venv/bin/python benchmarks/dynamics.py [--short]``.
+    python benchmarks/dynamics.py [--short] [--alone]
+
+All rows of a problem take turns in one process; the least time counts. The peers are installed into the environment of
+`peers/run.py` on first use, in which the script then runs; with ``--alone`` it runs where it is, and what is not installed gets no
+row. Every run of mechviz starts from the compiled mechanism: nothing is kept from the run before.
 """
 
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -22,6 +26,16 @@ from timing import interleaved, machine  # isort: skip # before numpy is importe
 
 import numpy as np
 from dynamic_mechanisms import chain, squeezer
+from dynamics_peers import (
+    PACKAGES,
+    by_scipy,
+    exudyn_chain,
+    exudyn_squeezer,
+    mujoco_chain,
+    mujoco_squeezer,
+    pinocchio_chain,
+    pinocchio_squeezer,
+)
 from scipy.integrate import solve_ivp
 
 from mechcore import compile_mechanism
@@ -106,7 +120,7 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
     if abs(rhs(0.0, start)[7] - known["beta"]) > 1e-6 * known["beta"]:
         raise SystemExit("the equations by hand are wrong")
     rows: list[Row] = []
-    for tolerance in (1e-5, 1e-7, 1e-9, 1e-11):
+    for tolerance in (1e-4, 1e-6, 1e-9, 1e-11):
         for method in ("energy", "gauss"):
             rows.append(("mechviz", f"{method} {tolerance:.0e}", partial(mechviz_end, compiled, 0.03, tolerance, method)))
         for method in ("DOP853", "LSODA"):
@@ -114,17 +128,18 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
                 continue
             job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
             rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
+    if find_spec("pinocchio"):
+        rows += [("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-6, 1e-8, 1e-11)]
+    if find_spec("mujoco"):
+        rows += [("MuJoCo RK4", f"{steps} steps", mujoco_squeezer(i, steps)) for steps in (125, 1000, 4000)]
+    if find_spec("exudyn"):
+        rows += [("exudyn gen.-alpha", f"{steps} steps", exudyn_squeezer(i, steps)) for steps in (300, 3000)]
     return rows
 
 
 def mechviz_end(compiled: Any, duration: float, tolerance: float, method: str) -> float:
     found = simulate(compiled, duration, tolerance=tolerance, method=method)  # type: ignore[arg-type]
     return float(found([duration])[0][0, 0])
-
-
-def by_scipy(rhs: Any, start: np.ndarray, duration: float, tolerance: float, method: str) -> float:
-    found = solve_ivp(rhs, (0.0, duration), start, method=method, rtol=tolerance, atol=1e-2 * tolerance)
-    return float(found.y[0, -1])
 
 
 # --- P4: N four-bars in a row -----------------------------------------------------------------------------------------
@@ -143,7 +158,7 @@ def chain_end(n: int, duration: float = 10.0, g: float = 9.81) -> float:
 def chain_rows(n: int) -> list[Row]:
     compiled = compile_mechanism(chain(n))
     rows: list[Row] = []
-    for tolerance in (1e-6, 1e-9, 1e-11):
+    for tolerance in (1e-4, 1e-6, 1e-9, 1e-11):
         for method in ("energy", "gauss"):
             rows.append(("mechviz", f"{method} {tolerance:.0e}", partial(mechviz_end, compiled, 10.0, tolerance, method)))
     if find_spec("mujoco"):
@@ -152,100 +167,9 @@ def chain_rows(n: int) -> list[Row]:
         rows += [("Pinocchio, own RK4", f"h = {10.0 / steps:g}", pinocchio_chain(n, steps)) for steps in (1000, 4000)]
         if n <= 10:  # the singular position throws it off: beyond, it takes minutes and is wrong
             rows.append(("Pinocchio + DOP853", "rtol 1e-07", pinocchio_chain(n, 0, 1e-7)))
+    if find_spec("exudyn"):
+        rows += [("exudyn gen.-alpha", f"{steps} steps", exudyn_chain(n, steps)) for steps in ((1000, 4000) if n < 40 else (1000,))]
     return rows
-
-
-def mujoco_chain(n: int, steps: int, duration: float = 10.0) -> Callable[[], float]:
-    """Hinges of uprights and bars, the far end of every bar joined by a soft constraint at its hardest."""
-    import mujoco as mj
-
-    h = duration / steps
-    body = '<inertial pos="{}" mass="1" diaginertia="0.0834 0.0834 0.08333333333333333"/>'
-    parts, joins = [], []
-    for k in range(n + 1):
-        bar = ""
-        if k < n:
-            bar = f'<body name="bar{k}" pos="0 1 0"><joint type="hinge" axis="0 0 1"/>{body.format("0.5 0 0")}</body>'
-            joins.append(f'<connect body1="bar{k}" body2="upright{k + 1}" anchor="1 0 0"/>')
-        inner = f'<joint name="j{k}" type="hinge" axis="0 0 1"/>{body.format("0 0.5 0")}{bar}'
-        parts.append(f'<body name="upright{k}" pos="{k} 0 0">{inner}</body>')
-    model = mj.MjModel.from_xml_string(
-        f"""<mujoco><compiler inertiafromgeom="false" angle="radian"/>
-        <option gravity="0 -9.81 0" integrator="RK4" timestep="{h}" tolerance="1e-12"><flag contact="disable"/></option>
-        <default><equality solref="{2 * h} 1" solimp="0.9999 0.9999 0.001"/></default>
-        <worldbody>{"".join(parts)}</worldbody><equality>{"".join(joins)}</equality></mujoco>"""
-    )
-    data = mj.MjData(model)
-    uprights = [model.joint(f"j{k}").dofadr[0] for k in range(n + 1)]
-    bars = [d for d in range(model.nv) if d not in uprights]
-
-    def run() -> float:
-        mj.mj_resetData(model, data)
-        data.qvel[uprights], data.qvel[bars] = -1.0, 1.0  # bars keep their direction: they turn back on the uprights
-        for _ in range(steps):
-            mj.mj_step(model, data)
-        return float(data.qpos[uprights[0]]) + np.pi / 2
-
-    return run
-
-
-def pinocchio_chain(n: int, steps: int, rtol: float = 0.0, duration: float = 10.0) -> Callable[[], float]:
-    """Hinges of uprights and bars, closed by constraints with Baumgarte's stabilisation; steps by Runge's and Kutta's method."""
-    import pinocchio as pin
-
-    model = pin.Model()
-    model.gravity.linear = np.array([0.0, -9.81, 0.0])
-    plain = np.eye(3)
-
-    def hang(parent: int, place: list[float], centre: list[float]) -> int:
-        j = model.addJoint(parent, pin.JointModelRZ(), pin.SE3(plain, np.array(place)), f"j{model.njoints}")
-        model.appendBodyToJoint(j, pin.Inertia(1.0, np.array(centre), np.diag([0.0834, 0.0834, 1.0 / 12.0])), pin.SE3.Identity())
-        return j
-
-    uprights, bars = [], []
-    for k in range(n + 1):
-        uprights.append(hang(0, [float(k), 0.0, 0.0], [0.0, 0.5, 0.0]))
-        if k < n:
-            bars.append(hang(uprights[k], [0.0, 1.0, 0.0], [0.5, 0.0, 0.0]))
-    corrector = pin.BaumgarteCorrectorParameters(100.0, 20.0)
-    constraints = pin.StdVec_RigidConstraintModel()
-    for k in range(n):
-        far, top = (pin.SE3(plain, np.array(p)) for p in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
-        c = pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D, model, bars[k], far, uprights[k + 1], top, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        c.setBaumgarteCorrectorParameters(corrector)
-        constraints.append(c)
-    data = model.createData()
-    datas = pin.StdVec_RigidConstraintData()
-    for c in constraints:
-        datas.append(c.createData())
-    pin.initConstraintDynamics(model, data, constraints, datas)
-    settings = pin.ProximalSettings(1e-12, 1e-12, 20)
-    still = np.zeros(model.nv)
-    index = [model.joints[j].idx_v for j in uprights]
-    others = [model.joints[j].idx_v for j in bars]
-    v0 = np.zeros(model.nv)
-    v0[index], v0[others] = -1.0, 1.0
-
-    def rhs(_: float, y: np.ndarray) -> np.ndarray:
-        q, v = y[: model.nq], y[model.nq :]
-        a = pin.constraintDynamics(model, data, q, v, still, constraints, datas, settings)
-        return np.concatenate([v, a])
-
-    def run() -> float:
-        y = np.concatenate([np.zeros(model.nq), v0])
-        if not steps:
-            return by_scipy(rhs, y, duration, rtol, "DOP853") + np.pi / 2
-        h = duration / steps
-        for _ in range(steps):
-            k1 = rhs(0.0, y)
-            k2 = rhs(0.0, y + 0.5 * h * k1)
-            k3 = rhs(0.0, y + 0.5 * h * k2)
-            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rhs(0.0, y + h * k3))
-        return float(y[index[0]]) + np.pi / 2
-
-    return run
 
 
 # --- reports ----------------------------------------------------------------------------------------------------------
@@ -287,10 +211,25 @@ def scaling(counts: tuple[int, ...]) -> None:
         print(f"| {n} | {1e3 * min(spent):.1f} | {1e3 * best:.1f} | {1e6 * best / n:.0f} | {error:.1e} |", flush=True)
 
 
+def with_peers() -> None:
+    """Go on in the peers' environment, made and filled as far as needed."""
+    if "--alone" in sys.argv:
+        return
+    sys.path.append(str(ROOT / "benchmarks" / "peers"))
+    from run import HOME, environment
+
+    if Path(sys.prefix) != HOME:
+        python, failed = environment({"dynamics_peers": PACKAGES})
+        for fault in failed.values():
+            print(fault, file=sys.stderr)
+        sys.exit(subprocess.run([python, __file__, *sys.argv[1:]]).returncode)
+
+
 def main() -> None:
+    with_peers()
     short = "--short" in sys.argv
     runs = 3 if short else 7
-    known = (("numpy", "numpy"), ("scipy", "scipy"), ("mujoco", "mujoco"), ("pin", "pinocchio"))
+    known = (("numpy", "numpy"), ("scipy", "scipy"), ("mujoco", "mujoco"), ("pin", "pinocchio"), ("exudyn", "exudyn"))
     packages = [p for p, name in known if find_spec(name)]
     print(f"{machine(*packages)}; least of {runs} turns, taken in alternation")
     reference = case()

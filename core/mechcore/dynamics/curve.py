@@ -154,7 +154,7 @@ def _clear_of(changes: Changes, start: float, q: float) -> float:
     return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
 
 
-def _comes_back(motion: Motion, once: Array, twice: Array) -> bool:
+def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool:
     """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
     model, size = motion.model, motion.model.size
     for k in range(1, len(model.links)):
