@@ -13,6 +13,7 @@ from mechcore.equations import contour_equations
 from mechcore.friction.events import friction_events
 from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
+from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
 from mechcore.spec import Cylinder
@@ -71,6 +72,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         )
     if "friction" in scene.mechanism.effects and not free:
         lines += _friction(motion)
+    if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads) and not free:
+        lines += _belts(motion)
     if modes:
         lines += _all_modes(compiled)
     if equations:
@@ -85,6 +88,19 @@ def _friction(motion: Motion) -> list[str]:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
     return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
+
+
+def _belts(motion: Motion) -> list[str]:
+    """What belts can carry, and where they slip."""
+    from mechcore.belts import belt_events, belt_grip
+
+    lines = [
+        f"belt       {load.pair} carries up to {belt_grip(motion, load).most:.5g} N without slipping (Euler, Eytelwein)"
+        for load in motion.mechanism.loads
+        if isinstance(load, BeltTension) and load.coefficient
+    ]
+    slips = [f"           {e.item}: {e.text}" for e in belt_events(solve_forces(motion))]
+    return [*lines, *(slips or ["           no belt slips over the run"])]
 
 
 def _over(frames: int) -> str:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import four_bar, load, move, pin, slider_crank
 from scipy.integrate import quad
+from test_friction_pairs import drum
 from test_properties import ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, number, six_bars, slider_cranks
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
@@ -210,7 +211,7 @@ def test_effects_need_what_they_declare(monkeypatch):
     slider = slider_crank(r=1.0, l=3.0)
     pressure = GasPressure(name="gas", pair="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
     seen = set()
-    for mechanism in (every_load(), replace(slider, loads=(pressure,))):
+    for mechanism in (every_load(), replace(slider, loads=(pressure,)), drum(1.0)):
         compiled = compile_mechanism(mechanism)
         for effect in effects_of(mechanism):
             motion = solve_motion(compiled, default_times(mechanism, 24))

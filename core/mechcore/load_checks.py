@@ -7,14 +7,28 @@ from collections.abc import Iterator
 from dataclasses import fields
 
 from .errors import Fault
-from .loads import Damper, Drag, Factor, Force, GasPressure, GasSpring, Governor, Load, Machine, Spring, Torque, Viscous
-from .spec import EFFECTS, Cylinder, Mechanism, PinSlot, Prismatic, Revolute
+from .loads import (
+    BeltTension,
+    Damper,
+    Drag,
+    Factor,
+    Force,
+    GasPressure,
+    GasSpring,
+    Governor,
+    Load,
+    Machine,
+    Spring,
+    Torque,
+    Viscous,
+)
+from .spec import EFFECTS, Belt, Cylinder, Mechanism, Prismatic, Revolute, Weld
 
 __all__ = ["load_faults"]
 
 _POSITIVE = ("gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
 _NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
-_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back")
+_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back", "slack")
 
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
@@ -71,12 +85,14 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
             yield f"link '{link}' has no point '{point}'.", ""
     pairs = {p.name: p for p in m.pairs}
     if isinstance(load, Viscous | GasPressure):
-        sound = (Prismatic, Cylinder) if isinstance(load, GasPressure) else (Revolute, Prismatic, PinSlot, Cylinder)
+        gas = isinstance(load, GasPressure)
         if load.pair not in pairs:
             yield f"there is no pair '{load.pair}'.", ""
-        elif not isinstance(pairs[load.pair], sound):
-            what = "sliding pair" if isinstance(load, GasPressure) else "revolute or sliding pair"
+        elif isinstance(pairs[load.pair], Weld) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
+            what = "sliding pair" if gas else "pair that moves"
             yield f"'{load.pair}' is no {what}.", f"Name a {what}."
+    if isinstance(load, BeltTension) and not isinstance(pairs.get(load.pair), Belt):
+        yield f"'{load.pair}' is no belt or chain.", "Name a belt or chain."
     if isinstance(load, Machine):
         if (load.link is None) == (load.pair is None):
             yield "it has to act on a link or on a pair.", "Give one of them."

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .indicator import Cycle
 
 __all__ = [
+    "BeltTension",
     "ConstantPower",
     "Damper",
     "DcMotor",
@@ -175,10 +176,23 @@ class Drag(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class Viscous(_Load):
-    """Viscous friction in a revolute or sliding pair: ``-coefficient`` times the rate of its coordinate on its second link."""
+    """Viscous friction in a pair of any kind that moves: ``-coefficient`` times the speed of its relative motion, on its second
+    link; see `mechcore.effects.viscous.ViscousFriction` for each kind."""
 
     pair: str
-    coefficient: float  # [N m s/rad] in a revolute pair, [N s/m] in a sliding one
+    coefficient: float  # revolute, rolling, gear, rack: [N m s/rad]; prismatic, pin in slot, cylinder, cam, belt: [N s/m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeltTension(_Load):
+    """The tension of a belt or chain, kept up in its slack span by a tensioner; the tight span pulls by what it carries more.
+
+    With a ``coefficient`` of friction between belt and pulleys it is told where the belt would slip; 0: it cannot.
+    """
+
+    pair: str
+    slack: float  # [N]
+    coefficient: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,4 +262,6 @@ class Governor(_Machine):
 
 
 Machine = DcMotor | InductionMotor | ConstantPower | Governor
-Load = Force | Torque | Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Drag | Viscous | GasPressure | Machine
+Prescribed = Force | Torque
+Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper
+Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | Machine

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from .laws import Law, MotionCurve
 from .loads import (
+    BeltTension,
     ConstantPower,
     Damper,
     DcMotor,
@@ -40,6 +41,7 @@ __all__ = [
     "EFFECTS",
     "PLANS",
     "Belt",
+    "BeltTension",
     "CamPair",
     "ConstantPower",
     "Cylinder",
@@ -122,7 +124,8 @@ class Friction:
     along the guide from the point of the link that carries it: the sliding link, or, with ``bearing`` "guide", the guide's.
     ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
     with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
-    ``lever * |N|`` against the relative rotation, N the force across the contact.
+    ``lever * |N|`` against the relative rotation, N the force across the contact. Cylinder: ``coefficient * |F|`` along it, F the
+    force that drives it (its mechanical losses), and ``brake``, the friction of its seals.
     """
 
     coefficient: float = 0.0
@@ -133,7 +136,7 @@ class Friction:
     bearing: Literal["slider", "guide"] = "slider"
     lever: float = 0.0  # [m]
     exact: bool = False
-    brake: float = 0.0  # revolute, prismatic: friction that does not depend on what presses [N m or N], as of a brake
+    brake: float = 0.0  # revolute, prismatic, cylinder: friction that does not depend on what presses [N m or N], as of a brake
     static: float = 0.0  # coefficient of sticking, in forward dynamics; 0: the same as that of sliding
 
 
@@ -268,6 +271,7 @@ class Cylinder:
     name: str
     links: tuple[str, str]
     points: tuple[str, str]
+    friction: Friction | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mechcore.events import Event, find_events
 from mechcore.friction.events import friction_events
+from mechcore.loads import BeltTension
 
 from ..drawings import drawings_of
 from ..linkers import find_linkers
@@ -174,7 +175,16 @@ def _course_events(run: Run) -> list[Event]:
     if run.simulation is not None:
         return simulations.simulation_events(run)
     rubbing = [] if run.forces is None else friction_events(run.forces)
-    return [*find_events(run.motion), *rubbing, *_cam_events(run)]
+    return [*find_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
+
+
+def _belt_events(run: Run) -> list[Event]:
+    """Where belts slip, where one has a tension."""
+    if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
+        return []
+    from mechcore.belts import belt_events
+
+    return belt_events(run.forces)
 
 
 def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:

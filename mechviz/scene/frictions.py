@@ -40,7 +40,7 @@ class FrictionDocument(Table):
     """Dry friction in a pair. It acts only where `effects` names friction."""
 
     coefficient: Coefficient | None = None
-    """Coefficient of friction. Default: the scene's."""
+    """Coefficient of friction. Default: the scene's. Cylinder: friction over the force that drives it, without a default."""
     static: Coefficient | None = None
     """Coefficient of sticking, where forces decide the motion: at least that of sliding. Default: the same."""
     radius: Size | None = None
@@ -56,7 +56,7 @@ class FrictionDocument(Table):
     height: Size | None = None
     """Prismatic: distance of the two faces of the guide that the friction acts on. Default 0: on the line of the guide."""
     brake: Effort | None = None
-    """Revolute, prismatic: friction moment or force that does not depend on what presses on the pair, as of a brake."""
+    """Revolute, prismatic, cylinder: friction moment or force that does not depend on what presses on the pair: a brake, seals."""
     lever: Size | None = None
     """Rolling, gear, rack: lever arm of the force across the contact, against the rolling."""
 
@@ -78,6 +78,7 @@ FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "revolute": ("coefficient", "static", "radius", "exact", "brake"),
     "prismatic": ("coefficient", "static", "length", "bearing", "offset", "height", "brake"),
     "pin_slot": ("coefficient", "static", "radius"),
+    "cylinder": ("coefficient", "brake"),
     "rolling": ("lever",),
     "gear": ("lever",),
     "rack": ("lever",),
@@ -85,6 +86,7 @@ FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
 """The keys of a pair's table of friction that go with each kind of pair."""
 
 _LEVERS = ("rolling", "gear", "rack")
+_OF_ITS_OWN = (*_LEVERS, "cylinder")  # the scene's defaults do not hold for these
 
 
 def friction_faults(kind: str, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
@@ -106,7 +108,7 @@ def friction_spec(
     path: str, kind: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
 ) -> Friction | None:
     """The core's friction of a pair, what its own table leaves out taken from the scene's; None where there is none."""
-    if kind not in FRICTION_KEYS or (table is None and (defaults is None or kind in _LEVERS)):
+    if kind not in FRICTION_KEYS or (table is None and (defaults is None or kind in _OF_ITS_OWN)):
         return None
     own, default = table or FrictionDocument(), defaults or FrictionDefaults()
 
@@ -118,6 +120,12 @@ def friction_spec(
 
     if kind in _LEVERS:
         return Friction(lever=length("lever"))
+    if kind == "cylinder":
+        seals = 0.0 if own.brake is None else convert.si(own.brake, "force", f"{path}.friction.brake")
+        if own.coefficient is None and own.brake is None and own.sound("coefficient", "brake"):
+            remedy = 'Add brake = "80 N", the friction of the seals, or coefficient = 0.05 of the driving force.'
+            convert.note(f"{path}.friction", "neither 'coefficient' nor 'brake' is there.", remedy)
+        return Friction(coefficient=own.coefficient or 0.0, brake=seals)
     coefficient = own.coefficient if own.coefficient is not None else default.coefficient
     effort = "torque" if kind == "revolute" else "force"
     brake = 0.0 if own.brake is None else convert.si(own.brake, effort, f"{path}.friction.brake")

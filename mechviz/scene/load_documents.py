@@ -163,6 +163,7 @@ KINDS: Mapping[str, Kind] = {
     "torsion_damper": Kind("a torsion damper", ("linear",), ("linear",)),
     "drag": Kind("drag", ("linear", "quadratic"), some=("linear", "quadratic")),
     "viscous": Kind("viscous friction", ("linear",), ("linear",)),
+    "belt_tension": Kind("the tension of a belt", ("slack", "coefficient"), ("slack",)),
     "gas": Kind("gas pressure", ("bore", "top", "stroke", "head", "back", *_CYCLES, "fires", "drive"), ("bore", "top", "stroke")),
     "dc_motor": Kind("a DC motor", _DC, _DC),
     "induction_motor": Kind("an induction motor", _INDUCTION, _INDUCTION),
@@ -183,6 +184,7 @@ _EXAMPLES = {
     "bore": '"80 mm"',
     "top": "the pair's coordinate at top dead centre",
     "stroke": '"80 mm"',
+    "slack": '"200 N", what the slack span pulls',
     "stall_torque": '"20 N m", its torque at rest',
     "no_load_speed": '"1500 rpm"',
     "breakdown_torque": '"60 N m", the greatest one',
@@ -219,7 +221,9 @@ class LoadDocument(Table):
     drag: Text | None = None
     """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
     viscous: Text | None = None
-    """The revolute or sliding pair in which viscous friction acts."""
+    """The pair, of any kind that moves, in which viscous friction acts."""
+    belt_tension: Text | None = None
+    """The belt or chain that a tensioner keeps tight."""
     gas: Text | None = None
     """The sliding pair of the piston on which a gas presses, by an indicator diagram."""
     dc_motor: Text | None = None
@@ -262,6 +266,10 @@ class LoadDocument(Table):
     """Gas spring: volume of the gas when extended over the area of the rod."""
     exponent: AtLeastOne | None = None
     """Gas spring: polytropic exponent. Default 1 (slow); 1.4 where it moves fast."""
+    slack: Force | None = None
+    """Belt tension: what the slack span pulls."""
+    coefficient: NotNegative | None = None
+    """Belt tension: coefficient of friction between belt and pulleys; an event tells where it slips. Default: it cannot."""
     bore: Size | None = None
     """Gas: diameter of the piston."""
     top: Length | None = None
@@ -344,4 +352,6 @@ def _instead(kind: str, key: str) -> str:
     """What to do about a key that does not go with a kind of load."""
     if key in ("linear", "quadratic") and kind in ("spring", "gas_spring", "torsion_spring"):
         return "Write a damper between the same points as a load of its own."
+    if key == "coefficient" and "linear" in KINDS[kind].keys:
+        return "Write linear = ..."
     return f"Leave out {key}."

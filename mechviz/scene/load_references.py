@@ -16,7 +16,7 @@ from .validate import Reading
 __all__ = ["check_loads", "known_pair", "known_place", "split_point"]
 
 _SLIDES = ("prismatic", "cylinder")
-_TURNS_OR_SLIDES = ("revolute", "prismatic", "pin_slot", "cylinder")
+_MOVES = ("revolute", "prismatic", "pin_slot", "cylinder", "rolling", "gear", "rack", "belt", "chain", "cam")
 
 
 def split_point(reading: Reading, text: str) -> tuple[str, str] | None:
@@ -47,7 +47,8 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
             yield from _point(reading, f"{path}.drag", load.drag, links=True)
         if load.drag == reading.document.frame:
             yield Fault(f"{path}.drag", f"'{load.drag}' is the fixed link: it does not move.", "Name a moving link.")
-        yield from _pair(reading, f"{path}.viscous", load.viscous, _TURNS_OR_SLIDES, "revolute or sliding pair")
+        yield from _pair(reading, f"{path}.viscous", load.viscous, _MOVES, "pair that moves")
+        yield from _pair(reading, f"{path}.belt_tension", load.belt_tension, ("belt", "chain"), "belt or chain")
         yield from _pair(reading, f"{path}.gas", load.gas, _SLIDES, "sliding pair")
         for key in MACHINES:
             name = getattr(load, key)

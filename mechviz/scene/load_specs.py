@@ -9,6 +9,7 @@ from typing import Any
 from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import Table
 from mechcore.spec import (
+    BeltTension,
     ConstantPower,
     Damper,
     DcMotor,
@@ -246,8 +247,18 @@ class _Maker:
         pair = self.document.pairs.get(self.load.viscous)
         if pair is None:
             return None
-        sort = "torsional damping" if pair.kind == "revolute" else "damping"
+        sort = "torsional damping" if pair.kind in ("revolute", "rolling", "gear", "rack") else "damping"
         return Viscous(**self.common, pair=self.load.viscous, coefficient=self.si("linear", sort))
+
+    def belt_tension(self) -> Load | None:
+        assert self.load.belt_tension is not None
+        slack, coefficient = self.si("slack", "force"), self.load.coefficient or 0.0
+        if slack < 0.0:
+            self.convert.note(f"{self.path}.slack", f"{slack:g} N is negative: belts only pull.", "Give a positive force.")
+        pair = self.document.pairs.get(self.load.belt_tension)
+        if coefficient and pair is not None and pair.kind == "chain":
+            self.convert.note(f"{self.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
+        return BeltTension(**self.common, pair=self.load.belt_tension, slack=slack, coefficient=coefficient)
 
     def not_nothing(self, values: dict[str, float]) -> None:
         given = self.load.linear is not None or self.load.quadratic is not None
@@ -403,6 +414,7 @@ _MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
     "torsion_damper": _Maker.torsion_damper,
     "drag": _Maker.drag,
     "viscous": _Maker.viscous,
+    "belt_tension": _Maker.belt_tension,
     "gas": _Maker.gas,
     "dc_motor": _Maker.dc_motor,
     "induction_motor": _Maker.induction_motor,

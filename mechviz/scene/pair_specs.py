@@ -174,7 +174,7 @@ def _rack(m: _Maker) -> Pair:
 
 
 def _cylinder(m: _Maker) -> Pair:
-    return Cylinder(name=m.name, links=m.pair.links, points=m.points)
+    return Cylinder(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
 
 
 def _cam(m: _Maker) -> Pair | None:

@@ -72,7 +72,7 @@ KINDS: Mapping[str, Kind] = {
         undriven="Drive the pinion's revolute pair, or the rack's prismatic one, instead.",
         joins=False,
     ),
-    "cylinder": Kind("a cylinder", ("at", "side", "drive", "free", "stops"), driven="length"),
+    "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
     "cam": Kind(
         "a cam",
         ("profile", "follower", "closure"),
@@ -91,6 +91,12 @@ _OTHERWISE = {  # what was probably meant by a key that does not go with a kind
     ("radii", "rolling"): "Write radius = ...",
     ("radii", "rack"): "Write radius = ..., the pitch radius of the pinion.",
     ("teeth", "rack"): "Write radius = ..., the pitch radius of the pinion.",
+    (
+        "friction",
+        "belt",
+    ): "Give its pins friction; its own drag is a load, viscous, and belt_tension tells where it slips.",
+    ("friction", "chain"): "Give its pins friction; its own drag is a load, viscous.",
+    ("friction", "cam"): "Give the pairs that guide cam and follower friction; oil between them is a load, viscous.",
     ("crossed", "chain"): "Chains do not cross: leave it out, or write belt = [...].",
     ("at", "gear"): "Leave it out: the pins that hold the wheels say where they are.",
     ("at", "belt"): "Leave it out: the pins that hold the pulleys say where they are.",

@@ -31,7 +31,7 @@ _SYNONYMS = {
     "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
     "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
     "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
-    "mu": "coefficient", "rolling_resistance": "lever",
+    "mu": "coefficient", "tension": "belt_tension", "rolling_resistance": "lever",
     "rho": "density", "material": "density", "diagrams": "plans", "polygons": "plans", "centrodes": "polodes",
     "counterweight": "lumps", "balance": "counterweights", "point_masses": "lumps",
 }  # fmt: skip

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ..crossings import crossing
 from ..events import Event, at_drive, runs
-from ..kinetostatics import Forces, solve_forces
+from ..kinetostatics import Forces
 from ..laws.factors import jumps
 from ..motion import Motion
 from .followers import Flat
@@ -19,8 +20,6 @@ __all__ = ["cam_events", "contact_force", "placed_cams"]
 Real = NDArray[np.float64]
 
 NOISE = 1e-9  # pull below this part of the largest force is rounding
-ROUNDS = 4  # of searches for the moment between two frames, each to an eighth of the one before
-PARTS = 8
 
 
 def placed_cams(motion: Motion) -> list[PlacedCam]:
@@ -77,29 +76,14 @@ def _lost(forces: Forces, cam: PlacedCam) -> Iterator[Event]:
                     continue  # the run ends before
                 t = float(time[k])
             else:
-                t = _crossing(forces, cam, float(time[other]), float(time[k]), float(n[other]), float(n[k]))
+                ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
+                t = crossing(forces, lambda f: contact_force(f, cam), *ends)
             where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
             if what == "lost":
                 text = f"contact lost {where}: the cam would have to pull with up to {-least:.4g} N. Press harder or turn slower"
                 yield Event(t, "WARN", cam.name, text, least)
             else:
                 yield Event(t, "INFO", cam.name, f"contact regained {where}")
-
-
-def _crossing(forces: Forces, cam: PlacedCam, t0: float, t1: float, n0: float, n1: float) -> float:
-    """The time at which the contact force passes through zero between a frame that presses and one that would pull."""
-    again = forces.motion.again
-    for _ in range(ROUNDS if again is not None else 0):
-        assert again is not None
-        t = np.sort(np.linspace(t0, t1, PARTS + 1))
-        if not np.all(np.diff(t) > 0.0):
-            break
-        values = contact_force(solve_forces(again(t)), cam)
-        if t1 < t0:
-            t, values = t[::-1], values[::-1]
-        k = int(np.argmax(values < 0.0)) or PARTS
-        t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(values[k - 1]), float(values[k])
-    return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
 
 
 def _shocks(motion: Motion, cam: PlacedCam) -> Iterator[Event]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..loads import (
+    BeltTension,
     ConstantPower,
     Damper,
     DcMotor,
@@ -28,6 +29,7 @@ from ..loads import (
 from ..spec import Mechanism
 from .along_line import LineDamper, LineGasSpring, LineSpring
 from .base import CAUSES, NEEDS, Configuration, Effect
+from .belts import BeltPull
 from .drag import MediumDrag
 from .dry_friction import DryFriction
 from .gas import CylinderGas
@@ -72,6 +74,7 @@ LOADS: dict[type, Callable[[Any], Effect]] = {
     TorsionDamper: AngleDamper,
     Drag: MediumDrag,
     Viscous: ViscousFriction,
+    BeltTension: BeltPull,
     GasPressure: CylinderGas,
     DcMotor: DirectCurrent,
     InductionMotor: Induction,

@@ -1,6 +1,10 @@
-"""Viscous friction in a pair: against the rate of its coordinate, between its two links."""
+"""Viscous friction in a pair: against the relative motion of its two links, in proportion to its speed."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..loads import Viscous
 from .argument import rate
@@ -8,11 +12,21 @@ from .base import Configuration, Effect
 from .pair_effort import pair_wrench
 from .wrench import Wrench
 
+if TYPE_CHECKING:
+    from ..pairs.relation import Relation
+
 __all__ = ["ViscousFriction"]
 
 
 class ViscousFriction(Effect):
-    """A moment in a revolute pair, a force along the guide in a sliding one; what is stated acts on the pair's second link."""
+    """What is stated acts on the pair's second link, its opposite on the first.
+
+    Revolute: a moment. Prismatic, pin in slot, cylinder: a force along the guide. Rolling, gear, rack: a couple against the
+    relative rotation, as teeth and rims slide or roll over each other in proportion to it. Cam: a force along the common tangent
+    where they touch, against the speed with which the profile passes the follower (a roller's rim turns with that speed on its
+    pin). Belt, chain: its drag against the speed v with which it runs over its carrier, half of it at the rim of each pulley, as
+    moments of ``coefficient v r / 2`` between pulley and carrier.
+    """
 
     cause = "viscous"
     needs = frozenset({"positions", "velocities"})
@@ -22,7 +36,46 @@ class ViscousFriction(Effect):
         self.load = load
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
-        turns = at.model.joints[at.model.joint_index[self.load.pair]].coordinate == "angle"
-        effort = -self.load.coefficient * rate(at, self.load.pair)
-        kind = "viscous torque" if turns else "viscous"
-        return [pair_wrench(at, self.load.pair, effort, name=self.name, kind=kind, cause=self.cause)]
+        model, pair = at.model, self.load.pair
+        relation = next((r for r in model.relations if r.name == pair), None)
+        if relation is None:
+            turns = model.joints[model.joint_index[pair]].coordinate == "angle"
+            kind = "viscous torque" if turns else "viscous"
+            effort = -self.load.coefficient * rate(at, pair)
+            return [pair_wrench(at, pair, effort, name=self.name, kind=kind, cause=self.cause)]
+        if relation.kind == "belt":
+            return self._belt(at, relation)
+        return [self._cam(at, relation) if relation.kind == "cam" else self._wheels(at, relation)]
+
+    def _wheels(self, at: Configuration, relation: Relation) -> Wrench:
+        first, second = (at.model.index[k] for k in relation.links)
+        spin = at.model.angles.spin
+        effort = -self.load.coefficient * (at.speeds.spin[spin[second]] - at.speeds.spin[spin[first]])
+        place = relation.contact(at, 1.0)[0]  # type: ignore[arg-type]  # a configuration is all that it looks at
+        arms = place - at.origins[second], place - at.origins[first]
+        return Wrench(self.name, "viscous torque", second, 0j, effort, arms[0], self.cause, first, arms[1])
+
+    def _cam(self, at: Configuration, relation: Relation) -> Wrench:
+        first, second = (at.model.index[k] for k in relation.links)
+        place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]
+        tangent = 1j * normal / np.abs(normal)
+        arms = [place - at.origins[k] for k in (first, second)]
+        speeds = [
+            at.origin_velocities[k] + 1j * at.speeds.spin[at.model.angles.spin[k]] * arm
+            for k, arm in zip((first, second), arms, strict=True)
+        ]
+        slip = np.real(np.conj(tangent) * (speeds[1] - speeds[0]))
+        force = -self.load.coefficient * slip * tangent
+        return Wrench(self.name, "viscous", second, force, 0.0, arms[1], self.cause, first, arms[0])
+
+    def _belt(self, at: Configuration, relation: Relation) -> list[Wrench]:
+        carrier = at.model.index[relation.angles[2][0]]
+        spin = at.model.angles.spin
+        found = []
+        for link, radius in relation.angles[:2]:
+            k = at.model.index[link]
+            turning = at.speeds.spin[spin[k]] - at.speeds.spin[spin[carrier]]
+            moment = -0.5 * self.load.coefficient * radius**2 * turning
+            arm = at.origins[k] - at.origins[carrier]
+            found.append(Wrench(f"{self.name}/{link}", "viscous torque", k, 0j, moment, 0j, self.cause, carrier, arm))
+        return found

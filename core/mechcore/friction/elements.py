@@ -8,6 +8,7 @@ Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r
 Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
 its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
 count, whatever the pressure between them; beyond that they press on opposite sides.
+Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from numpy.typing import NDArray
 
 from ..closed_forms import cross
 from ..motion import Motion
-from ..spec import Friction, Pair, PinSlot, Prismatic, Revolute, Rolling, friction_of
+from ..spec import Cylinder, Friction, Pair, PinSlot, Prismatic, Revolute, Rolling, friction_of
+
+Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
 __all__ = ["STILL", "Element", "elements_of", "relative_rate"]
 
@@ -39,7 +42,7 @@ class Element:
 
     pair: str
     what: Literal["turn", "slide"]
-    kind: Literal["pin", "guide", "normal", "contact", "brake"]  # how the normal load follows from what the pair transmits
+    kind: Kind  # how the normal load follows from what the pair transmits
     friction: Friction
     factor: float  # moment or force per normal load [m or 1]
     links: tuple[int, int]  # first and second
@@ -81,6 +84,8 @@ class Element:
         if self.kind == "pin":
             return np.real(force), np.imag(force)
         u = motion.guide(self.joint)
+        if self.kind == "drive":
+            return np.real(np.conj(u) * force), np.zeros(motion.frames)
         n = np.real(np.conj(1j * u) * force)
         f = self.friction
         if self.kind == "normal" or not f.length:
@@ -98,7 +103,9 @@ def elements_of(motion: Motion) -> list[Element]:
     return [_element(motion, pair, *parts, least) for pair in motion.mechanism.pairs for parts in _parts(pair)]
 
 
-def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Literal["pin", "guide", "normal", "contact", "brake"], float]]:
+def _parts(
+    pair: Pair,
+) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
     """What friction brakes in a pair, by which normal load, with which factor."""
     f = friction_of(pair)
     if f is None:
@@ -109,6 +116,9 @@ def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Literal["pin", "g
         arm = f.radius * (mu / np.sqrt(1.0 + mu * mu) if f.exact else mu) if what == "turn" else mu
         found: list[Any] = [(what, "pin" if what == "turn" else "guide", arm)] if arm else []
         return [*found, (what, "brake", f.brake)] if f.brake else found
+    if isinstance(pair, Cylinder):
+        pushed: list[Any] = [("slide", "drive", mu)] if mu else []
+        return [*pushed, ("slide", "brake", f.brake)] if f.brake else pushed
     if isinstance(pair, PinSlot):
         turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
         return [("slide", "normal", mu), *turn]
@@ -120,7 +130,7 @@ def _element(motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, le
     friction = friction_of(pair)
     assert friction is not None
     j = model.joint_index.get(pair.name, -1)
-    first, second = (model.index[k] for k in pair.links)
+    first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
     still = max(STILL * _peak(rate), least[what])

@@ -1,0 +1,73 @@
+"""Where a belt would slip: Euler's and Eytelwein's limit of the ratio of its tensions, exp(coefficient times angle of wrap)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .crossings import crossing
+from .effects.belts import spans
+from .events import Event, at_drive, runs
+from .kinetostatics import Forces
+from .loads import BeltTension
+from .motion import Motion
+from .spec import Belt
+
+__all__ = ["BeltGrip", "belt_events", "belt_grip"]
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BeltGrip:
+    """``wraps`` of the two pulleys [rad], and the greatest force [N] that a belt with this tension carries without slipping:
+    slack tension times (exp(coefficient times the smaller wrap) - 1)."""
+
+    pair: str
+    wraps: tuple[float, float]
+    slack: float
+    most: float
+
+
+def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
+    """The wraps of a belt and what it can carry; without a coefficient (a toothed belt, a chain) without limit."""
+    pair = next(p for p in motion.mechanism.pairs if p.name == load.pair)
+    assert isinstance(pair, Belt)
+    lean = spans(motion, next(r for r in motion.model.relations if r.name == load.pair))[2]
+    first = 2.0 * math.pi - 2.0 * math.acos(lean)
+    wraps = (first, first if pair.crossed else 2.0 * math.pi - first)
+    most = load.slack * math.expm1(load.coefficient * min(wraps)) if load.coefficient else math.inf
+    return BeltGrip(load.pair, wraps, load.slack, most)
+
+
+def belt_events(forces: Forces) -> list[Event]:
+    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not."""
+    motion = forces.motion
+    found: list[Event] = []
+    for load in motion.mechanism.loads:
+        if not isinstance(load, BeltTension) or not load.coefficient or not motion.frames:
+            continue
+        grip = belt_grip(motion, load)
+
+        def margin(f: Forces, grip: BeltGrip = grip) -> Real:
+            return np.asarray(grip.most - np.hypot(*f.reaction(grip.pair)[:, :2].T), float)
+
+        left, time = margin(forces), motion.time
+        for first, last in runs(left < -1e-9 * grip.most):
+            carried = grip.most - float(left[first : last + 1].min())
+            start, end = float(time[first]), float(time[last])
+            if first:
+                start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
+            if last + 1 < len(time):
+                end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
+            wrap = math.degrees(min(grip.wraps))
+            text = (
+                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {carried:.5g} N is asked for, "
+                f"{grip.most:.5g} N is the most that it carries (Euler and Eytelwein: {grip.slack:.5g} N in the slack span, "
+                f"coefficient {load.coefficient:g}, wrap {wrap:.4g} deg). The motion goes on as if it held"
+            )
+            found.append(Event(start, "WARN", load.pair, text, carried))
+    return sorted(found, key=lambda e: e.time)
