@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from .hard.command import hard
 from .laws import laws
 
 if TYPE_CHECKING:
@@ -372,6 +373,7 @@ def export(
 
 
 app.command()(laws)
+app.command()(hard)
 
 
 def main() -> None:
