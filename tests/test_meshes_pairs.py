@@ -422,6 +422,45 @@ def test_a_cylinder_whose_stroke_is_too_long_for_one_barrel_is_drawn_and_reporte
     assert any("C.rod" in pair for pair in solids.clashes)
 
 
+def own_cylinder(order: tuple[str, str], driven: bool, **points: tuple[float, float]):
+    """A boom on a cylinder made of two links and a sliding pair, in either order; ``points`` of the barrel beside its pin."""
+    b = scene("own cylinder").link("frame", O=(0, 0), P=(200, -250)).link("boom", O=(0, 0), Q=(250, 60), E=(500, 0))
+    b.link("barrel", P=(0, 0), **points).link("rod", Q=(0, 0), **{f"{name}r": (-x, y) for name, (x, y) in points.items()})
+    swing: Mapping[str, Any] = {"oscillation": {"centre": 20, "amplitude": 15, "frequency": 1}}
+    sign = 1 if order[0] == "barrel" else -1
+    stroke: Mapping[str, Any] = {"oscillation": {"centre": sign * 340, "amplitude": 40, "frequency": 1}}
+    b.revolute("O", "frame", "boom", **({} if driven else {"drive": swing})).revolute("P", "frame", "barrel")
+    at = ["P", "Q"] if sign > 0 else ["Q", "P"]
+    more: Mapping[str, Any] = {"drive": stroke} if driven else {"branch": "ahead" if sign > 0 else "behind"}
+    b.revolute("Q", "boom", "rod").prismatic("S", *order, at=at, along=[1, 0], **more)
+    if driven:
+        b.sketch(boom={"at": [0, 0], "angle": 20}, barrel={"at": [200, -250], "angle": 90}, rod={"at": [210, 140], "angle": 90})
+    return moved(b.scene().mechanism)
+
+
+@pytest.mark.parametrize("points", [{}, {"K": (80, 0)}])
+@pytest.mark.parametrize("driven", [False, True])
+def test_a_cylinder_of_ones_own_is_drawn_as_one_whichever_link_is_named_first(points, driven):
+    drawn = []
+    for order in (("barrel", "rod"), ("rod", "barrel")):
+        spec, poses = own_cylinder(order, driven, **points)
+        solids = build_solids(spec, poses)
+        check_shapes(solids, spec)
+        assert not solids.clashes
+        (barrel,), (rod,) = parts_of(solids, "barrel", "barrel"), parts_of(solids, "rod", "rod")
+        drawn.append(barrel.bounds)
+        apart = np.hypot(*(poses["rod"] - poses["barrel"])[:, :2].T)
+        assert (apart + rod.bounds[0, 0] < barrel.bounds[1, 0]).all(), "the rod never leaves its barrel"
+        assert barrel.bounds[1, 0] < apart.min(), "the barrel ends before the rod's pin"
+    assert np.allclose(drawn[0], drawn[1])
+
+
+def test_a_block_on_a_lever_is_no_cylinder(built):
+    for name in ("coriolis-lever", "shaper-quick-return", "contour-lever"):
+        _, _, solids = built(name)
+        assert "block" in solids.links["block"].kinds and not {"barrel", "rod"} & set(solids.links["lever"].kinds), name
+
+
 def test_a_slider_on_two_guides_is_one_piece(built):
     """A plate joins its two blocks by necks."""
     _, _, solids = built("two-guides")

@@ -257,6 +257,7 @@ COMBINED = [
     ([("effects", ["inertia"])], "links.crank", "has a mass but no centre, which 'inertia' needs.", 'shape = "bar"'),
     ([("effects", ["inertia"])], "links.crank", "no moment of inertia, which 'inertia' needs.", '"bar" or "point"'),
     ([("effects", ["gravity"])], "links.crank", "has a mass but no centre, which 'gravity' needs.", "the name of a point"),
+    ([("effects", ["inertia", "gravity"])], "links.crank", "no centre, which 'inertia' and 'gravity' need.", "centre = [x, y]"),
     (
         [("effects", ["gravity"]), ("links/crank/mass", REMOVED)],
         "effects",

@@ -25,7 +25,8 @@ class Piece:
     mates: frozenset[str] = frozenset()  # pairs in which it meshes: what is in the same pair does not clash with it
     height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
     groove: float = 0.0  # depth of a groove for a belt around it
-    profile: Profile = ()  # a barrel or rod: (radius, distance along x) instead of a flat part
+    profile: Profile = ()  # a barrel or rod: (radius, distance along its line) instead of a flat part
+    line: tuple[Vec2, Vec2] = ((0.0, 0.0), (1.0, 0.0))  # of a barrel or rod: a point and a unit direction
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ from mechcore.spec import Vec2
 
 from . import outline
 from .draft import Draft, Neck, Piece, joined
-from .model import Model, Slot, Telescope, Weldment
+from .model import Model, Slot, Weldment
+from .telescopes import Telescope
 
 __all__ = ["draw_slots", "draw_telescopes", "group_slots", "group_telescopes", "join_welds", "lug", "slot_of"]
 
@@ -113,7 +114,8 @@ def lug(model: Model, link: str) -> list[outline.Disc]:
     r = model.proportions.r
     for telescope in model.telescopes:
         if link in (telescope.barrel, telescope.rod):
-            return [((1.05 * r if link == telescope.barrel else -1.05 * r, 0.0), 0.45 * r)]
+            pin, direction = telescope.line(link)
+            return [(_along(pin, direction, 1.05 * r if link == telescope.barrel else -1.05 * r), 0.45 * r)]
     return []
 
 
@@ -125,12 +127,13 @@ def draw_telescopes(model: Model, draft: Draft) -> None:
         for (link, kind), profile in zip(ends, _profiles(model, telescope), strict=True):
             xs, radii = [x for _, x in profile], [radius for radius, _ in profile]
             low, high, radius = min(xs), max(xs), max(radii)
-            shape = Polygon([(low, -radius), (high, -radius), (high, radius), (low, radius)])
-            draft.pieces.append(Piece(link, shape, group, kind, mates, profile=profile))
+            line = telescope.line(link)
+            shape = outline.rectangle(_along(*line, 0.5 * (low + high)), line[1], high - low, 2.0 * radius, 0.0)
+            draft.pieces.append(Piece(link, shape, group, kind, mates, profile=profile, line=line))
 
 
 def _profiles(model: Model, telescope: Telescope) -> tuple[tuple[Vec2, ...], tuple[Vec2, ...]]:
-    """Profiles (radius, x) of the barrel, a cup, and of the rod with its piston, each in the frame of its link.
+    """Profiles (radius, x) of the barrel, a cup, and of the rod with its piston, x along their line from their pins.
 
     Barrel and rod are as long as the shortest length of the cylinder allows; where its stroke is longer than they can cover, the
     rod is longer still and comes out at the other end.

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechcore.pairs import Builder, Joint, build_pairs
-from mechcore.spec import Cylinder, Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
+from mechcore.spec import Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 
 from .profiles import CamDrawing, cam_extents, find_cams
+from .telescopes import Telescope, find_telescopes
 from .wheels import Wheels, find_wheels
 
-__all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Telescope", "Weldment", "build_model"]
+__all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Weldment", "build_model"]
 
 _SAME = 1e-6  # points closer than this share one axle
 _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
@@ -119,16 +120,6 @@ class Weldment:
 
 
 @dataclass(frozen=True)
-class Telescope:
-    """Barrel and rod of a cylinder: frames at their pins, x along the cylinder."""
-
-    pair: str
-    barrel: str
-    rod: str
-    travel: tuple[float, float]  # distance of the pins over the run
-
-
-@dataclass(frozen=True)
 class Model:
     """A mechanism in units of its size."""
 
@@ -168,12 +159,14 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     racks = {bar.slider for bar in wheels.racks}
     cams = find_cams(mechanism, parts, size)
     drawn = {name for cam in cams for name in cam.own_guides}
-    cylinders = {pair.name for pair in mechanism.pairs if isinstance(pair, Cylinder)}
     clusters = _clusters(mechanism, joints)
     marks = _marks(mechanism, points, clusters)
     proportions = _proportions(mechanism, links, clusters, wheels)
+    others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
+    telescopes = find_telescopes(mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.r)
+    marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
     axles = tuple(_axle(c, clusters, marks, proportions) for c in clusters)
-    guides = [j for j in joints if j.kind == "prismatic" and j.name not in cylinders | racks | drawn]
+    guides = [j for j in others if j.name not in {t.pair for t in telescopes}]
     return Model(
         frame=mechanism.frame,
         links=tuple(link.name for link in links),
@@ -184,7 +177,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
         guides=tuple(_guide(mechanism, joint, scaled, clusters, marks, proportions) for joint in guides),
         slots=tuple(_slot(joint, scaled) for joint in joints if joint.kind == "pin_slot"),
         welds=tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld"),
-        telescopes=tuple(_telescope(joint, scaled) for joint in joints if joint.name in cylinders),
+        telescopes=telescopes,
         wheels=wheels,
         marks=marks,
         proportions=proportions,
@@ -351,11 +344,6 @@ def _slot(joint: Joint, poses: Mapping[str, np.ndarray]) -> Slot:
         point=_xy(point),
         travel=_travel(joint, poses),
     )
-
-
-def _telescope(joint: Joint, poses: Mapping[str, np.ndarray]) -> Telescope:
-    travel = _travel(joint, poses) if poses else (2.0 * _DEFAULT_TRAVEL, 3.0 * _DEFAULT_TRAVEL)
-    return Telescope(joint.name, joint.links[0], joint.links[1], travel)
 
 
 def _guide(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
@@ -116,11 +117,13 @@ def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part
 
 
 def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
-    """A barrel or rod along the x axis of its link, in the middle of its layer."""
+    """A barrel or rod along its line, in the middle of its layer."""
     low, high = levels.plate(levels.layer[piece.group])
     middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
     upright = revolve(piece.profile, segments=model.segments)
-    vertices = upright.vertices[:, [2, 0, 1]] + (0.0, 0.0, middle)  # z becomes x: a rotation, so that faces stay outside
+    (x, y), (c, s) = piece.line
+    # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
+    vertices = upright.vertices @ np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]]) + (x, y, middle)
     space = (Prism(piece.outline, middle - radius, middle + radius),)
     return Part(piece.link, piece.kind, Shell(vertices, upright.faces), PIN if piece.kind == "rod" else None, space, piece.mates)
 

@@ -10,7 +10,7 @@ from mechcore.reduction import Body, combine
 from .bodies import MassDocument, body_of, lumps_of
 from .convert import Converter
 from .document import LinkDocument, SceneDocument
-from .faults import did_you_mean, listing
+from .faults import did_you_mean
 from .tables import Unknown
 
 __all__ = ["links_that_cannot_turn", "mass_properties"]
@@ -85,7 +85,7 @@ def mass_properties(
         if counts and len(places) > 1:
             convert.note(
                 path,
-                f"has a mass but no centre, which {listing(effects)} needs.",
+                f"has a mass but no centre, which {_who_need(effects)}.",
                 'Add centre = [x, y] (or the name of a point), or shape = "bar".',
             )
     if counts and can_turn and link.inertia is None and "inertia" in effects:
@@ -95,6 +95,11 @@ def mass_properties(
             'Add inertia = "... kg m^2", or shape = "bar" or "point".',
         )
     return mass, centre, inertia
+
+
+def _who_need(effects: Sequence[str]) -> str:
+    """'gravity' needs; 'inertia' and 'gravity' need."""
+    return " and ".join(f"'{effect}'" for effect in effects) + (" needs" if len(effects) == 1 else " need")
 
 
 def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter) -> Vec2 | None:
