@@ -191,3 +191,12 @@ def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path, number, 
     assert process.returncode == code
     assert said.lower().count("interrupted") == 1 and "Traceback" not in said
     assert not target.exists()
+
+
+def test_a_folder_named_like_the_package_does_not_hide_it(tmp_path: Path):
+    """A checkout in a folder named mechviz, and Python started in the folder above it."""
+    for name in ("mechviz", "mechcore"):
+        (tmp_path / name / "tests").mkdir(parents=True)
+    code = "import mechcore, mechviz; print(len(mechviz.gallery()), mechcore.__file__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=ENVIRONMENT, cwd=tmp_path, timeout=60)
+    assert done.returncode == 0 and int(done.stdout.split()[0]) > 50, done.stderr
