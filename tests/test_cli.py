@@ -198,5 +198,5 @@ def test_a_folder_named_like_the_package_does_not_hide_it(tmp_path: Path):
     for name in ("mechviz", "mechcore"):
         (tmp_path / name / "tests").mkdir(parents=True)
     code = "import mechcore, mechviz; print(len(mechviz.gallery()), mechcore.__file__)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=ENVIRONMENT, cwd=tmp_path, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60)
     assert done.returncode == 0 and int(done.stdout.split()[0]) > 50, done.stderr

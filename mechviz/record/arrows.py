@@ -27,7 +27,7 @@ from ..vectors import (
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["COLORS", "Arc", "Arrow", "arc_strips", "arc_sweep", "extent", "shapes", "visible"]
+__all__ = ["COLORS", "Arc", "Arrow", "arc_strips", "arc_sweep", "extent", "seen", "shapes", "visible"]
 
 Real = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -124,15 +124,22 @@ def visible(vectors: Real, scale: float, size: float) -> Flags:
     return np.isfinite(length) & (length > SHORTEST) & (length < LONGEST)
 
 
+def seen(shape: Arrow | Arc, scales: Scales, size: float) -> bool:
+    """Whether an arrow or arc is drawn at any frame."""
+    if isinstance(shape, Arrow):
+        return bool(visible(shape.vector.value, scales.per_metre(shape.vector.family), size).any())
+    return bool(arc_sweep(shape.moment.value, scales.newton_metres_per_metre, size)[shape.shown].any())
+
+
 def extent(arrows: list[Arrow], scales: Scales, bounds: Real, size: float) -> Real:
     """The box (2, 3) [m] around the mechanism and its arrows; arrows that lie far outside do not count in full."""
     low, high = np.array(bounds[0]), np.array(bounds[1])
     room = LARGEST_ARROW * size
     for arrow in arrows:
         scale = scales.per_metre(arrow.vector.family)
-        seen = visible(arrow.vector.value, scale, size)
-        if seen.any():
-            tips = arrow.vector.origin[seen] + arrow.vector.value[seen] / scale
+        shown = visible(arrow.vector.value, scale, size)
+        if shown.any():
+            tips = arrow.vector.origin[shown] + arrow.vector.value[shown] / scale
             low[:2] = np.minimum(low[:2], np.maximum(tips.min(axis=0), bounds[0][:2] - room))
             high[:2] = np.maximum(high[:2], np.minimum(tips.max(axis=0), bounds[1][:2] + room))
     if arrows:

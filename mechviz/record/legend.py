@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..vectors import FAMILIES, Scales, round_value
-from .arrows import COLORS, LEGEND_ROOM, Arc, Arrow, extent
+from .arrows import COLORS, LEGEND_ROOM, Arc, Arrow, extent, seen
 from .paths import entity
 from .streams import Static
 
@@ -30,9 +30,11 @@ def legend_shapes(
 ) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
+    A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
     ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too.
     """
-    shown = {a.vector.family for a in arrows} | {a.moment.family for a in arcs}
+    pointing = {a.vector.family for a in arrows if seen(a, scales, solids.size)}
+    shown = pointing | {a.moment.family for a in arcs if seen(a, scales, solids.size)}
     for view in ("forces", "motion"):
         drawn = [a for a in arrows if (a.vector.family in MOTION) == (view == "motion")]
         low, high = extent(drawn, scales, solids.bounds, solids.size)[:, :2]
@@ -41,9 +43,8 @@ def legend_shapes(
         families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
         for k, family in enumerate(families):
             per_metre = scales.per_metre(family)
-            only_moments = all(a.vector.family != family for a in arrows)
             words, length = FAMILIES[family].label, LENGTH * solids.size
-            if not only_moments:
+            if family in pointing:
                 value = round_value(length * per_metre)
                 length = value / per_metre
                 words += f": {value:g} {FAMILIES[family].unit}"
