@@ -14,7 +14,7 @@ from mechcore.spec import Damper, GasSpring, Spring, TorsionDamper, TorsionSprin
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Linker", "find_linkers", "spiral_strips", "strut_strips", "zigzag_strips"]
+__all__ = ["Linker", "find_linkers", "linker_ends", "spiral_strips", "strut_strips", "zigzag_strips"]
 
 Real = NDArray[np.float64]
 
@@ -50,6 +50,14 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
                 centre = motion.pair_position(pin.name)
                 angles = [motion.pose(link)[:, 2] for link in load.links]
                 yield Linker(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
+
+
+def linker_ends(run: Run) -> list[Real]:
+    """Where springs, dampers and gas springs between two points end, (F, 2) [m] each."""
+    if run.forces is None:
+        return []
+    found = [load for load in run.motion.mechanism.loads if isinstance(load, Spring | Damper | GasSpring)]
+    return [run.motion.point(*end) for load in found for end in zip(load.links, load.points, strict=True)]
 
 
 def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:

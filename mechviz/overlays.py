@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .linkers import linker_ends
+
 if TYPE_CHECKING:
     from .meshes import Solids
     from .run import Run
@@ -23,10 +25,10 @@ REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut o
 
 
 def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
-    """The box (2, 3) [m] around the mechanism with what is drawn on it: strings, resultants, polodes, substitute masses."""
+    """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, polodes, substitute masses."""
     low, high = (np.array(b, float) for b in solids.bounds)
     size = solids.size
-    spots: list[NDArray[np.float64]] = []
+    spots: list[NDArray[np.float64]] = [*linker_ends(run)]
     for body in run.studies.substitutes.values():
         spots.append(body.places.reshape(-1, 2))
         spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))

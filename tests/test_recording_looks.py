@@ -9,6 +9,7 @@ import mechviz
 from mechviz.drawings import drawings_of
 from mechviz.heights import arrow_height, path_height
 from mechviz.linkers import find_linkers
+from mechviz.overlays import overlay_box
 from mechviz.record.arrows import shapes
 from mechviz.record.blueprint import legend_place, opening_timeline
 from mechviz.record.families import FAMILIES, Content, Family, find_statics, find_streams
@@ -155,3 +156,23 @@ def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
 def test_a_kinematic_run_opens_an_eighth_of_a_cycle_in(leg):
     turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].pair)[[0, telling_frame(leg)], 0])
     assert np.degrees(turned) == pytest.approx(45.0, abs=6.0)
+
+
+def test_the_legend_names_only_what_is_drawn_at_some_frame():
+    """In uniform translation nothing is; in rotation about the centre of mass moments alone, which have no value in newtons."""
+
+    def entries(name):
+        statics = {s.path: s.archetype for s in find_statics(content_of(run_scene(mechviz.load(name), frames=24)))}
+        labels = {path: a.labels.as_arrow_array().to_pylist()[0] for path, a in statics.items() if path.endswith("/label")}
+        return {path.split("/")[3]: text for path, text in labels.items() if path.startswith("/legend/forces/")}
+
+    assert entries("inertia-uniform-translation") == {}
+    assert entries("inertia-rotation-about-centre") == {"inertia": "Inertia", "drive": "Drive"}
+    assert set(entries("inertia-translation")) == {"reaction", "inertia", "drive"}
+    assert entries("inertia-translation")["reaction"] == "Reactions", "its guide has a couple only"
+
+
+def test_springs_are_in_the_picture():
+    run = run_scene(mechviz.load("cam-sine-acceleration"), frames=24)
+    box = overlay_box(run, solids_of(run))
+    assert box[1, 1] >= run.motion.point("frame", "H")[:, 1].max() - 1e-12 > solids_of(run).bounds[1, 1]
