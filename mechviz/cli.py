@@ -16,6 +16,7 @@ import typer
 
 from .hard.command import hard
 from .laws import laws
+from .sharing import film, share, shot
 
 if TYPE_CHECKING:
     from .run import Run
@@ -372,8 +373,8 @@ def export(
             fail(str(e), 1)
 
 
-app.command()(laws)
-app.command()(hard)
+for command in (share, shot, film, laws, hard):
+    app.command()(command)
 
 
 def main() -> None:

@@ -1,0 +1,10 @@
+"""Sharing without a server: pages that play a mechanism, pictures and films of them.
+
+make_page(Recording("crank-rocker.rrd"))[0]  # the text of one HTML file
+"""
+
+from __future__ import annotations
+
+from .page import make_page
+
+__all__ = ["make_page"]

@@ -1,0 +1,393 @@
+/* Plots on canvases: axes with units, curves, events, and a cursor that can be dragged; plots of one thing against another. */
+
+const CURVES = {
+  light: ["#2563c9", "#d97706", "#0f8a5f", "#c2255c", "#7c4dcc", "#8a6d00", "#0e7c86", "#b0468f", "#5b6675", "#8a5a2b", "#5f7d12", "#4453c4"],
+  dark: ["#5cacff", "#ffaa40", "#60d684", "#ff6672", "#be8cff", "#f4de5c", "#4cdade", "#ff8ccc", "#b0bed0", "#c69a70", "#a4c850", "#8c96ff"],
+};
+const ROOM = { left: 58, right: 12, top: 8, bottom: 34 };
+const ANGLES = [1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600];
+
+/** Round values between two bounds, about as far apart as asked for. */
+function ticks(low, high, count, unit) {
+  const wanted = (high - low) / Math.max(count, 1);
+  if (!(wanted > 0)) return [low];
+  const decade = 10 ** Math.floor(Math.log10(wanted));
+  const step = (unit === "°" && ANGLES.find((s) => s >= wanted && s >= 5)) || decade * [1, 2, 5, 10].find((s) => s * decade >= wanted * 0.999);
+  const out = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) out.push(k * step);
+  return out;
+}
+
+/** A number for reading: short, with a true minus. */
+function words(value, digits = 5) {
+  if (!Number.isFinite(value)) return "–";
+  let text = Math.abs(value) >= 1e6 || (value !== 0 && Math.abs(value) < 1e-4) ? value.toExponential(digits - 2) : String(Number(value.toPrecision(digits)));
+  return text.replace("e+", "e").replace(/-/g, "−");
+}
+
+class Plot {
+  constructor(player, number) {
+    this.player = player;
+    this.figure = document.createElement("figure");
+    this.figure.innerHTML = '<figcaption><select aria-label="What is plotted"></select><button type="button" title="Remove this plot" aria-label="Remove this plot">×</button></figcaption><div class="values"></div><canvas role="img"></canvas>';
+    [this.select, this.canvas, this.readout] = ["select", "canvas", ".values"].map((s) => this.figure.querySelector(s));
+    player.header.plots.forEach((p, k) => this.select.add(new Option(`${p.title} [${p.unit}]`, k)));
+    this.select.onchange = () => this.choose(Number(this.select.value));
+    this.figure.querySelector("button").onclick = () => player.removePlot(this);
+    drags(this.canvas, (x) => {
+      if (!this.plot.x && this.scale) player.seekFrame(this.frameAt(this.scale.fromX(x)));
+    });
+    this.choose(number);
+  }
+
+  choose(number) {
+    this.number = number;
+    this.select.value = String(number);
+    this.plot = this.player.header.plots[number];
+    this.figure.classList.toggle("square", !!this.plot.equal);
+    this.values = this.player.arrays[this.plot.values];
+    this.canvas.setAttribute("aria-label", `Plot of ${this.plot.title}, in ${this.plot.unit}`);
+    this.draw();
+  }
+
+  /** What the curves run against: values of the frames, title and unit. */
+  axis() {
+    if (this.plot.x !== undefined) {
+      const [, title, unit] = /^(.*) \[(.*)\]$/.exec(this.plot.x_title) || [null, this.plot.x_title, ""];
+      return { values: this.player.arrays[this.plot.x], title, unit };
+    }
+    return this.player.axis;
+  }
+
+  draw() {
+    const { player, plot, values } = this;
+    const { g, width, height } = fresh(this.canvas);
+    if (!width) return;
+    const theme = player.theme;
+    const axis = this.axis();
+    const count = plot.names.length;
+    const frames = player.header.frames;
+    const xs = axis.turn ? Float64Array.from(axis.values, (v) => v - axis.turn * Math.floor(v / axis.turn + 1e-9)) : axis.values;
+    let [x0, x1] = axis.turn ? [0, axis.turn] : span(xs);
+    let [y0, y1] = span(values);
+    [y0, y1] = padded(y0, y1);
+    if (plot.x !== undefined) [x0, x1] = padded(x0, x1);
+    const inner = { w: width - ROOM.left - ROOM.right, h: height - ROOM.top - ROOM.bottom };
+    if (plot.equal) {
+      // the origin in the picture, and a unit as long across as upwards
+      [x0, x1, y0, y1] = [Math.min(x0, 0), Math.max(x1, 0), Math.min(y0, 0), Math.max(y1, 0)];
+      const per = Math.max((x1 - x0) / inner.w, (y1 - y0) / inner.h);
+      [x0, x1] = [(x0 + x1 - per * inner.w) / 2, (x0 + x1 + per * inner.w) / 2];
+      [y0, y1] = [(y0 + y1 - per * inner.h) / 2, (y0 + y1 + per * inner.h) / 2];
+    }
+    if (x0 === x1) x1 = x0 + 1;
+    const X = (v) => ROOM.left + ((v - x0) / (x1 - x0)) * inner.w;
+    const Y = (v) => ROOM.top + inner.h - ((v - y0) / (y1 - y0)) * inner.h;
+    this.scale = { X, Y, xs, fromX: (px) => x0 + ((px - ROOM.left) / inner.w) * (x1 - x0) };
+    g.font = "11px system-ui, sans-serif";
+    g.lineWidth = 1;
+    g.textAlign = "right";
+    g.textBaseline = "middle";
+    for (const v of ticks(y0, y1, inner.h / 22, plot.unit)) {
+      rule(g, ROOM.left, Y(v), ROOM.left + inner.w, Y(v), v === 0 ? theme.soft : theme.line);
+      g.fillStyle = theme.soft;
+      g.fillText(words(v, 4), ROOM.left - 5, Y(v));
+    }
+    g.textAlign = "center";
+    g.textBaseline = "top";
+    for (const v of ticks(x0, x1, inner.w / 62, axis.unit)) {
+      rule(g, X(v), ROOM.top, X(v), ROOM.top + inner.h, v === 0 && plot.x !== undefined ? theme.soft : theme.line);
+      g.fillStyle = theme.soft;
+      g.fillText(words(v, 4), X(v), ROOM.top + inner.h + 4);
+    }
+    g.fillText(`${axis.title} [${axis.unit}]`, ROOM.left + inner.w / 2, height - 13);
+    g.save();
+    g.translate(10, ROOM.top + inner.h / 2);
+    g.rotate(-Math.PI / 2);
+    g.textBaseline = "middle";
+    g.fillText(plot.x !== undefined ? `${plot.names[0]} [${plot.unit}]` : `[${plot.unit}]`, 0, 0);
+    g.restore();
+    g.save();
+    g.beginPath();
+    g.rect(ROOM.left - 1, ROOM.top - 1, inner.w + 2, inner.h + 2);
+    g.clip();
+    if (plot.x === undefined)
+      for (const e of player.header.events) {
+        g.setLineDash([2, 3]);
+        rule(g, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top + inner.h, e.level === "WARN" ? theme.warn : theme.soft);
+      }
+    g.setLineDash([]);
+    g.lineWidth = 1.8;
+    g.lineJoin = "round";
+    for (let c = 0; c < count; c++) {
+      g.strokeStyle = theme.curves[c % theme.curves.length];
+      g.beginPath();
+      let down = false;
+      for (let k = 0; k < frames; k++) {
+        const v = values[k * count + c];
+        if (axis.turn && k && xs[k] < xs[k - 1]) down = false; // the next cycle begins at the left again
+        if (!Number.isFinite(v)) down = false;
+        else if (down) g.lineTo(X(xs[k]), Y(v));
+        else {
+          g.moveTo(X(xs[k]), Y(v));
+          down = true;
+        }
+      }
+      g.stroke();
+    }
+    g.restore();
+    this.background = g.getImageData(0, 0, this.canvas.width, this.canvas.height);
+    this.move();
+  }
+
+  /** The cursor at the present frame, and the values there. */
+  move() {
+    if (!this.background || !this.scale) return;
+    const { player, plot, values } = this;
+    const g = this.canvas.getContext("2d");
+    g.putImageData(this.background, 0, 0);
+    const count = plot.names.length;
+    const [k, t] = split(player.frame, player.header.frames);
+    const next = Math.min(k + 1, player.header.frames - 1);
+    const between = (list, width, c) => list[k * width + c] * (1 - t) + list[next * width + c] * t;
+    const wrapped = this.scale.xs[next] < this.scale.xs[k] && this.axis().turn;
+    const x = wrapped ? this.scale.xs[t < 0.5 ? k : next] : between(this.scale.xs, 1, 0);
+    const px = this.scale.X(x);
+    const theme = player.theme;
+    const height = this.canvas.clientHeight;
+    if (plot.x === undefined) {
+      g.lineWidth = 1.5;
+      rule(g, px, ROOM.top - 4, px, height - ROOM.bottom, theme.cursor);
+      this.cursorX = px;
+    } else if (plot.equal) {
+      g.lineWidth = 1.5;
+      rule(g, this.scale.X(0), this.scale.Y(0), px, this.scale.Y(between(values, count, 0)), theme.cursor);
+    }
+    const parts = plot.names.map((name, c) => {
+      const v = between(values, count, c);
+      dot(g, px, this.scale.Y(v), theme.curves[c % theme.curves.length], theme.card);
+      return [name, v, theme.curves[c % theme.curves.length]];
+    });
+    while (this.readout.children.length < count) {
+      const span = document.createElement("span");
+      span.append(document.createElement("b"), " ", document.createTextNode(""));
+      this.readout.append(span);
+    }
+    while (this.readout.children.length > count) this.readout.lastChild.remove();
+    parts.forEach(([name, v, color], c) => {
+      const span = this.readout.children[c];
+      span.firstChild.style.setProperty("--c", color);
+      span.firstChild.textContent = name;
+      span.lastChild.data = `${words(v)} ${plot.unit === "1" ? "" : plot.unit}`;
+    });
+  }
+
+  /** The frame at a place along the axis: of several, the one nearest to the present frame. */
+  frameAt(x) {
+    const { xs } = this.scale;
+    const axis = this.axis();
+    if (!axis.turn) return inverse(xs, x);
+    const turns = Math.floor(axis.values[Math.round(this.player.frame)] / axis.turn + 1e-9);
+    return inverse(axis.values, x + turns * axis.turn);
+  }
+}
+
+/** The frame at which rising or falling values reach one. */
+function inverse(xs, x) {
+  const last = xs.length - 1;
+  const rising = xs[last] >= xs[0];
+  let [low, high] = [0, last];
+  if (rising ? x <= xs[0] : x >= xs[0]) return 0;
+  if (rising ? x >= xs[last] : x <= xs[last]) return last;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (rising ? xs[middle] <= x : xs[middle] >= x) low = middle;
+    else high = middle;
+  }
+  return low + (xs[high] === xs[low] ? 0 : (x - xs[low]) / (xs[high] - xs[low]));
+}
+
+/** States over time as bars. */
+class Lanes {
+  constructor(player, box) {
+    this.player = player;
+    if (!player.header.lanes.length) return;
+    box.innerHTML = '<h2>States</h2><canvas role="img" aria-label="States over time"></canvas>';
+    this.canvas = box.querySelector("canvas");
+    this.canvas.style.height = `${24 * player.header.lanes.length + 6}px`;
+    drags(this.canvas, (x) => player.seek(player.start + ((x - ROOM.left) / (this.canvas.clientWidth - ROOM.left - ROOM.right)) * (player.end - player.start)));
+  }
+
+  draw() {
+    if (!this.canvas) return;
+    const { player } = this;
+    const { g, width, height } = fresh(this.canvas);
+    const inner = width - ROOM.left - ROOM.right;
+    const X = (t) => ROOM.left + ((t - player.start) / (player.end - player.start || 1)) * inner;
+    g.font = "11px system-ui, sans-serif";
+    g.textBaseline = "middle";
+    player.header.lanes.forEach((lane, n) => {
+      const y = 4 + 24 * n;
+      g.textAlign = "right";
+      g.fillStyle = player.theme.soft;
+      g.fillText(lane.name, ROOM.left - 5, y + 9, ROOM.left - 8);
+      g.textAlign = "left";
+      lane.changes.forEach(([t, state, color], k) => {
+        const end = k + 1 < lane.changes.length ? lane.changes[k + 1][0] : player.end;
+        g.fillStyle = color;
+        g.fillRect(X(t), y, Math.max(X(end) - X(t), 1), 18);
+        g.fillStyle = "#000";
+        if (g.measureText(state).width < X(end) - X(t) - 6) g.fillText(state, X(t) + 4, y + 9);
+      });
+    });
+    rule(g, X(player.time), 0, X(player.time), height, player.theme.cursor);
+  }
+}
+
+/** A graphical construction that moves with time: arrows with labels, lines and points, drawn to scale. */
+class Construction {
+  constructor(player, view, box) {
+    this.player = player;
+    this.parts = player.header.drawables.filter((d) => d.view === view);
+    this.figure = document.createElement("figure");
+    this.figure.className = "square";
+    this.figure.innerHTML = "<figcaption><b></b></figcaption><canvas role='img'></canvas>";
+    this.figure.querySelector("b").textContent = view;
+    this.canvas = this.figure.querySelector("canvas");
+    this.canvas.setAttribute("aria-label", view);
+    box.append(this.figure);
+    let [x0, x1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
+    const see = (x, y) => {
+      if (Number.isFinite(x + y)) [x0, x1, y0, y1] = [Math.min(x0, x), Math.max(x1, x), Math.min(y0, y), Math.max(y1, y)];
+    };
+    for (const d of this.parts) {
+      const a = player.arrays[d.kind === "arrows" ? d.origins : d.points];
+      const v = d.kind === "arrows" ? player.arrays[d.vectors] : null;
+      for (let k = 0; k + 1 < a.length; k += 2) {
+        see(a[k], a[k + 1]);
+        if (v) see(a[k] + v[k], a[k + 1] + v[k + 1]);
+      }
+    }
+    this.box = [x0, x1, y0, y1];
+  }
+
+  draw() {
+    const { player } = this;
+    const { g, width, height } = fresh(this.canvas);
+    if (!width) return;
+    const [x0, x1, y0, y1] = this.box;
+    const per = Math.max((x1 - x0) / (width - 60), (y1 - y0) / (height - 40)) || 1;
+    const X = (x) => width / 2 + (x - (x0 + x1) / 2) / per;
+    const Y = (y) => height / 2 - (y - (y0 + y1) / 2) / per;
+    g.font = "600 11px system-ui, sans-serif";
+    g.textBaseline = "middle";
+    const said = [];
+    const say = (text, x, y, color) => {
+      if (!text || said.some(([a, b]) => Math.hypot(a - x, b - y) < 11)) return;
+      said.push([x, y]);
+      g.fillStyle = color;
+      g.fillText(text, x + 5, y - 6);
+    };
+    const color = (d, k) => player.stage ? player.stage.readable(d.colors[k] || "#888888") : player.theme.ink;
+    for (const d of this.parts) {
+      const moving = (name, n) => at(player.arrays[name], n, player.frame, player.header.frames);
+      g.lineWidth = 2;
+      if (d.kind === "arrows") {
+        const [o, v] = [moving(d.origins, 2 * d.count), moving(d.vectors, 2 * d.count)];
+        for (let k = 0; k < d.count; k++) arrow(g, X(o[2 * k]), Y(o[2 * k + 1]), X(o[2 * k] + v[2 * k]), Y(o[2 * k + 1] + v[2 * k + 1]), color(d, k));
+        for (let k = 0; k < d.count; k++) say(d.labels[k], X(o[2 * k] + v[2 * k] / 2), Y(o[2 * k + 1] + v[2 * k + 1] / 2), color(d, k));
+      } else if (d.kind === "points") {
+        const p = d.moves ? moving(d.points, 2 * d.count) : player.arrays[d.points];
+        for (let k = 0; k < d.count; k++) {
+          dot(g, X(p[2 * k]), Y(p[2 * k + 1]), player.theme.ink, player.theme.card);
+          say(d.labels[k], X(p[2 * k]), Y(p[2 * k + 1]), player.theme.ink);
+        }
+      } else {
+        g.lineWidth = 1.2;
+        const still = d.kind === "still strips";
+        const p = still ? player.arrays[d.points] : moving(d.points, 2 * d.count * d.length);
+        let start = 0;
+        for (let k = 0; k < (still ? d.lengths.length : d.count); k++) {
+          const length = still ? d.lengths[k] : d.length;
+          g.strokeStyle = color(d, k);
+          g.beginPath();
+          for (let i = start; i < start + length; i++) g.lineTo(X(p[2 * i]), Y(p[2 * i + 1]));
+          g.stroke();
+          start += length;
+        }
+      }
+    }
+  }
+}
+
+/** A canvas cleared, in device pixels, with a context that counts in CSS pixels. */
+function fresh(canvas) {
+  const scale = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  [canvas.width, canvas.height] = [Math.max(1, Math.round(width * scale)), Math.max(1, Math.round(height * scale))];
+  const g = canvas.getContext("2d", { willReadFrequently: true });
+  g.setTransform(scale, 0, 0, scale, 0, 0);
+  g.clearRect(0, 0, width, height);
+  return { g, width, height };
+}
+
+/** Calls with the horizontal place while the pointer is pressed on a canvas and moves. */
+function drags(canvas, moved) {
+  const tell = (e) => moved(e.clientX - canvas.getBoundingClientRect().left);
+  canvas.addEventListener("pointerdown", (e) => {
+    canvas.setPointerCapture(e.pointerId);
+    tell(e);
+  });
+  canvas.addEventListener("pointermove", (e) => {
+    if (e.buttons || e.pressure > 0) tell(e);
+  });
+}
+
+function span(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const v of values)
+    if (Number.isFinite(v)) {
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+  return low <= high ? [low, high] : [0, 1];
+}
+
+function padded(low, high) {
+  let room = 0.06 * (high - low);
+  if (room <= 1e-7 * Math.max(Math.abs(low), Math.abs(high))) room = 0.1 * Math.abs(low) || 1;
+  return [low - room, high + room];
+}
+
+function rule(g, x0, y0, x1, y1, color) {
+  g.strokeStyle = color;
+  g.beginPath();
+  g.moveTo(x0, y0);
+  g.lineTo(x1, y1);
+  g.stroke();
+}
+
+function dot(g, x, y, color, edge) {
+  if (!Number.isFinite(x + y)) return;
+  g.fillStyle = color;
+  g.strokeStyle = edge;
+  g.lineWidth = 1.5;
+  g.beginPath();
+  g.arc(x, y, 4, 0, 2 * Math.PI);
+  g.fill();
+  g.stroke();
+}
+
+function arrow(g, x0, y0, x1, y1, color) {
+  const length = Math.hypot(x1 - x0, y1 - y0);
+  if (!(length > 0.5)) return;
+  const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
+  const head = Math.min(10, 0.5 * length);
+  rule(g, x0, y0, x1 - 0.8 * head * ux, y1 - 0.8 * head * uy, color);
+  g.fillStyle = color;
+  g.beginPath();
+  g.moveTo(x1, y1);
+  g.lineTo(x1 - head * ux - 0.4 * head * uy, y1 - head * uy + 0.4 * head * ux);
+  g.lineTo(x1 - head * ux + 0.4 * head * uy, y1 - head * uy - 0.4 * head * ux);
+  g.fill();
+}

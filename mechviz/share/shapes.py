@@ -1,0 +1,238 @@
+"""What a page draws in space: solids with their poses, arrows, lines and points, from the entities of a recording."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..vectors import FAMILIES
+from .frames import Frames, parts_of, rows_at
+from .pack import Pack
+
+if TYPE_CHECKING:
+    from ..record import Recording
+
+__all__ = ["bounds_of", "find_drawables", "find_links"]
+
+Real = NDArray[np.float64]
+
+OVERLAYS = ("funicular", "polodes", "substitutes")  # constructions that belong into the picture of the mechanism
+ASIDE = ("rays", "points", "polar")  # parts of a construction that stands by itself
+
+
+def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+    """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids."""
+    found = []
+    for name in recording.model["links"]:
+        poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
+        assert poses is not None
+        pose = np.array(poses[0], float)
+        moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
+        found.append({"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None})
+        mesh = _mesh(recording, name)
+        if mesh is not None:
+            vertices, normals, faces, colors = mesh
+            palette, number = np.unique(colors, return_inverse=True)
+            found[-1]["mesh"] = {
+                "vertices": pack.places(vertices),
+                "normals": pack.directions(normals),
+                "faces": pack.indices(faces),
+                "colors": pack.octets(number),
+                "palette": [_hex(c) for c in palette],
+            }
+    return found
+
+
+def bounds_of(recording: Recording, frames: Frames) -> Real:
+    """The box (2, 3) [m] around all solids over the run."""
+    boxes = []
+    for name in recording.model["links"]:
+        mesh = _mesh(recording, name)
+        poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
+        if mesh is None or poses is None:
+            continue
+        rim = mesh[0][_corners(mesh[0][:, :2])]
+        x, y, angle = np.array(poses[0], float).T[:, :, None]
+        c, s = np.cos(angle), np.sin(angle)
+        flat = np.stack([x + c * rim[:, 0] - s * rim[:, 1], y + s * rim[:, 0] + c * rim[:, 1]])
+        z = mesh[0][:, 2]
+        boxes.append([[*np.nanmin(flat, axis=(1, 2)), z.min()], [*np.nanmax(flat, axis=(1, 2)), z.max()]])
+    if not boxes:
+        return np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.1]])
+    every = np.array(boxes)
+    return np.array([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+
+
+def find_drawables(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+    """Arrows, strips and points; ``group`` says what shows and hides them, ``view`` in which construction they stand."""
+    numbers = {name: k for k, name in enumerate(recording.model["links"])}
+    found = []
+    for path in recording.entities:
+        place = _placed(parts_of(path), numbers)
+        if place is None:
+            continue
+        for shape in (_arrows, _strips, _points):
+            drawn = shape(recording, frames, pack, path)
+            if drawn is not None:
+                found.append({**place, **drawn, "box": None if "link" in place else drawn["box"]})
+    return found
+
+
+def _placed(parts: tuple[str, ...], numbers: dict[str, int]) -> dict[str, Any] | None:
+    """Group, name, link under whose pose an entity is drawn, and the construction it belongs to; None for what is not drawn."""
+    match parts:
+        case ("vectors", family, *rest) if family in FAMILIES:
+            return {"group": family, "name": rest[0] if rest else family}
+        case ("mechanism", "paths" | "springs" | "joints" as group, name):
+            return {"group": group, "name": name}
+        case ("mechanism", "links", link, what) if what != "mesh" and link in numbers:
+            return {"group": "masses" if what == "lumps" else what, "name": link, "link": numbers[link]}
+        case ("polygons", "funicular", "forces", *_):
+            return {"group": "construction", "name": "funicular/forces", "view": "Force polygon with pole and rays"}
+        case ("polygons", name, *rest) if name in OVERLAYS:
+            return {"group": name, "name": rest[0] if rest else name}
+        case ("polygons", *names):
+            name = "/".join(n for n in names if n not in ASIDE)
+            word = "Shaking force, polar" if name == "shaking" else f"{name.capitalize()} plan"
+            return {"group": "construction", "name": name, "view": word}
+    return None
+
+
+def _arrows(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
+    rows = rows_at(recording, frames, path, "Arrows3D:origins", "Arrows3D:vectors")
+    if rows is None:
+        return None
+    origins, vectors = _stacked(rows[0], 3), _stacked(rows[1], 3)
+    if not np.isfinite(origins).any():
+        return None
+    look = _look(recording, path, "Arrows3D", origins.shape[1])
+    places = {"origins": pack.places(origins[..., :2]), "vectors": pack.places(vectors[..., :2])}
+    box = _box(np.concatenate([origins, origins + vectors]))
+    return {"kind": "arrows", "count": origins.shape[1], "z": _height(origins), "box": box, **places, **look}
+
+
+def _strips(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
+    rows = rows_at(recording, frames, path, "LineStrips3D:strips")
+    if rows is None:
+        still = recording.static(path, component="LineStrips3D:strips")
+        if still is None or not len(still):
+            return None
+        points = np.concatenate([np.asarray(strip, float) for strip in still])
+        look = _look(recording, path, "LineStrips3D", len(still))
+        return {
+            "kind": "still strips",
+            "lengths": [len(strip) for strip in still],
+            "points": pack.places(points[:, :2]),
+            "z": _height(points),
+            "box": _box(points),
+            **look,
+        }
+    count = max((len(strips) for strips in rows[0]), default=0)
+    length = max((len(strip) for strips in rows[0] for strip in strips), default=0)
+    if not count or not length:
+        return None
+    points = np.full((len(frames.ns), count, length, 3), np.nan)
+    for k, strips in enumerate(rows[0]):
+        for i, strip in enumerate(strips):
+            points[k, i, : len(strip)] = strip
+            points[k, i, len(strip) :] = strip[-1]  # shorter ones end where they end
+    look = _look(recording, path, "LineStrips3D", count)
+    return {
+        "kind": "strips",
+        "count": count,
+        "length": length,
+        "points": pack.places(points[..., :2]),
+        "z": _height(points),
+        "box": _box(points),
+        **look,
+    }
+
+
+def _points(recording: Recording, frames: Frames, pack: Pack, path: str) -> dict[str, Any] | None:
+    rows = rows_at(recording, frames, path, "Points3D:positions")
+    if rows is None:
+        still = recording.static(path, component="Points3D:positions")
+        if still is None or not len(still):
+            return None
+        look = _look(recording, path, "Points3D", len(still))
+        places = {"points": pack.places(still[:, :2]), "z": _height(still)}
+        return {"kind": "points", "count": len(still), "moves": False, "box": None, **places, **look}
+    points = _stacked(rows[0], 3)
+    if not np.isfinite(points).any():
+        return None
+    look = _look(recording, path, "Points3D", points.shape[1])
+    return {
+        "kind": "points",
+        "count": points.shape[1],
+        "moves": True,
+        "points": pack.places(points[..., :2]),
+        "z": _height(points),
+        "box": _box(points),
+        **look,
+    }
+
+
+def _look(recording: Recording, path: str, archetype: str, count: int) -> dict[str, Any]:
+    """Colours, radii and labels of the instances; one stands for all."""
+
+    def values(name: str) -> list[Any]:
+        found = recording.static(path, component=f"{archetype}:{name}")
+        given = [] if found is None else list(found)
+        return given if len(given) == count or not given else [given[0]] * count
+
+    shown = recording.static(path, component=f"{archetype}:show_labels")
+    return {
+        "colors": [_hex(c) for c in values("colors")],
+        "radii": [float(r) for r in values("radii")],
+        "labels": [str(t) for t in values("labels")] if shown is not None and len(shown) and shown[0] else [],
+    }
+
+
+def _mesh(recording: Recording, link: str) -> tuple[Any, Any, Any, Any] | None:
+    """Vertices (n, 3) and unit normals (n, 3), faces (m, 3), colours (n,) as red, green, blue, alpha in one number."""
+    path = _path("mechanism", "links", link, "mesh")
+    names = ("vertex_positions", "vertex_normals", "triangle_indices", "vertex_colors")
+    vertices, normals, faces, colors = (recording.static(path, component=f"Mesh3D:{name}") for name in names)
+    if vertices is None or normals is None or faces is None or colors is None:
+        return None
+    return vertices.astype(float), normals.astype(float), faces, colors
+
+
+def _stacked(rows: list[NDArray[Any]], width: int) -> Real:
+    """Instances (frames, most, width) of rows that need not have the same number; NaN where there is none."""
+    count = max((len(row) for row in rows), default=0)
+    out = np.full((len(rows), count, width), np.nan)
+    for k, row in enumerate(rows):
+        out[k, : len(row)] = row
+    return out
+
+
+def _height(points: Real) -> float:
+    """Height z [m] at which something planar lies."""
+    z = points[..., 2]
+    return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0
+
+
+def _box(points: Real) -> Real | None:
+    """The box (2, 2) around points in the plane, without the outermost in a hundred; None where there are none."""
+    flat = points.reshape(-1, points.shape[-1])[:, :2]
+    flat = flat[np.isfinite(flat).all(axis=1)]
+    return np.quantile(flat, [0.005, 0.995], axis=0) if len(flat) else None
+
+
+def _corners(xy: Real) -> NDArray[np.int64]:
+    """Points of a set that bound it at any angle: those furthest in 64 directions."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    return np.unique(np.argmax(xy @ np.stack([np.cos(angle), np.sin(angle)]), axis=0))
+
+
+def _hex(color: Any) -> str:
+    return f"#{int(color) >> 8:06x}"
+
+
+def _path(*parts: str) -> str:
+    from ..record.paths import entity
+
+    return entity(*parts)

@@ -1,0 +1,184 @@
+"""A recording as the text that a page plays: solids, poses, arrows, plots, events, states and notes on one timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..vectors import FAMILIES, FORCE_FAMILIES, round_value
+from .frames import MOST_FRAMES, Frames, find_frames
+from .markdown import html_of
+from .pack import Pack
+from .plots import find_plots, first_plots, pack_plot
+from .shapes import bounds_of, find_drawables, find_links
+
+if TYPE_CHECKING:
+    from ..record import Recording
+
+__all__ = ["SCHEMA", "pace_of", "show_text"]
+
+SCHEMA = 1
+SECONDS_A_CYCLE = 5.0  # a cycle on the screen
+SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
+LEGEND = 0.15  # of the mechanism's size: about how long an arrow the legend tells the value for
+ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond the solids
+
+GROUPS = {
+    "paths": "Paths",
+    "springs": "Springs",
+    "masses": "Masses",
+    "polode": "Moving polodes",
+    "polodes": "Fixed polodes",
+    "funicular": "Funicular",
+    "substitutes": "Substitute masses",
+}
+"""What can be shown and hidden beside the families of arrows."""
+
+
+def show_text(recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None) -> tuple[str, Frames]:
+    """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s]."""
+    pack = Pack()
+    frames = find_frames(recording, most, keep)
+    properties = recording.properties
+    plots = find_plots(recording, frames)
+    drawables = find_drawables(recording, frames, pack)
+    bounds = bounds_of(recording, frames)
+    header = {
+        "schema": SCHEMA,
+        "title": str(properties.get("title", "")) or "Mechanism",
+        "teaches": _teaches(recording.notes),
+        "version": str(properties.get("version", "")),
+        "frames": len(frames.chosen),
+        "total": frames.total,
+        "time": pack.floats(frames.time),
+        "axes": _axes(frames, pack),
+        "pace": _pace(recording, frames),
+        "opening": len(frames.chosen) // 8 if "duration" in properties else _eighth(frames),
+        "bounds": bounds.tolist(),
+        "drawn": _drawn(bounds, drawables).tolist(),
+        "links": find_links(recording, frames, pack),
+        "drawables": drawables,
+        "groups": _groups(recording, drawables, bounds),
+        "plots": [pack_plot(p, pack) for p in plots],
+        "first": first_plots(recording, plots),
+        "lanes": _lanes(recording),
+        "events": [{"time": e.time, "level": e.level, "text": e.text} for e in recording.events],
+        "notes": html_of(recording.notes),
+    }
+    return pack.text(header), frames
+
+
+def _teaches(notes: str) -> str:
+    """The sentence under the title of the notes."""
+    lines = [line.strip() for line in notes.splitlines() if line.strip()]
+    return lines[1] if len(lines) > 1 and lines[0].startswith("# ") and not lines[1].startswith(("#", "*")) else ""
+
+
+def _axes(frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+    """What plots can run against beside time: positions of drives that go one way only."""
+    found = []
+    for name, ticks in frames.drives.items():
+        steps = np.diff(ticks)
+        if len(ticks) > 1 and np.any(steps) and (np.all(steps >= 0) or np.all(steps <= 0)):
+            unit, factor = ("°", 1e-3) if name == "drive_mdeg" else ("mm", 1e-3)
+            what = "drive angle" if unit == "°" else "drive displacement"
+            values = ticks * factor
+            found.append({"title": what, "unit": unit, "values": pack.floats(values)})
+            if unit == "°" and np.ptp(values) > 361.0:
+                found.append({"title": "drive angle, cycles overlaid", "unit": unit, "values": pack.floats(values), "turn": 360.0})
+    return found
+
+
+def pace_of(recording: Recording) -> float:
+    """Seconds of the run for a second on the screen."""
+    return _pace(recording, find_frames(recording, MOST_FRAMES))
+
+
+def _pace(recording: Recording, frames: Frames) -> float:
+    span = float(frames.time[-1] - frames.time[0])
+    if span <= 0.0:
+        return 1.0
+    if "duration" in recording.properties:  # motion under forces: in its own time, unless that is too long or over too soon
+        return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
+    return span / (SECONDS_A_CYCLE * max(1.0, _turns(frames)))
+
+
+def _turns(frames: Frames) -> float:
+    ticks = frames.drives.get("drive_mdeg")
+    return 1.0 if ticks is None or len(ticks) < 2 else float(np.ptp(ticks)) / 360e3
+
+
+def _eighth(frames: Frames) -> int:
+    """The frame an eighth of a turn from the start, where a picture explains more than at a dead point."""
+    return round((len(frames.chosen) - 1) / (8.0 * max(1.0, _turns(frames))))
+
+
+def _drawn(bounds: Any, drawables: list[dict[str, Any]]) -> Any:
+    """The box (2, 3) [m] around solids and what is drawn on them; what reaches far beyond counts up to `ROOM` only."""
+    size = float(np.ptp(bounds, axis=0)[:2].max())
+    boxes = [d.pop("box") for d in drawables]
+    near = [b for b, d in zip(boxes, drawables, strict=True) if b is not None and "view" not in d and d["group"] != "acceleration"]
+    low, high = bounds[0].copy(), bounds[1].copy()
+    for box in near:
+        low[:2] = np.minimum(low[:2], np.maximum(box[0], bounds[0][:2] - ROOM * size))
+        high[:2] = np.maximum(high[:2], np.minimum(box[1], bounds[1][:2] + ROOM * size))
+    return np.array([low, high])
+
+
+def _groups(recording: Recording, drawables: list[dict[str, Any]], bounds: Any) -> list[dict[str, Any]]:
+    """What can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
+    from ..record.arrows import COLORS
+
+    present = {d["group"] for d in drawables}
+    forces = bool(present & set(FORCE_FAMILIES))
+    scales = _scales(recording.properties)
+    size = float(np.ptp(bounds, axis=0)[:2].max())
+    found: list[dict[str, Any]] = []
+    for name, family in FAMILIES.items():
+        if name not in present:
+            continue
+        entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}
+        entry["shown"] = entry["shown"] and name != "acceleration"
+        entry |= {"light": _hex(family.color), "dark": _hex(COLORS[name])}
+        per_metre = scales[name]
+        arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawables)
+        if arrows and per_metre > 0.0 and per_metre != 1.0:
+            value = round_value(LEGEND * size * per_metre)
+            entry |= {"length": value / per_metre, "value": f"{value:g} {family.unit}"}
+        found.append(entry)
+    found += [{"name": k, "label": v, "shown": True} for k, v in GROUPS.items() if k in present]
+    return found
+
+
+def _scales(properties: Mapping[str, Any]) -> dict[str, float]:
+    """Units per metre of the arrows of each family."""
+    known = {"velocity": "mps_per_metre", "acceleration": "mps2_per_metre"}
+    return {name: float(properties.get(known.get(name, "newtons_per_metre"), 1.0)) for name in FAMILIES}
+
+
+def _lanes(recording: Recording) -> list[dict[str, Any]]:
+    """States over time: of each lane the times of its changes and its states."""
+    from .frames import parts_of
+
+    found = []
+    for path in recording.entities:
+        parts = parts_of(path)
+        if parts[0] != "state" or not recording.has(path):
+            continue
+        rows = recording.rows(path, component="StateChange:state")
+        values, labels, colors = (
+            recording.static(path, component=f"StateConfiguration:{name}") for name in ("values", "labels", "colors")
+        )
+        looks: dict[str, tuple[str, str]] = {}
+        if values is not None and labels is not None and colors is not None:
+            looks = {str(v): (str(w), f"#{int(c) >> 8:06x}") for v, w, c in zip(values, labels, colors, strict=True)}
+        states = [looks.get(str(v), (str(v), "#888888")) for v in rows.values]
+        changes = [[1e-9 * float(t), word, color] for t, (word, color) in zip(rows.time, states, strict=True)]
+        found.append({"name": parts[-1], "changes": changes})
+    return found
+
+
+def _hex(color: tuple[int, int, int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*color)

@@ -1,0 +1,36 @@
+"""What is shared: a recording as it is, or a scene, which is solved and recorded on the way."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..record import Recording
+    from ..run import Run
+
+__all__ = ["is_recording", "recorded"]
+
+
+def is_recording(source: str) -> bool:
+    """Whether the user means a recording: by its ending, or because the file is one."""
+    path = Path(source)
+    if path.suffix.lower() == ".rrd":
+        return True
+    try:
+        with open(path, "rb") as file:
+            return file.read(3) == b"RRF"
+    except OSError:
+        return False
+
+
+def recorded(run: Run, progress: Callable[[int, int], None] | None = None) -> Recording:
+    """A run as a recording in memory: what pages and pictures are made from, so that a scene and its recording look the same."""
+    from ..record import Recording, write_recording
+
+    with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
+        path = Path(folder) / "run.rrd"
+        write_recording(run, path, progress=progress)
+        return Recording(path)

@@ -1,0 +1,213 @@
+"""``mechviz share``, ``shot`` and ``film``: a page that plays a mechanism anywhere, pictures, films."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from .record import Recording
+    from .share.pictures import Look
+
+__all__ = ["film", "share", "shot"]
+
+SourceArg = Annotated[str, typer.Argument(metavar="SCENE|RECORDING", help="gallery name, scene file (.toml) or recording (.rrd)")]
+FramesOpt = Annotated[
+    int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="of a scene: frames over the whole run")
+]
+CyclesOpt = Annotated[int | None, typer.Option("--cycles", min=1, max=1_000_000, help="of a scene: cycles of the first drive")]
+ViewOpt = Annotated[str, typer.Option("--view", help="3d, front, iso, top, left, right or back")]
+SizeOpt = Annotated[str, typer.Option("--size", metavar="WxH", help="size of the picture in pixels")]
+DarkOpt = Annotated[bool, typer.Option("--dark", help="on a dark ground")]
+ShowOpt = Annotated[
+    str | None,
+    typer.Option("--show", metavar="NAME,NAME", help="only these arrows and lines, such as reaction,paths,names; none: nothing"),
+]
+
+SMALLEST, LARGEST = 64, 8192  # pixels of a picture's side
+
+
+def share(
+    source: SourceArg,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="page to write [default: <scene>.html here]")] = None,
+    most: Annotated[
+        int, typer.Option("--most", min=2, max=100_000, help="frames in the page at most; longer runs are thinned")
+    ] = 1000,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
+    from .cli import clear_errors, fail, say
+    from .files import OutputError, check_target, replacing
+
+    with clear_errors(source):
+        path = output or Path(f"{Path(source).stem}.html")
+        try:
+            check_target(path)
+        except OutputError as e:
+            fail(str(e), 1)
+        recording = _recording(source, frames, cycles)
+        from .share import make_page
+
+        try:
+            text, chosen = make_page(recording, most=most)
+            with replacing(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        except OutputError as e:
+            fail(str(e), 1)
+        held = (
+            f"{len(chosen.chosen)} frames"
+            if len(chosen.chosen) == chosen.total
+            else f"{len(chosen.chosen)} of {chosen.total} frames"
+        )
+        say(f"{held}, {path.stat().st_size / 1e6:.2f} MB. Open it in any browser; it needs no network.")
+        print(path)
+
+
+def shot(
+    source: SourceArg,
+    output: Annotated[Path, typer.Option("--output", "-o", help="picture to write (.png)")],
+    at: Annotated[str | None, typer.Option("--at", metavar="TIME", help='a time, such as 0.2 (seconds) or "20 ms"')] = None,
+    frame: Annotated[int | None, typer.Option("--frame", metavar="K", help="a frame, from 0")] = None,
+    angle: Annotated[str | None, typer.Option("--angle", help='of the drive, such as 90 (degrees) or "0.5 rad"')] = None,
+    view: ViewOpt = "3d",
+    size: SizeOpt = "1280x800",
+    dark: DarkOpt = False,
+    show: ShowOpt = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Write a picture of a mechanism at a time, frame or drive angle; needs Chromium, but no display."""
+    from .cli import clear_errors, fail, interruptible
+    from .files import OutputError, check_target
+    from .share.browser import ChromiumError, find_chromium
+
+    with clear_errors(source):
+        from .share.pictures import moment
+        from .share.pictures import shot as take
+
+        _ending(output, (".png",), "a picture")
+        look = _look(view, size, dark, show)
+        if sum(x is not None for x in (at, frame, angle)) > 1:
+            fail("--at, --frame and --angle name the same thing. Give one of them.")
+        when = {"at": _quantity(at, "at", "s", "time"), "angle": _quantity(angle, "angle", "deg", "angle")}
+        try:
+            find_chromium()
+            check_target(output)
+        except OutputError as e:
+            fail(str(e), 1)
+        recording = _recording(source, frames, cycles)
+        try:
+            place = moment(recording, frame=frame, **when)
+        except OutputError as e:
+            fail(str(e))
+        try:
+            with interruptible():
+                print(take(recording, output, look, place))
+        except OutputError as e:
+            fail(str(e), 1 if isinstance(e, ChromiumError) else 2)
+
+
+def film(
+    source: SourceArg,
+    output: Annotated[Path, typer.Option("--output", "-o", help="film to write (.gif, or .mp4 where ffmpeg is installed)")],
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=0.1, max=3600.0, help="length of the film [default: 5 s a cycle]")
+    ] = None,
+    rate: Annotated[int | None, typer.Option("--rate", min=1, max=100, help="pictures a second [default: 20 of a GIF, 30]")] = None,
+    view: ViewOpt = "3d",
+    size: SizeOpt = "800x600",
+    dark: DarkOpt = False,
+    show: ShowOpt = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+) -> None:
+    """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
+    from .cli import clear_errors, fail, interruptible, progress_bar
+    from .files import OutputError, check_target
+    from .share.browser import ChromiumError, find_chromium
+
+    with clear_errors(source):
+        from .share.pictures import film as make
+        from .share.pictures import find_ffmpeg
+
+        _ending(output, (".gif", ".mp4"), "a film")
+        look = _look(view, size, dark, show)
+        try:
+            find_chromium()
+            if output.suffix.lower() == ".mp4":
+                find_ffmpeg()
+            check_target(output)
+        except OutputError as e:
+            fail(str(e), 1)
+        recording = _recording(source, frames, cycles)
+        try:
+            with interruptible(), progress_bar("filming") as bar:
+                make(recording, output, look, seconds=seconds, rate=rate, progress=bar)
+        except OutputError as e:
+            fail(str(e), 1 if isinstance(e, ChromiumError) else 2)
+        print(output)
+
+
+def _recording(source: str, frames: int | None, cycles: int | None) -> Recording:
+    """The recording that is meant, or one made of the scene."""
+    from .cli import fail, interruptible, load_scene, progress_bar, solve
+    from .record import Recording, RecordingError
+    from .share.source import is_recording, recorded
+
+    if not is_recording(source):
+        run = solve(load_scene(source), frames, cycles)
+        import rerun  # noqa: F401  before anything is begun: a library that is loading may swallow an interruption
+
+        try:
+            with interruptible(), progress_bar("recording") as bar:
+                return recorded(run, bar)
+        except RecordingError as e:
+            fail(str(e), 1)
+    if frames is not None or cycles is not None:
+        fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
+    try:
+        recording = Recording(source)
+        if not recording.has("data", "links", recording.model["frame"], "pose"):
+            fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
+        return recording
+    except RecordingError as e:
+        fail(str(e))
+
+
+def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:
+    from .cli import fail
+
+    if path.suffix.lower() not in endings:
+        fail(f"--output {path}: {what} is written as {' or '.join(e[1:].upper() for e in endings)}. Give a name that ends in "
+             f"{' or '.join(endings)}.")  # fmt: skip
+
+
+def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
+    from .cli import fail
+    from .share.pictures import VIEWS, Look
+
+    if view not in VIEWS:
+        fail(f"--view {view}: there is no such view. There are: {', '.join(VIEWS)}.")
+    match = re.fullmatch(r"(\d{1,5})\s*[xX×]\s*(\d{1,5})", size.strip())
+    if not match or not all(SMALLEST <= int(n) <= LARGEST for n in match.groups()):
+        fail(f"--size {size}: a size is written like 1280x800, each side from {SMALLEST} to {LARGEST} pixels.")
+    shown = None if show is None else tuple(name.strip() for name in show.split(",") if name.strip() not in ("", "none"))
+    return Look(int(match[1]), int(match[2]), view, dark, shown)
+
+
+def _quantity(text: str | None, option: str, unit: str, kind: str) -> float | None:
+    """A time [s] or an angle [rad] of an option; a bare number is in ``unit``."""
+    from .cli import fail
+    from .scene.units import QuantityError, Units
+
+    if text is None:
+        return None
+    bare = re.fullmatch(r"\s*[+-]?[0-9.]+([eE][+-]?[0-9]+)?\s*", text)
+    try:
+        return Units().si(f"{text} {unit}" if bare else text, kind)
+    except QuantityError as e:
+        fail(f"--{option}: {e} {e.remedy}")

@@ -1,0 +1,279 @@
+"""Pages without a server: what is in them is what the recording holds, they are small, and wrong input is refused in words."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from typer.testing import CliRunner
+
+import mechviz
+from mechviz.cli import app
+from mechviz.files import OutputError
+from mechviz.record import Recording, write_recording
+from mechviz.run import run_scene
+from mechviz.share import make_page
+from mechviz.share.frames import parts_of
+from mechviz.share.markdown import html_of
+from mechviz.share.pack import Pack, unpack
+from mechviz.share.pictures import moment
+from recordings import made
+
+TEN = made("ten-link-forces", 360)
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+def content(page: str):
+    """Header and arrays of a page."""
+    (text,) = re.findall(r'<script type="application/octet-stream" id="data">(.*?)</script>', page, flags=re.DOTALL)
+    return unpack(text)
+
+
+@pytest.fixture(scope="module")
+def ten():
+    page, frames = make_page(TEN.recording)
+    return page, frames, *content(page)
+
+
+# --- packing ----------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(hnp.arrays(float, st.integers(0, 40), elements=NUMBERS), st.lists(st.booleans(), max_size=40))
+def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
+    pack = Pack()
+    holes = values.copy()
+    holes[: len(absent)][np.array(absent[: len(values)], bool)] = np.nan
+    whole = np.round(values).astype(int)
+    pack.floats(values), pack.places(holes), pack.indices(whole)
+    _, arrays = unpack(pack.text({}))
+    assert np.array_equal(arrays[0], values.astype(np.float32))
+    step = np.ptp(values) / 65534 if len(values) else 0.0
+    assert np.array_equal(np.isnan(arrays[1]), np.isnan(holes))
+    assert np.all(np.abs(arrays[1] - holes)[~np.isnan(holes)] <= 0.51 * step + 1e-9)
+    assert np.array_equal(arrays[2], whole)
+
+
+def test_equal_arrays_are_stored_once():
+    pack = Pack()
+    assert pack.floats(np.arange(5.0)) == pack.floats(np.arange(5.0)) != pack.floats(np.arange(6.0))
+
+
+# --- pages ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_page_of_ten_links_is_small_and_names_nothing_outside_itself(ten):
+    page = ten[0]
+    assert len(page.encode()) < 3e6
+    assert not re.search(r"""(src|href)\s*=|@import|url\(|https?://""", page.split('id="data"')[0] + page.split("</script>", 1)[1])
+    assert "default-src 'none'" in page
+
+
+def test_poses_and_solids_are_those_of_the_recording(ten):
+    _, frames, header, arrays = ten
+    assert header["frames"] == header["total"] == len(frames.chosen) == TEN.run.motion.frames
+    assert [link["name"] for link in header["links"]] == list(TEN.recording.model["links"])
+    for link in header["links"]:
+        pose = arrays[link["pose"]].reshape(-1, 3)
+        assert np.array_equal(pose, TEN.data("links", link["name"], "pose")[: len(pose)].astype(np.float32))
+        assert link["moves"] == (link["name"] != "frame")
+        path = ("mechanism", "links", link["name"], "mesh")
+        vertices = TEN.recording.static(*path, component="Mesh3D:vertex_positions")
+        stored = arrays[link["mesh"]["vertices"]].reshape(-1, 3)
+        assert np.abs(stored - vertices).max() < 1e-5 * np.ptp(vertices)
+        assert np.array_equal(
+            arrays[link["mesh"]["faces"]].reshape(-1, 3), TEN.recording.static(*path, component="Mesh3D:triangle_indices")
+        )
+
+
+def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
+    _, _, header, arrays = ten
+    plots = {p["title"]: p for p in header["plots"]}
+    torque = plots["Drive A: torque"]
+    assert torque["unit"] == "N m" and np.array_equal(arrays[torque["values"]], TEN.data("drive", "A")[:, 3].astype(np.float32))
+    angle = plots["Link rocker: angle"]
+    assert angle["unit"] == "°"
+    assert arrays[angle["values"]] == pytest.approx(np.degrees(TEN.data("links", "rocker", "pose")[:, 2]), abs=1e-4)
+    force = arrays[plots["Joint B: reaction"]["values"]].reshape(-1, 3)
+    assert plots["Joint B: reaction"]["names"] == ["Fx", "Fy", "|F|"]
+    assert force[:, 2] == pytest.approx(np.hypot(force[:, 0], force[:, 1]), rel=1e-5)
+    assert header["plots"][header["first"][0]]["title"] == "Drive A: torque"
+    for p in header["plots"]:
+        assert p["unit"] and arrays[p["values"]].size == header["frames"] * len(p["names"])
+    polar = plots["Joint B: polar plot of the reaction"]
+    assert polar["equal"] and np.array_equal(arrays[polar["x"]], force[:, 0])
+    phase = plots["Joint D: phase diagram, velocity against angle"]
+    rate = TEN.data("joints", "D", "motion")[:, 1].astype(np.float32)
+    assert phase["unit"] == "rad/s" and np.array_equal(arrays[phase["values"]], rate)
+    assert "Joint A: phase diagram, velocity against angle" not in plots  # it turns on and on
+
+
+def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
+    _, frames, header, arrays = ten
+    drawn = {(d["group"], d["name"]): d for d in header["drawables"] if d["kind"] == "arrows"}
+    arrow = drawn["reaction", "B"]
+    origins, vectors = (arrays[arrow[k]].reshape(len(frames.chosen), 2) for k in ("origins", "vectors"))
+    scale = TEN.recording.properties["newtons_per_metre"]
+    shown = ~np.isnan(origins[:, 0])
+    assert shown.sum() > 300
+    assert vectors[shown] * scale == pytest.approx(TEN.data("joints", "B", "reaction")[shown, :2], abs=1e-3 * scale)
+    assert origins[shown] == pytest.approx(TEN.data("joints", "B", "position")[shown], abs=1e-4)
+    groups = {g["name"]: g for g in header["groups"]}
+    assert groups["reaction"]["shown"] and not groups["acceleration"]["shown"]
+    assert float(groups["reaction"]["value"].split()[0]) == pytest.approx(groups["reaction"]["length"] * scale)
+
+
+def test_events_and_notes_are_there(ten):
+    _, _, header, _ = ten
+    assert [e["text"] for e in header["events"]] == [e.text for e in TEN.recording.events]
+    assert "<h3>Computed</h3>" in header["notes"] and header["teaches"].startswith("Kinematics runs outward")
+
+
+def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
+    page, frames = make_page(TEN.recording, most=50)
+    header, arrays = content(page)
+    assert len(frames.chosen) == header["frames"] == 50 and header["total"] == 361 == frames.total
+    assert frames.chosen[0] == 0 and frames.chosen[-1] == 360 and np.ptp(np.diff(frames.chosen)) <= 1
+    crank = arrays[next(k for k in header["links"] if k["name"] == "crank")["pose"]].reshape(-1, 3)
+    assert np.array_equal(crank, TEN.data("links", "crank", "pose")[frames.chosen].astype(np.float32))
+    kept = make_page(TEN.recording, most=50, keep=float(TEN.time[101]))[1]
+    assert 101 in kept.chosen
+
+
+def test_no_text_of_a_scene_becomes_markup(tmp_path):
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    scene = mechviz.load("crank-rocker")
+    text = scene.text.replace(scene.title, evil)
+    assert evil in text
+    write_recording(run_scene(mechviz.loads(text), frames=12), tmp_path / "evil.rrd")
+    page, _ = make_page(Recording(tmp_path / "evil.rrd"))
+    assert "alert(" not in page.split('<script type="module">')[0].replace("&lt;script&gt;alert(1)", "").replace("alert(2)&gt;", "")
+    assert page.count("</script>") == 2
+    assert "<img" not in content(page)[0]["notes"] and "<script" not in content(page)[0]["notes"]
+
+
+def test_notes_as_html():
+    html = html_of("# A & B\n\nsome **bold** `code`\n\n- one\n- two\n\n| a | b |\n|---|---|\n| 1 | <2> |")
+    assert html.split("\n") == [
+        "<h2>A &amp; B</h2>", "<p>some <b>bold</b> <code>code</code></p>", "<ul>", "<li>one</li>", "<li>two</li>", "</ul>",
+        '<div class="wide"><table>', "<tr><th>a</th><th>b</th></tr>", "<tr><td>1</td><td>&lt;2&gt;</td></tr>", "</table></div>",
+    ]  # fmt: skip
+
+
+def test_parts_of_a_path_are_unescaped():
+    from mechviz.record.paths import entity
+
+    parts = ("data", "points", "link B.C centre of mass", "a/b\\c")
+    assert parts_of(entity(*parts)) == parts
+
+
+@pytest.mark.parametrize(
+    "name", ["cam-roller", "stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar"]
+)
+def test_pages_of_all_kinds_of_scenes(name):
+    header, arrays = content(make_page(made(name, 24).recording)[0])
+    low, high = np.array(header["drawn"])
+    assert (low < high).all() and all(b <= a for a, b in zip(header["bounds"][0], low, strict=True))
+    kinds = {d["group"] for d in header["drawables"]}
+    expected = {
+        "cam-roller": "springs", "stick-slip-feed": "friction", "plans-four-bar": "construction", "four-forces": "funicular",
+        "lumped-rod": "substitutes", "polodes-four-bar": "polodes",
+    }  # fmt: skip
+    assert expected[name] in kinds
+    assert bool(header["lanes"]) == (name == "stick-slip-feed")
+    for d in header["drawables"]:
+        points = arrays[d["origins" if d["kind"] == "arrows" else "points"]]
+        assert np.isfinite(points).any()
+        if d["kind"] == "still strips":
+            assert sum(d["lengths"]) * 2 == points.size
+    if header["lanes"]:
+        states = [state for lane in header["lanes"] for _, state, _ in lane["changes"]]
+        assert {"sticks", "slips +"} <= set(states)
+
+
+# --- moments ----------------------------------------------------------------------------------------------------------
+
+
+def test_moments_by_time_frame_and_angle():
+    recording, time = TEN.recording, TEN.time
+    assert moment(recording, frame=7).time == pytest.approx(time[7])
+    assert moment(recording, at=float(time[9])).time == pytest.approx(time[9])
+    assert moment(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
+    assert moment(recording, angle=np.radians(90.5)).time == pytest.approx(0.5 * (time[90] + time[91]), abs=1e-6)
+    assert moment(recording).time is None
+    for wrong, words in (
+        ({"frame": 361}, "0 to 360"),
+        ({"frame": -1}, "0 to 360"),
+        ({"at": 1e3}, "outside"),
+        ({"angle": -1.0}, "outside"),
+    ):
+        with pytest.raises(OutputError, match=words):
+            moment(recording, **wrong)
+    with pytest.raises(OutputError, match="no drive of this mechanism turns"):
+        moment(made("excavator-arm", 24).recording, angle=1.0)
+
+
+# --- the commands -----------------------------------------------------------------------------------------------------
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
+    monkeypatch.setattr("mechviz.run.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
+    path = tmp_path / "page.html"
+    result = run("share", str(TEN.path), "-o", str(path), "--most", "100")
+    assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output
+    assert content(path.read_text(encoding="utf-8"))[0]["title"].startswith("Ten-link train")
+
+
+def test_share_writes_a_page_of_a_scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("share", "crank-rocker", "--frames", "30")
+    assert result.exit_code == 0 and "31 frames" in result.output
+    assert content((tmp_path / "crank-rocker.html").read_text(encoding="utf-8"))[0]["frames"] == 31
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["crank-rocker.html"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("share", "crank-roker"), "crank-rocker"),
+        (("share", "no.rrd"), "no file 'no.rrd'"),
+        (("share", "{ten}", "--frames", "12"), "is a recording"),
+        (("shot", "crank-rocker", "-o", "a.jpg"), ".png"),
+        (("shot", "crank-rocker", "-o", "a.png", "--view", "below"), "no such view"),
+        (("shot", "crank-rocker", "-o", "a.png", "--size", "wide"), "1280x800"),
+        (("shot", "crank-rocker", "-o", "a.png", "--size", "20x20"), "from 64"),
+        (("shot", "crank-rocker", "-o", "a.png", "--at", "1", "--frame", "2"), "one of them"),
+        (("shot", "crank-rocker", "-o", "a.png", "--at", "5 kg"), "--at"),
+        (("shot", "crank-rocker", "-o", "a.png", "--angle", "sharp"), "--angle"),
+        (("film", "crank-rocker", "-o", "a.avi"), ".gif or .mp4"),
+    ],
+)
+def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*(a.format(ten=TEN.path) for a in arguments))
+    assert result.exit_code == 2 and words in result.output and "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
+    result = run("shot", "crank-rocker", "-o", "a.png")
+    assert result.exit_code == 1 and "apt-get install chromium" in result.output
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "true")  # a program, but no browser
+    result = run("shot", "crank-rocker", "-o", "a.png", "--frames", "12")
+    assert result.exit_code == 1 and "could not be started" in result.output
+    monkeypatch.setattr("shutil.which", lambda name: None if name == "ffmpeg" else "/bin/true")
+    result = run("film", "crank-rocker", "-o", "a.mp4")
+    assert result.exit_code == 1 and "apt-get install ffmpeg" in result.output
+    result = run("share", "crank-rocker", "-o", str(tmp_path / "nowhere" / "a.html"))
+    assert result.exit_code == 1 and "does not exist" in result.output
+    assert not list(tmp_path.iterdir())
