@@ -53,6 +53,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     redundant = redundant_pairs(model)
     if redundant:
         lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
+        if w < rank:
+            lines.append("           it moves only because its lengths and angles agree: a little off, and it cannot be assembled")
         lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]

@@ -72,7 +72,7 @@ def test_kite_goes_through_where_its_pins_coincide():
 def test_no_change_where_there_is_a_margin():
     """Grashof margins down to rounding: a true crank-rocker keeps its mode, and conditioning is reported honestly."""
     previous = 1.0
-    for margin in 10.0 ** -np.arange(1, 14):
+    for margin in 10.0 ** -np.arange(1, 15):
         # frame + crank = coupler + rocker - margin: never flat on the far side; rocker and coupler of different length
         m = four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 + margin, start=0.3)
         compiled = compile_mechanism(m)

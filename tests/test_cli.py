@@ -44,6 +44,11 @@ def test_check_prints_every_scene_of_the_gallery_and_tells_modes_apart(name):
     assert not any(re.search(r"-0 mm|e-1[0-9] mm[,\s]", line) for line in lines if not line.startswith("health"))
 
 
+def test_check_says_what_moves_only_because_its_lengths_agree():
+    said = {name: "\n".join(check_lines(load(name))) for name in ("braced-parallelogram", "two-guides", "crank-rocker")}
+    assert ["it moves only because its lengths and angles agree" in text for text in said.values()] == [True, True, False]
+
+
 def test_modes_whose_pair_stays_at_its_place_are_told_by_displacement_and_angle():
     lines = check_lines(load("slotted-lever"), modes=True)
     ahead, behind = after("modes", lines)[1:]

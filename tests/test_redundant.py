@@ -133,6 +133,17 @@ def test_coincident_points_of_a_crank_are_named():
         compile_mechanism(replace(m, links=none))
 
 
+def chain_of_four() -> Mechanism:
+    """An open chain of three moving links with one drive."""
+    points = {"A": (0, 0), "B": (1, 0), "C": (2, 0), "D": (3, 0)}
+    return drawn(points, {"a": "AB", "b": "BC", "c": "CD"}, "A", drive="A", law=ConstantSpeed(0.0, 1.0))
+
+
+def test_more_than_one_freedom_left_is_counted():
+    with pytest.raises(MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, at 2 of these pairs"):
+        compile_mechanism(chain_of_four())
+
+
 def test_impossible_input_has_its_own_message_each():
     """No two kinds of impossible input share their words."""
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
@@ -146,6 +157,7 @@ def test_impossible_input_has_its_own_message_each():
         "drives contradict each other": both,
         "redundant constraint does not close": wrong,
         "a freedom that no drive takes": replace(m, drives=()),
+        "2 freedoms that no drive takes": chain_of_four(),
     }
     said = []
     for words, mechanism in cases.items():
@@ -167,3 +179,44 @@ def test_a_group_between_coincident_points_is_named():
     free = drawn(loop, {"a": "ABD", "b": "BC", "c": "DC"}, "A", drive="C", law=ConstantSpeed(0.5, 1.0))
     with pytest.raises(MechanismError):  # the drive moves links against each other, and nothing holds the whole
         compile_mechanism(free)
+
+
+# -- double parallelogram --------------------------------------------------------------------------------------------------
+def ladder(**more) -> Mechanism:
+    """Two cranks of length 1 on a frame of 2, joined by a bar at their ends and another one half-way."""
+    points = {"A": (0.0, 0.0), "E": (2.0, 0.0), "B": (0.6, 0.8), "D": (2.6, 0.8), "P": (0.3, 0.4), "Q": (2.3, 0.4)}
+    links = {"c1": "APB", "c2": "EQD", "bar": "BD", "rung": "PQ"}
+    return drawn(points, links, "AE", drive="A", law=ConstantSpeed(0.0, 2.0), **more)
+
+
+def test_a_double_parallelogram():
+    forces = load(ladder(effects=("gravity",), bodies={"bar": (3.0, (1.6, 0.8), 0.2)}), np.linspace(-0.4, 1.0, 15), 2.0, 0.0)
+    motion = forces.motion
+    assert gruebler(motion.model)[3] == 0 and rank_mobility(motion) == 1
+    for link, speed in (("bar", 0.0), ("rung", 0.0), ("c2", 2.0)):
+        np.testing.assert_allclose(motion.velocity(link)[:, 2], speed, atol=1e-11)
+    assert motion.closure.max() < 1e-12 * motion.model.size
+    assert balance_of_links(forces) < 1e-10 and np.abs(forces.power_balance).max() < 1e-10
+    assert set(indeterminate(motion)) == set("ABDEPQ"), "the bars can be stressed against each other through the cranks"
+    assert not forces.reaction("P").any() and not forces.reaction("Q").any(), (
+        "shortest: the second bar carries nothing, not rounding"
+    )
+    # virtual work: the torque carries the weight of the bar, however the bars share it
+    angle = motion.pose("c1")[:, 2]
+    np.testing.assert_allclose(forces.effort("A"), 3.0 * 9.81 * np.cos(angle + np.arctan2(0.8, 0.6)), rtol=1e-10)
+
+
+def test_the_reactions_of_a_double_parallelogram_are_the_shortest():
+    """Orthogonal to the self-stress: the bars pull with 1 and -2, the pins on the frame hold the difference."""
+    bodies = {"bar": (3.0, (1.6, 0.8), 0.2), "rung": (2.0, (0.5, 0.4), 0.1)}
+    forces = load(ladder(effects=("gravity",), bodies=bodies), [0.2], 2.0, 0.0)
+    assert abs(forces.reaction("P")).max() > 1.0
+    stress = {"B": -1.0, "D": 1.0, "P": 2.0, "Q": -2.0, "A": 1.0, "E": -1.0}  # x, on the bars; on the cranks
+    inner = scale = 0.0
+    for pair, x in stress.items():
+        spec = next(p for p in forces.motion.mechanism.pairs if p.name == pair)
+        bar = next((k for k in ("bar", "rung") if k in spec.links), spec.links[0])
+        sign = 1.0 if spec.links[1] == bar or spec.links[0] == "frame" else -1.0
+        inner += sign * x * forces.reaction(pair)[0, 0]
+        scale = max(scale, abs(forces.reaction(pair)[0]).max())
+    assert abs(inner) < 1e-10 * scale

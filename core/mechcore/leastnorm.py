@@ -17,6 +17,7 @@ __all__ = ["indeterminate", "least_norm"]
 
 Array = Any
 RANK = 1e-10  # singular values below this part of the largest are zero
+NOTHING = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
 
 
 def least_norm(
@@ -45,6 +46,9 @@ def least_norm(
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
     size = np.abs(rhs).max(initial=0.0) or 1.0
     x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
+    idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
+    x = np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     contacts: dict[str, tuple[Array, Array]] = {}
     multipliers: dict[int, Array] = {}

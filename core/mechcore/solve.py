@@ -56,13 +56,15 @@ def compile_mechanism(mechanism: Mechanism) -> Compiled:
     keep_freed_memory()
     model = build_model(mechanism)
     if model.free:
-        n = len(model.free)
+        n, left = len(model.free), max(len(model.order.free), 1)
         where = ", ".join(model.free[:8]) + (" ..." if n > 8 else "")
+        freedoms, drives = ("a freedom", "a drive") if left == 1 else (f"{left} freedoms", f"{left} drives")
+        to = "one" if left == 1 else str(left)
         raise MechanismError(
             Fault(
                 "drives",
-                f"the mechanism has a freedom that no drive takes: nothing decides the motion at {where}.",
-                "Add a drive to one of these pairs" + (" or fix a link." if mechanism.drives else "."),
+                f"the mechanism has {freedoms} that no drive takes: nothing decides the motion at {where}.",
+                f"Add {drives}, at {to} of these pairs" + (", or fix a link." if mechanism.drives else "."),
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
