@@ -340,6 +340,7 @@ def export(
     csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
+    glb: Annotated[Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF")] = None,
     dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
     profile: Annotated[Path | None, typer.Option("--profile", help="write cams' points, normals, curvature (CSV)")] = None,
@@ -350,8 +351,8 @@ def export(
     from . import export as ex
 
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
-    if csv is None and parquet is None and stl is None and not profiles:
-        fail("nothing to export: add --csv FILE, --parquet FILE, --stl FOLDER, and of cams --dxf, --svg or --profile FILE.")
+    if csv is None and parquet is None and stl is None and glb is None and not profiles:
+        fail("nothing to export: add --csv, --parquet or --glb FILE, --stl FOLDER, and of cams --dxf, --svg or --profile FILE.")
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         try:
@@ -365,6 +366,10 @@ def export(
                 if stl is not None:
                     for path in ex.export_stl(run, stl):
                         print(path)
+                if glb is not None:
+                    from .gltf import export_glb
+
+                    print(export_glb(run, glb))
                 for kind, path in profiles.items():
                     from .cam_export import export_profiles
 

@@ -47,6 +47,12 @@ class Run:
     studies: StudyResults = field(default_factory=StudyResults)
     simulation: Simulation | None = None
 
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
+        """In a notebook a run shows itself: solids, plots and events on one timeline."""
+        from .share.notebook import mime_bundle
+
+        return mime_bundle(self)
+
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
     """The scene with another number of frames or cycles, validated like any scene (not every drive can repeat)."""

@@ -69,7 +69,7 @@ def share(
 
 def shot(
     source: SourceArg,
-    output: Annotated[Path, typer.Option("--output", "-o", help="picture to write (.png)")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="picture to write (.png, or .svg without Chromium)")],
     at: Annotated[str | None, typer.Option("--at", metavar="TIME", help='a time, such as 0.2 (seconds) or "20 ms"')] = None,
     frame: Annotated[int | None, typer.Option("--frame", metavar="K", help="a frame, from 0")] = None,
     angle: Annotated[str | None, typer.Option("--angle", help='of the drive, such as 90 (degrees) or "0.5 rad"')] = None,
@@ -80,7 +80,10 @@ def shot(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
 ) -> None:
-    """Write a picture of a mechanism at a time, frame or drive angle; needs Chromium, but no display."""
+    """Write a picture of a mechanism at a time, frame or drive angle, without a display.
+
+    A PNG is made by Chromium and looks like the shared page; an SVG needs no browser: a drawing seen from the front.
+    """
     from .cli import clear_errors, fail, interruptible
     from .files import OutputError, check_target
     from .share.browser import ChromiumError, find_chromium
@@ -89,13 +92,17 @@ def shot(
         from .share.pictures import moment
         from .share.pictures import shot as take
 
-        _ending(output, (".png",), "a picture")
+        _ending(output, (".png", ".svg"), "a picture")
+        drawing = output.suffix.lower() == ".svg"
+        if drawing and (view not in ("3d", "front") or show is not None):
+            fail("--view and --show are for .png: an .svg is seen from the front, with what a page shows.")
         look = _look(view, size, dark, show)
         if sum(x is not None for x in (at, frame, angle)) > 1:
             fail("--at, --frame and --angle name the same thing. Give one of them.")
         when = {"at": _quantity(at, "at", "s", "time"), "angle": _quantity(angle, "angle", "deg", "angle")}
         try:
-            find_chromium()
+            if not drawing:
+                find_chromium()
             check_target(output)
         except OutputError as e:
             fail(str(e), 1)
@@ -106,7 +113,12 @@ def shot(
             fail(str(e))
         try:
             with interruptible():
-                print(take(recording, output, look, place))
+                if drawing:
+                    from .share.drawing import write_svg
+
+                    print(write_svg(recording, output, time=place.time, width=look.width, height=look.height, dark=dark))
+                else:
+                    print(take(recording, output, look, place))
         except OutputError as e:
             fail(str(e), 1 if isinstance(e, ChromiumError) else 2)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from html import unescape
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from mechviz.files import OutputError
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.share import make_page
+from mechviz.share.drawing import svg_of
 from mechviz.share.frames import parts_of
 from mechviz.share.markdown import html_of
 from mechviz.share.pack import Pack, unpack
@@ -195,6 +197,52 @@ def test_pages_of_all_kinds_of_scenes(name):
         assert {"sticks", "slips +"} <= set(states)
 
 
+# --- drawings and notebooks -------------------------------------------------------------------------------------------
+
+
+def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
+    """The outline of the crank in the drawing is that of its solid, moved by its pose and scaled."""
+    from xml.etree import ElementTree
+
+    frame = 90
+    svg = ElementTree.fromstring(svg_of(TEN.recording, time=float(TEN.time[frame]), width=1000, height=600))
+    space = "{http://www.w3.org/2000/svg}"
+    paths = [(p.get("fill"), p.get("d")) for p in svg.iter(f"{space}path")]
+    header, arrays = content(make_page(TEN.recording, most=2, keep=float(TEN.time[frame]))[0])
+    low, high = np.array(header["drawn"])[:, :2]
+    scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
+    for link in header["links"]:
+        vertices = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:, :2]
+        x, y, angle = TEN.data("links", link["name"], "pose")[frame]
+        c, s = np.cos(angle), np.sin(angle)
+        world = vertices @ np.array([[c, s], [-s, c]]) + [x, y]
+        screen = [500, 300] + (world - 0.5 * (low + high)) * scale * [1, -1]
+        mine = [d for fill, d in paths if fill.startswith("#") and near(fill, link["mesh"]["palette"])]
+        assert mine, link["name"]
+        spots = np.array([[float(v) for v in xy.split()] for d in mine for xy in re.findall(r"[\d.-]+ [\d.-]+", d)])
+        for corner in (screen.min(axis=0), screen.max(axis=0)):
+            assert np.abs(spots - corner).min(axis=0) == pytest.approx([0.0, 0.0], abs=0.2)
+    assert {t.text for t in svg.iter(f"{space}text")} >= {"A", "B", "C"}
+
+
+def near(fill: str, palette: list[str]) -> bool:
+    """Whether a colour is one of a palette, lighter or darker."""
+    rgb = [np.array([int(c[i : i + 2], 16) for i in (1, 3, 5)], float) for c in (fill, *palette)]
+    return any(np.linalg.norm(rgb[0] / rgb[0].sum() - c / c.sum()) < 0.02 for c in rgb[1:])
+
+
+def test_a_scene_shows_itself_in_a_notebook():
+    scene = mechviz.load("crank-rocker")
+    bundle = scene._repr_mimebundle_()
+    assert set(bundle) == {"text/html", "image/svg+xml", "text/plain"}
+    (page,) = re.findall(r'<iframe srcdoc="(.*?)" sandbox="allow-scripts"', bundle["text/html"], flags=re.DOTALL)
+    assert content(unescape(page))[0]["title"] == scene.title
+    assert bundle["image/svg+xml"].startswith("<svg") and scene.title in bundle["image/svg+xml"]
+    run = run_scene(scene, frames=20)
+    (page,) = re.findall(r'srcdoc="(.*?)"', run._repr_mimebundle_()["text/html"], flags=re.DOTALL)
+    assert content(unescape(page))[0]["frames"] == 21
+
+
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 
@@ -253,6 +301,7 @@ def test_share_writes_a_page_of_a_scene(tmp_path, monkeypatch):
         (("shot", "crank-rocker", "-o", "a.png", "--at", "1", "--frame", "2"), "one of them"),
         (("shot", "crank-rocker", "-o", "a.png", "--at", "5 kg"), "--at"),
         (("shot", "crank-rocker", "-o", "a.png", "--angle", "sharp"), "--angle"),
+        (("shot", "crank-rocker", "-o", "a.svg", "--view", "iso"), "from the front"),
         (("film", "crank-rocker", "-o", "a.avi"), ".gif or .mp4"),
     ],
 )
@@ -261,6 +310,13 @@ def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch
     result = run(*(a.format(ten=TEN.path) for a in arguments))
     assert result.exit_code == 2 and words in result.output and "Traceback" not in result.output
     assert not list(tmp_path.iterdir())
+
+
+def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
+    path = tmp_path / "a.svg"
+    result = run("shot", str(TEN.path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
+    assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
 
 
 def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):

@@ -233,6 +233,22 @@ def test_a_phone_in_the_dark(browser, file):
     opened.context.close()
 
 
+def test_a_notebook_cell_plays_in_its_frame(browser, tmp_path):
+    cell = tmp_path / "cell.html"
+    cell.write_text(f"<!doctype html><meta charset=utf-8>{BAR.run._repr_mimebundle_()['text/html']}", encoding="utf-8")
+    context = browser.new_context(viewport=WIDE)
+    page = context.new_page()
+    page.goto(cell.as_uri())
+    frame = page.frame_locator("iframe")
+    frame.locator("#play").click()
+    frame.locator("#play[aria-label=Pause]").wait_for()
+    (inner,) = page.frames[1:]
+    assert inner.evaluate(
+        "(async () => { await mechviz.ready; mechviz.player.drawNow(); return mechviz.player.stage.state.arrows; })()"
+    )
+    context.close()
+
+
 def test_a_picture_is_what_was_asked_for(tmp_path):
     from PIL import Image
 

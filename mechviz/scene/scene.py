@@ -73,6 +73,13 @@ class Scene:
         """The scene as TOML in the standard layout, without comments; numbers read back bit for bit."""
         return toml_text(self.document.model_dump(exclude_defaults=True))
 
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
+        """In a notebook a scene is solved and shows itself. Raises `MechanismError`."""
+        from ..run import run_scene
+        from ..share.notebook import mime_bundle
+
+        return mime_bundle(run_scene(self))
+
     def __eq__(self, other: object) -> bool:
         return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
 

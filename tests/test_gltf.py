@@ -1,0 +1,153 @@
+"""The GLB file by the rules of glTF 2.0, read with nothing but the standard library: what moves in it is the motion."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz
+from mechviz.cli import app
+from mechviz.gltf import glb_bytes
+from mechviz.run import run_scene
+from mechviz.solids import solids_of
+
+NAMES = ["ten-link", "cam-roller", "slider-crank-compressor"]
+DTYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+
+
+class Glb:
+    """A parsed file."""
+
+    def __init__(self, data: bytes):
+        magic, self.version, self.length = struct.unpack_from("<4sII", data)
+        assert magic == b"glTF" and self.version == 2 and self.length == len(data)
+        size, kind = struct.unpack_from("<I4s", data, 12)
+        assert kind == b"JSON" and size % 4 == 0
+        self.document = json.loads(data[20 : 20 + size])
+        length, kind = struct.unpack_from("<I4s", data, 20 + size)
+        assert kind == b"BIN\0" and length % 4 == 0 and 28 + size + length == len(data)
+        self.binary = data[28 + size :]
+
+    def __getitem__(self, key: str):
+        return self.document[key]
+
+    def values(self, number: int) -> np.ndarray:
+        entry = self["accessors"][number]
+        view = self["bufferViews"][entry["bufferView"]]
+        width, dtype = WIDTHS[entry["type"]], np.dtype(DTYPES[entry["componentType"]])
+        flat = np.frombuffer(self.binary, dtype, entry["count"] * width, view["byteOffset"] + entry.get("byteOffset", 0))
+        return flat.reshape(-1, width) if width > 1 else flat
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def made(request):
+    run = run_scene(mechviz.load(request.param), frames=40)
+    solids = solids_of(run)
+    return run, solids, Glb(glb_bytes(run, solids=solids))
+
+
+def test_accessors_and_views_keep_the_rules(made):
+    _, _, glb = made
+    assert glb["asset"]["version"] == "2.0" and glb["buffers"] == [{"byteLength": len(glb.binary)}]
+    end = 0
+    for view in glb["bufferViews"]:
+        assert view["byteOffset"] % 4 == 0 and view["byteOffset"] >= end  # no two overlap
+        end = view["byteOffset"] + view["byteLength"]
+        assert end <= len(glb.binary)
+    for number, entry in enumerate(glb["accessors"]):
+        view, values = glb["bufferViews"][entry["bufferView"]], glb.values(number)
+        assert values.nbytes == view["byteLength"] and np.isfinite(values).all()
+        if "min" in entry:
+            rows = values.reshape(entry["count"], -1)
+            assert np.array_equal(np.float32(entry["min"]), rows.min(axis=0).astype(np.float32))
+            assert np.array_equal(np.float32(entry["max"]), rows.max(axis=0).astype(np.float32))
+
+
+def test_nodes_form_a_tree_with_a_node_for_every_link(made):
+    run, _, glb = made
+    nodes = glb["nodes"]
+    children = [c for node in nodes for c in node.get("children", [])]
+    assert sorted(children) == list(range(1, len(nodes))) and glb["scenes"][0]["nodes"] == [0]
+    assert [n["name"] for n in nodes[1:]][: len(run.motion.model.links)] == list(run.motion.model.links)
+
+
+def test_meshes_are_the_solids(made):
+    _, solids, glb = made
+    for node in glb["nodes"]:
+        if node["name"] not in solids.links:
+            continue
+        solid, triangles = solids.links[node["name"]], []
+        for primitive in glb["meshes"][node["mesh"]]["primitives"]:
+            places, normals = (glb.values(primitive["attributes"][k]) for k in ("POSITION", "NORMAL"))
+            indices = glb.values(primitive["indices"])
+            assert len(places) == len(normals) and indices.max() < len(places) and len(indices) % 3 == 0
+            assert {"min", "max"} <= set(glb["accessors"][primitive["attributes"]["POSITION"]])
+            assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=5e-3)
+            triangles.append(places[indices.reshape(-1, 3)])
+            color = glb["materials"][primitive["material"]]["pbrMetallicRoughness"]["baseColorFactor"]
+            assert len(color) == 4 and all(0.0 <= c <= 1.0 for c in color)
+        found = np.concatenate(triangles)
+        assert np.array_equal(np.sort(found, axis=None), np.sort(solid.vertices[solid.faces], axis=None))
+        volume = np.einsum("ij,ij->i", found[:, 0], np.cross(found[:, 1], found[:, 2])).sum() / 6.0
+        assert volume == pytest.approx(solid.mesh.volume, rel=1e-3)  # every triangle once, and outwards
+
+
+def test_the_animation_is_the_motion(made):
+    """Each vertex of a link, moved by translation and rotation as the specification says, is where the pose puts it."""
+    run, _, glb = made
+    motion = run.motion
+    (animation,) = glb["animations"]
+    moving = {name for name in motion.model.links if np.any(motion.pose(name) != motion.pose(name)[0])}
+    channels = {(glb["nodes"][c["target"]["node"]]["name"], c["target"]["path"]): c["sampler"] for c in animation["channels"]}
+    assert set(channels) == {(name, path) for name in moving for path in ("translation", "rotation")}
+    for name in motion.model.links:
+        pose, node = motion.pose(name), next(n for n in glb["nodes"] if n["name"] == name)
+        first = {k: np.array(node[k]) for k in ("translation", "rotation")}
+        spot = np.array([0.02, -0.01])
+        for frame in range(0, motion.frames, 7):
+            state = dict(first)
+            for path in first if name in moving else ():
+                sampler = animation["samplers"][channels[name, path]]
+                times = glb.values(sampler["input"])
+                assert sampler["interpolation"] == "LINEAR" and np.all(np.diff(times) > 0.0) and times[0] == 0.0
+                assert {"min", "max"} <= set(glb["accessors"][sampler["input"]])
+                assert times == pytest.approx(motion.time - motion.time[0], rel=1e-6)
+                state[path] = glb.values(sampler["output"])[frame]
+            x, y, z, w = state["rotation"]
+            assert x == y == 0.0 and z * z + w * w == pytest.approx(1.0, abs=1e-6)
+            turn = np.array([[1 - 2 * z * z, -2 * z * w], [2 * z * w, 1 - 2 * z * z]])
+            c, s = np.cos(pose[frame, 2]), np.sin(pose[frame, 2])
+            expected = pose[frame, :2] + np.array([[c, -s], [s, c]]) @ spot
+            assert state["translation"][:2] + turn @ spot == pytest.approx(expected, abs=1e-6)
+        if name in moving:  # the shorter way round between key frames is the way that the link goes
+            q = glb.values(animation["samplers"][channels[name, "rotation"]]["output"])
+            assert np.all((q[1:] * q[:-1]).sum(axis=1) > 0.0)
+
+
+def test_traced_paths_are_lines(made):
+    run, _, glb = made
+    lines = {m["name"]: m["primitives"][0] for m in glb["meshes"] if m["primitives"][0].get("mode") == 3}
+    assert set(lines) == {f"path of {link}.{point}" for link, point in run.motion.mechanism.traced}
+    for link, point in run.motion.mechanism.traced:
+        places = glb.values(lines[f"path of {link}.{point}"]["attributes"]["POSITION"])
+        assert places[:, :2] == pytest.approx(run.motion.point(link, point), abs=1e-6)
+
+
+def test_the_command_writes_it_whole_or_not_at_all(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["export", "crank-rocker", "--frames", "12", "--glb", "a.glb"])
+    assert result.exit_code == 0 and result.output.strip().endswith("a.glb")
+    Glb((tmp_path / "a.glb").read_bytes())
+    before = (tmp_path / "a.glb").read_bytes()
+    monkeypatch.setattr("mechviz.files.put_in_place", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    result = CliRunner().invoke(app, ["export", "crank-rocker", "--frames", "24", "--glb", "a.glb"])
+    assert result.exit_code == 1 and "disk is full" in result.output
+    assert (tmp_path / "a.glb").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+    result = CliRunner().invoke(app, ["export", "crank-rocker"])
+    assert result.exit_code == 2 and "--glb" in result.output
