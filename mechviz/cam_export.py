@@ -64,14 +64,13 @@ def _into_link(cam: PlacedCam, z: Complex) -> Complex:
 
 
 def _profile(cam: PlacedCam) -> Outline:
-    from mechcore.cams import cam_contour
     from mechcore.cams.contour import CamPiece
 
-    contour = cam_contour(cam.cam)
+    contour = cam.contour
     runs = []
     for piece in contour.pieces:
         if isinstance(piece, CamPiece):
-            law = cam.cam.law
+            law = (cam.intended or cam.cam).law
             length = law.pieces[piece.piece].length
             if cam.bed is not None and piece.piece in (0, len(law.pieces) - 1):
                 continue  # the level before and after the law
@@ -83,7 +82,7 @@ def _profile(cam: PlacedCam) -> Outline:
         angle = np.full(n + 1, np.nan)
         if isinstance(piece, CamPiece):
             share = piece.first + (piece.last - piece.first) * (1.0 - u if piece.backwards else u)
-            angle = cam.cam.law.knots[piece.piece] + length * share
+            angle = law.knots[piece.piece] + length * share
         size = np.abs(d[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             radius = 1e3 * size**3 / np.imag(np.conj(d[1]) * d[2])
@@ -235,8 +234,11 @@ def profile_csv(outlines: Iterable[Outline]) -> str:
 FORMATS: dict[str, Callable[[Iterable[Outline]], str]] = {"dxf": dxf_text, "svg": svg_text, "csv": profile_csv}
 
 
-def export_profiles(run: Run, path: Path | str, kind: str) -> Path:
-    """Write the profiles of all cams of a run as "dxf", "svg" or "csv". Raises `OutputError` where there is none."""
+def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str], None] = lambda _: None) -> Path:
+    """Write the profiles of all cams of a run as "dxf", "svg" or "csv". Raises `OutputError` where there is none.
+
+    ``tell`` hears where a profile is not the one that was asked for, but what the cutter leaves of it.
+    """
     outlines = cam_outlines(run)
     if not outlines:
         raise OutputError(
@@ -245,4 +247,22 @@ def export_profiles(run: Run, path: Path | str, kind: str) -> Path:
     text = FORMATS[kind](outlines)
     with replacing(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
+    for line in _differences(run):
+        tell(line)
     return Path(path)
+
+
+def _differences(run: Run) -> list[str]:
+    """In words, where profiles differ from what their laws ask for."""
+    from mechcore.cams.happenings import lost_ranges, placed_cams
+
+    lines = []
+    for cam in placed_cams(run.motion):
+        for first, last, at, miss in lost_ranges(cam):
+            size = f"{1e3 * abs(miss):.4g} mm" if cam.arm == 0.0 else f"{np.degrees(abs(miss)):.4g} deg"
+            a, b, c = (np.degrees(x) % 360.0 for x in (first, last, at))
+            lines.append(
+                f"'{cam.name}' is undercut: written is what the cutter leaves. From {a:.4g} to {b:.4g} deg of the cam the follower "
+                f"misses its law, by up to {size} at {c:.4g} deg."
+            )
+    return lines

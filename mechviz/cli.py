@@ -373,7 +373,7 @@ def export(
                 for kind, path in profiles.items():
                     from .cam_export import export_profiles
 
-                    print(export_profiles(run, path, kind))
+                    print(export_profiles(run, path, kind, lambda line: print(line, file=sys.stderr)))
         except ex.ExportError as e:
             fail(str(e), 1)
 

@@ -21,6 +21,7 @@ SCENES = [
     "cam-constant-acceleration", "cam-constant-acceleration-smooth", "cam-constant-acceleration-general",
     "cam-sine-acceleration-base",
     "cam-oscillating-knife", "cam-oscillating-mushroom", "cam-flat-offset", "cam-mushroom-offset", "cam-wedge-oscillating",
+    "cam-eccentric", "cam-tangent", "cam-polynomial", "cam-measured", "cam-drawing", "cam-undercut",
 ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 import mechviz
+from mechcore.cams.happenings import placed_cams
 from mechcore.effects import effects_of
 from mechcore.laws.free import Free
 from mechcore.spec import CamPair, Prismatic, Revolute
@@ -112,8 +113,9 @@ def piece_of(m: Made, pair: CamPair) -> np.ndarray:
         guide = next(p for p in m.mechanism.pairs if p.name == pair.guide)
         carrier = next(k for k in guide.links if k != pair.links[1])
         argument = m.data("links", pair.links[0], "pose")[:, 2] - m.data("links", carrier, "pose")[:, 2]
-    knots = pair.lift.knots
-    way = pair.sense * argument + pair.phase - knots[0]
+    cam = next(c for c in placed_cams(m.run.motion) if c.name == pair.name)
+    knots = cam.knots if pair.lift is None or cam.intended else pair.lift.knots
+    way = cam.sense * argument + cam.phase - knots[0]
     turns, rest = np.divmod(way, knots[-1] - knots[0])
     return turns * len(knots) + np.searchsorted(knots - knots[0], rest, side="right")
 

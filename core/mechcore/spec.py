@@ -34,6 +34,7 @@ from .loads import (
 )
 
 if TYPE_CHECKING:
+    from .cams.contour import Contour
     from .cams.followers import Face
 
 __all__ = [
@@ -284,19 +285,23 @@ class CamPair:
     that guides it, the cam is a wedge.
 
     ``lift`` over the cam's angle [rad] or way [m]: metres of a translating follower, radians of an oscillating one, above where it
-    stands on the circle ``base`` [m] (of a wedge: at this height above the line on which the cam's point moves, across it). The
+    stands on the circle ``base`` [m] (of a wedge: at this height above the line on which the cam's point moves, across it). Or
+    ``contour`` is the cam's given profile in the axes of its link [m], without ``lift`` and ``base``. The
     law is read as the cam turns in ``sense`` (1 counter-clockwise), ``phase`` ahead. An oscillating follower has its point on
     ``side`` of the line from its pivot to the cam's axis. ``closure``: "force" only presses; "form" pulls too: a
     groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event.
+    ``undercut``: a profile that is too sharp for its follower is refused, or made as the cutter leaves it ("cut").
     """
 
     name: str
     links: tuple[str, str]
     guide: str
     point: str
-    lift: MotionCurve
+    lift: MotionCurve | None
     face: Face
     base: float  # [m]
+    contour: Contour | None = None
+    undercut: Literal["refuse", "cut"] = "refuse"
     bed: str | None = None
     sense: Literal[1, -1] = 1
     phase: float = 0.0  # [rad or m]

@@ -47,9 +47,7 @@ class CamDrawing:
 
 def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
     """Points of the profile (n) in the theory's axes of the cam, complex [m], counter-clockwise; of a wedge from left to right."""
-    from mechcore.cams import cam_contour
-
-    contour = cam_contour(placed.cam)
+    contour = placed.contour
     each = max(count // contour.count, 8)
     t = (np.arange(contour.count)[:, None] + np.arange(each) / each).ravel()
     t = t if contour.closed else np.append(t, contour.count)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -13,17 +13,21 @@ from mechcore.laws import Segment, program
 from mechcore.spec import CamPair, Pair
 
 from .faults import did_you_mean
-from .fields import Angle, Coordinate, Distance, Extent, Flag, Size, Text
+from .fields import Angle, Coordinate, Distance, Extent, Flag, Length, Number, Point, Size, Text
 from .programs import ProgramSegment
 from .tables import Table, Unknown, one_of, refuse
 
 if TYPE_CHECKING:
+    from mechcore.cams.contour import Contour
+    from mechcore.laws import MotionCurve
+
     from .convert import Converter
     from .pairs import PairDocument
     from .validate import Reading
 
 __all__ = ["FollowerDocument", "LiftSegment", "ProfileDocument", "cam_pair", "check_cam"]
 
+SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
 FACES = ("knife", "roller", "mushroom", "flat")
 _STEEPEST = math.radians(89.0)
 
@@ -73,13 +77,50 @@ class FollowerDocument(Table):
         return self
 
 
-class ProfileDocument(Table):
-    """How the cam is made: base circle and lift."""
+class EccentricDocument(Table):
+    """A circular disc."""
 
-    base: Extent
-    """Radius of the base circle. Of a wedge: height of the profile at zero lift above the line of its own point."""
-    lift: Annotated[list[LiftSegment], Field(min_length=1)]
+    radius: Size
+    """Its radius."""
+    centre: Point
+    """Its centre, in the axes of the cam's link."""
+
+
+class RadiusSegment(ProgramSegment):
+    """Change of a profile's radius over a range of its polar angle."""
+
+    over: Angle
+    """Range of the polar angle in the cam's link."""
+    to: Extent | None = None
+    """Radius at its end. Without it an arc about the axis."""
+
+
+class ProfileDocument(Table):
+    """How the cam is made: base circle and lift, or a given profile."""
+
+    base: Extent | None = None
+    """Radius of the base circle. Of a wedge: height of the profile at zero lift above the line of its own point.
+    With radius: the radius at the start."""
+    lift: Annotated[list[LiftSegment], Field(min_length=1)] | None = None
     """Segments one after the other, over 360 deg of a disc; the follower starts on the base circle."""
+    eccentric: EccentricDocument | None = None
+    """Given profile: a circular disc."""
+    outline: Annotated[list[Point], Field(min_length=2)] | None = None
+    """Given profile of lines and arcs: its corners in the axes of the cam's link."""
+    bulges: list[Number] | None = None
+    """Outline: makes the side after each corner an arc: tangent of a quarter of its angle, positive counter-clockwise."""
+    points: Annotated[list[Point], Field(min_length=7)] | None = None
+    """Given profile: a spline through measured points in the axes of the cam's link."""
+    file: Text | None = None
+    """Given profile: a DXF drawing with one closed outline, or a CSV table of points. Path from the folder of the scene file."""
+    file_unit: Length | None = None
+    """Length of the unit of the file, such as "1 mm". Default: what the file says."""
+    tolerance: Extent | None = None
+    """Points, CSV: how far (root mean square) the spline may pass from them. Default 0."""
+    radius: Annotated[list[RadiusSegment], Field(min_length=1)] | None = None
+    """Given profile: radius over the polar angle in the cam's link, segments over 360 deg that start at base."""
+    undercut: Literal["refuse", "cut"] = "refuse"
+    """Lift: what to do where the follower is too large for the law: refuse, or make what the cutter really leaves."""
     sense: Literal["ccw", "cw"] = "ccw"
     """The law is read as the cam turns counter-clockwise or clockwise; of a wedge: ccw along its bed, cw against it."""
     phase: Coordinate = 0.0
@@ -91,8 +132,25 @@ class ProfileDocument(Table):
 
     @model_validator(mode="after")
     def _moves(self) -> ProfileDocument:
-        if self.sound("lift") and all(segment.to is None and segment.sound("to") for segment in self.lift):
-            refuse([("lift", "all segments are dwells: nothing moves.", "Give one of them an end, to = ...")])
+        found = one_of(self, SHAPES, "the profile")
+        given = [key for key in SHAPES if getattr(self, key) is not None]
+        kind = given[0] if len(given) == 1 else ""
+        wants_base = kind in ("lift", "radius", "")
+        if kind and wants_base and self.base is None and self.sound("base"):
+            found.append(("base", "'base' is missing.", "Give the radius of the base circle."))
+        lone = {
+            "base": ("lift", "radius"), "sense": ("lift",), "phase": ("lift",), "bed": ("lift",), "undercut": ("lift",),
+            "bulges": ("outline",), "tolerance": ("points", "file"), "file_unit": ("file",),
+        }  # fmt: skip
+        for key, kinds in lone.items():
+            if kind and kind not in kinds and key in self.model_fields_set:
+                found.append((key, f"{key} does not go with {kind}.", f"It goes with {' and '.join(kinds)}: leave it out."))
+        segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
+        if segments and self.sound(kind) and all(segment.to is None and segment.sound("to") for segment in segments):
+            found.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
+        if kind == "outline" and self.bulges is not None and self.outline is not None and len(self.bulges) != len(self.outline):
+            found.append(("bulges", f"{len(self.bulges)} bulges for {len(self.outline)} corners.", "Give one for every corner."))
+        refuse(found)
         return self
 
 
@@ -129,25 +187,20 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         return None
     before = len(convert.faults)
     along, across = ("length" if profile.bed else "angle"), ("angle" if oscillates else "length")
-    base = convert.si(profile.base, "length", f"{path}.profile.base")
+    base = 0.0 if profile.base is None else convert.si(profile.base, "length", f"{path}.profile.base")
     phase = convert.si(profile.phase, along, f"{path}.profile.phase")
-    overs = [convert.si(s.over, along, f"{path}.profile.lift[{k}].over") for k, s in enumerate(profile.lift)]
-    ends = [None if s.to is None else convert.si(s.to, across, f"{path}.profile.lift[{k}].to") for k, s in enumerate(profile.lift)]
     limit = None
     if profile.pressure_limit is not None:
         limit = convert.si(profile.pressure_limit, "angle", f"{path}.profile.pressure_limit")
         if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
             convert.note(f"{path}.profile.pressure_limit", f"{math.degrees(limit):g} deg.", "Usual are 30 to 45 deg.")
     face = _face(follower, path, convert)
-    whole = not any(map(math.isnan, (base, phase, *overs, *(end or 0.0 for end in ends))))
-    if len(convert.faults) > before or not whole or face is None or any(s.unread for s in profile.lift):
-        return None
-    try:
-        rows = zip(profile.lift, overs, ends, strict=True)
-        lift = program(
-            [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows], repeats=not profile.bed
-        )
-    except MechanismError:  # an unknown law, noted where the segment was read
+    lift, contour = None, None
+    if profile.lift is not None:
+        lift = _program(profile.lift, along, across, f"{path}.profile.lift", 0.0, not profile.bed, convert)
+    elif len(convert.faults) == before:
+        contour = given_contour(profile, base, f"{path}.profile", convert)
+    if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
         return None
     return CamPair(
         name=name,
@@ -157,6 +210,8 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         lift=lift,
         face=face,
         base=base,
+        contour=contour,
+        undercut=profile.undercut,
         bed=profile.bed,
         sense=-1 if profile.sense == "cw" else 1,
         phase=phase,
@@ -164,6 +219,86 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         closure=pair.closure or "force",
         pressure_limit=limit,
     )
+
+
+def _program(
+    segments: Sequence[ProgramSegment], along: str, across: str, path: str, start: float, repeats: bool, convert: Converter
+) -> MotionCurve | None:
+    """Segments as one curve; None where one of them could not be read."""
+    overs = [convert.si(s.over, along, f"{path}[{k}].over") for k, s in enumerate(segments)]
+    ends = [None if s.to is None else convert.si(s.to, across, f"{path}[{k}].to") for k, s in enumerate(segments)]
+    if any(map(math.isnan, (start, *overs, *(end or 0.0 for end in ends)))) or any(s.unread for s in segments):
+        return None
+    try:
+        rows = zip(segments, overs, ends, strict=True)
+        made = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
+        return program(made, start, repeats=repeats)
+    except MechanismError:  # an unknown law, noted where the segment was read
+        return None
+
+
+def given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
+    """A given profile in the axes of the cam's link [m]; faults of it are noted."""
+    from mechcore.cams import contour as shapes
+
+    try:
+        if profile.eccentric is not None:
+            radius = convert.si(profile.eccentric.radius, "length", f"{path}.eccentric.radius")
+            x, y = convert.row(profile.eccentric.centre, "length", f"{path}.eccentric.centre")
+            return None if math.isnan(radius + x + y) else shapes.circle(radius, complex(x, y))
+        if profile.outline is not None:
+            return shapes.bulged(_places(profile.outline, f"{path}.outline", convert), profile.bulges)
+        if profile.points is not None:
+            tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
+            return shapes.spline_contour(_places(profile.points, f"{path}.points", convert), tolerance)[0]
+        if profile.file is not None:
+            return _from_file(profile, path, convert)
+        if profile.radius is not None:
+            curve = _program(profile.radius, "angle", "length", f"{path}.radius", base, True, convert)
+            if curve is None:
+                return None
+            if abs(curve.advance) > 1e-12 * max(base, 1e-3):
+                convert.note(f"{path}.radius", "it does not end where it starts.", f"Let it return to {1e3 * base:g} mm.")
+                return None
+            return shapes.polar_contour(curve)
+    except MechanismError as error:
+        for f in error.faults:
+            key = next(k for k in SHAPES if getattr(profile, k) is not None)
+            convert.note(f"{path}.{key}", f.message, f.remedy)
+    return None
+
+
+def _places(points: Sequence[Sequence[float | str]], path: str, convert: Converter) -> list[complex]:
+    return [complex(*convert.row(p, "length", f"{path}[{k}]")) for k, p in enumerate(points)]
+
+
+def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Contour | None:
+    from mechcore.cams import contour as shapes
+
+    from .bodies import FOLDER
+    from .cam_files import read_dxf, read_points
+    from .catalogue import GALLERY_FOLDER
+
+    name = str(profile.file)
+    place = next((p for p in (FOLDER.get() / name, GALLERY_FOLDER / name) if p.is_file()), None)
+    if place is None:
+        convert.note(f"{path}.file", f"there is no file '{name}'.", "Give its path from the folder of the scene file.")
+        return None
+    stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
+    tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
+    if place.suffix.lower() == ".dxf":
+        if profile.tolerance is not None:
+            convert.note(f"{path}.tolerance", "a drawing is taken as it is.", "Leave it out.")
+        z, bulges, unit = read_dxf(place)
+        scale = stated or unit
+        outline = None if scale is None else shapes.bulged(scale * z, bulges)
+    else:
+        z, unit = read_points(place)
+        scale = stated or unit
+        outline = None if scale is None else shapes.spline_contour(scale * z, tolerance)[0]
+    if outline is None:
+        convert.note(f"{path}.file_unit", f"'{name}' does not say its unit.", 'Add file_unit = "1 mm".')
+    return outline
 
 
 def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:

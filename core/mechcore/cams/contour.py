@@ -24,7 +24,7 @@ from .followers import Flat
 from .synthesis import Cam
 
 __all__ = [
-    "Contour", "arc", "bulged", "cam_contour", "circle", "line", "polar_contour", "polygon", "spline_contour",
+    "Contour", "arc", "bulged", "cam_contour", "circle", "line", "moved", "polar_contour", "polygon", "spline_contour",
 ]  # fmt: skip
 
 Real = NDArray[np.float64]
@@ -158,6 +158,32 @@ class CamPiece:
 
     def offset(self, u: Real, distance: float, order: int) -> Complex:
         return self._curve(u, distance, order)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A piece turned (and stretched by 1) and shifted: ``shift + turn z``."""
+
+    piece: Smooth
+    shift: complex
+    turn: complex
+
+    def __call__(self, u: Real, order: int) -> Complex:
+        out = self.turn * self.piece(u, order)
+        out[0] += self.shift
+        return out
+
+    def offset(self, u: Real, distance: float, order: int) -> Complex:
+        out = self.turn * self.piece.offset(u, distance, order)
+        out[0] += self.shift
+        return out
+
+
+def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
+    """A contour turned by a unit number and shifted [m]: ``shift + turn z``."""
+    if shift == 0.0 and turn == 1.0:
+        return contour
+    return Contour(tuple(_Moved(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
 
 
 @dataclass(frozen=True, eq=False)

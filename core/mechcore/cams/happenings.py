@@ -15,7 +15,7 @@ from ..motion import Motion
 from .followers import Flat
 from .placed import PlacedCam
 
-__all__ = ["cam_events", "contact_force", "placed_cams"]
+__all__ = ["cam_events", "contact_force", "lost_ranges", "placed_cams"]
 
 Real = NDArray[np.float64]
 
@@ -40,6 +40,7 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
         if not motion.frames:
             continue
         found += _shocks(motion, cam)
+        found += _leaps(motion, cam)
         found += _beyond(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
@@ -92,24 +93,69 @@ def _shocks(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
     steps = jumps(law, (1, 2), ends=law.repeats)
     if not steps:
         return
+    leaps = [b.angle for b in cam.bridges]
+    told: list[float] = []
+    for step in sorted(steps, key=lambda s: s.order):
+        if any(abs(step.angle - a) < 1e-9 * law.length for a in (*told, *leaps)):
+            continue  # where the velocity jumps, the rest is no news
+        told.append(step.angle)
+        what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
+        for t in _passes(motion, cam, step.angle):
+            text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
+            yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
+
+
+def _passes(motion: Motion, cam: PlacedCam, place: float) -> list[float]:
+    """Times at which the law's argument passes a place of the law."""
+    law = cam.cam.law
     x = _arguments(motion, cam) * cam.ahead
     if not np.isfinite(x).all():
-        return
-    told: set[float] = set()
-    for step in sorted(steps, key=lambda s: s.order):
-        if any(abs(step.angle - a) < 1e-9 * law.length for a in told):
-            continue  # where the velocity jumps, the rest is no news
-        told.add(step.angle)
-        what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
-        laps = range(int(np.floor((x.min() - step.angle) / law.length)), int(np.ceil((x.max() - step.angle) / law.length)) + 1)
-        for lap in laps if law.repeats else (0,):
-            gap = x - (step.angle + lap * law.length)
-            hits = np.flatnonzero((gap[:-1] < 0.0) & (gap[1:] >= 0.0) | (gap[:-1] > 0.0) & (gap[1:] <= 0.0))
-            for k in hits:
-                share = gap[k] / (gap[k] - gap[k + 1])
-                t = float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k]))
-                text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
-                yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
+        return []
+    times: list[float] = []
+    laps = range(int(np.floor((x.min() - place) / law.length)), int(np.ceil((x.max() - place) / law.length)) + 1)
+    for lap in laps if law.repeats else (0,):
+        gap = x - (place + lap * law.length)
+        hits = np.flatnonzero((gap[:-1] < 0.0) & (gap[1:] >= 0.0) | (gap[:-1] > 0.0) & (gap[1:] <= 0.0))
+        for k in hits:
+            share = gap[k] / (gap[k] - gap[k + 1])
+            times.append(float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k])))
+    return times
+
+
+def _leaps(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+    """Where the contact leaves a given profile and lands elsewhere on it, and what the cutter took away of an intended one."""
+    for bridge in cam.bridges:
+        before, after = bridge.velocity
+        knock = ": the velocity jumps, a knock" if bridge.shock else ""
+        point = cam.contour(np.array([bridge.leaves, bridge.lands]))[0]
+        way = abs(point[1] - point[0])
+        what = (
+            "the contact passes a corner"
+            if way < 1e-6 * cam.contour.size
+            else f"the contact leaps {1e3 * way:.4g} mm over a hollow"
+        )
+        for t in _passes(motion, cam, bridge.angle):
+            text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"
+            yield Event(t, "WARN" if bridge.shock else "INFO", cam.name, text, after - before)
+    for first, last, at, miss in lost_ranges(cam):
+        size = f"{1e3 * abs(miss):.4g} mm" if cam.arm == 0.0 else f"{np.degrees(abs(miss)):.4g} deg"
+        for t in _passes(motion, cam, first):
+            text = (
+                f"undercut from {_where(cam, first)} to {_where(cam, last)}: the cutter takes away what the law asks for, and the "
+                f"follower misses it by up to {size} (at {_where(cam, at)})"
+            )
+            yield Event(t, "WARN", cam.name, text, miss)
+
+
+def lost_ranges(cam: PlacedCam) -> list[tuple[float, float, float, float]]:
+    """Ranges of the law that the cutter takes away: from, to, where the follower misses the law most, and by how much there."""
+    found = []
+    for first, last in cam.lost if cam.intended is not None else ():
+        grid = np.linspace(first, last, 181)
+        miss = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
+        k = int(np.argmax(np.abs(miss)))
+        found.append((first, last, float(grid[k]), float(miss[k])))
+    return found
 
 
 def _beyond(motion: Motion, cam: PlacedCam) -> Iterator[Event]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from .analysis import Bridge
 from .closures import breadth
+from .contour import Contour, cam_contour
 from .design import least_base
 from .followers import Flat, Oscillating, Translating
 from .limits import Requirement, find_limits
@@ -71,6 +74,11 @@ class PlacedCam:
     phase: float
     pressure_limit: float | None
     ahead: float = 1.0  # of a wedge: the law's x over the argument
+    given: Contour | None = None  # the profile, where it is not the one that the law asks for; the theory's axes
+    bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
+    intended: Cam | None = None  # what was to be cut, where the cutter leaves something else
+    lost: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter takes away
+    bends: tuple[float, ...] | None = None  # of a given profile: angles at which the law's derivatives may jump
 
     @property
     def scale(self) -> float:
@@ -88,6 +96,14 @@ class PlacedCam:
         guide = self.cam.follower.guide
         return guide.offset if isinstance(guide, Translating) else 0.0
 
+    @cached_property
+    def zero(self) -> float:
+        """The follower's coordinate at zero lift: at the law's start, of a given profile the least one."""
+        law = self.cam.law
+        if self.given is None or self.intended is not None:
+            return float((law if self.intended is None else self.intended.law).pieces[0].at(0.0, 0)[0])
+        return float(law(law.start + law.length * np.arange(1440) / 1440, 0)[0].min())
+
     @property
     def yoke(self) -> bool:
         """Whether the cam runs between two parallel faces."""
@@ -97,6 +113,16 @@ class PlacedCam:
     def groove(self) -> bool:
         """Whether the knife or roller runs in a groove."""
         return self.form and not self.yoke
+
+    @cached_property
+    def contour(self) -> Contour:
+        """The profile in the theory's axes of the cam, of a groove its inner flank."""
+        return cam_contour(self.cam) if self.given is None else self.given
+
+    @property
+    def knots(self) -> Real:
+        """Arguments within the law's range between which all its derivatives are continuous."""
+        return np.asarray(self.cam.law.knots if self.bends is None else self.bends)
 
     # -- the law ------------------------------------------------------------------------------------------------------
 
@@ -139,6 +165,8 @@ class PlacedCam:
                         "Make lift(angle) + lift(angle + 180 deg) constant, or give closure = 'force'.",
                     )
                 )
+        if self.given is not None:
+            return
         for outer in (False, True) if self.groove and not cam.wedge and cam.follower.radius else (False,):
             limits = find_limits(replace(cam, outer=outer), count=720)
             if not limits.undercut:
@@ -227,7 +255,6 @@ class PlacedCam:
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
-        zero = float(self.cam.law.pieces[0].at(0.0, 0)[0])
         return ContactRows(
             angle=self.argument(motion),
             place=np.array(np.broadcast_to(place, (motion.frames,))),
@@ -236,5 +263,5 @@ class PlacedCam:
             radius=s.radius,
             eccentricity=s.distance,
             coordinate=s.motion[0],
-            lift=s.motion[0] - zero,
+            lift=s.motion[0] - self.zero,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,6 +95,42 @@ class Task:
         return -guide.side * np.angle((z - guide.pivot) / guide.home)
 
 
+def root(f: Callable[[Real, NDArray], Real], a: Real, b: Real, fa: Real, fb: Real, live: NDArray) -> tuple[Real, Real]:
+    """Roots of many functions between ``a`` and ``b`` (n), where their values ``fa``, ``fb`` have opposite signs, and values there.
+
+    ``f`` takes places and the indices of the functions that they belong to. Inverse quadratic interpolation where it is safe, else
+    bisection (T. R. Chandrupatla, Advances in Engineering Software 28, 1997). Where not ``live``: the better end.
+    """
+    a, b, fa, fb = a.copy(), b.copy(), fa.copy(), fb.copy()
+    c, fc = a.copy(), fa.copy()
+    t = np.full(a.size, 0.5)
+    m = np.flatnonzero(live & (fa != 0.0) & (fb != 0.0))
+    for _ in range(60):
+        if not m.size:
+            break
+        x = a[m] + t[m] * (b[m] - a[m])
+        fx = f(x, m)
+        same = (fx > 0.0) == (fa[m] > 0.0)
+        keep, swap = m[same], m[~same]
+        c[keep], fc[keep] = a[keep], fa[keep]
+        c[swap], fc[swap] = b[swap], fb[swap]
+        b[swap], fb[swap] = a[swap], fa[swap]
+        a[m], fa[m] = x, fx
+        best = np.where(np.abs(fa[m]) < np.abs(fb[m]), a[m], b[m])
+        width = np.abs(b[m] - a[m])
+        least = 4e-16 * np.abs(best) + 1e-17
+        m, width, least = (v[(width > 2.0 * least) & (fa[m] != 0.0)] for v in (m, width, least))
+        with np.errstate(all="ignore"):
+            p, q, r = fa[m], fb[m], fc[m]
+            xi, phi = (a[m] - b[m]) / (c[m] - b[m]), (p - q) / (r - q)
+            step = p / (q - p) * r / (q - r) + (c[m] - a[m]) / (b[m] - a[m]) * p / (r - p) * q / (r - q)
+            safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
+        edge = np.minimum(least / width, 0.5)
+        t[m] = np.clip(np.where(safe, step, 0.5), edge, 1.0 - edge)
+    nearer = np.abs(fa) < np.abs(fb)
+    return np.where(nearer, a, b), np.where(nearer, fa, fb)
+
+
 def locate(task: Task, angle: Real, each: int) -> tuple[NDArray, Real, Real, NDArray]:
     """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n)."""
     n = angle.size
@@ -152,8 +189,7 @@ def _slope(task: Task, angle: Real, p: NDArray, u: Real) -> tuple[Real, Real]:
 
 
 def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: Real) -> tuple[Real, Real, NDArray]:
-    """The top of the coordinate along the contour within brackets: tangency by bisection and false position, or an end of a
-    piece."""
+    """The top of the coordinate along the contour within brackets: tangency, or an end of a piece."""
     g, q = _slope(task, angle, p, middle)
     a = np.where(g > 0.0, middle, low)
     b = np.where(g > 0.0, high, middle)
@@ -163,28 +199,12 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
     ga = np.where(np.isfinite(qa), ga, 1.0)
     gb = np.where(np.isfinite(qb), gb, -1.0)
     end_low, end_high = ga <= 0.0, gb >= 0.0
-    side = np.zeros(angle.size)
-    x = middle
-    for k in range(60):
-        bisect = 0.5 * (a + b)
-        if k < 4 or k % 4 == 3:
-            x = bisect
-        else:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = b - gb * (b - a) / (gb - ga)
-            x = np.where((x > a) & (x < b), x, bisect)
-        gx, qx = _slope(task, angle, p, x)
-        miss = ~np.isfinite(qx)  # beyond the face: keep to the side of the middle
-        gx = np.where(miss, np.where(x < middle, 1.0, -1.0), gx)
-        up = gx > 0.0
-        gb = np.where(up & (side > 0.0), 0.5 * gb, gb)  # Illinois: the end that stays counts half
-        ga = np.where(~up & (side < 0.0), 0.5 * ga, ga)
-        side = np.where(up, 1.0, -1.0)
-        a, ga = np.where(up, x, a), np.where(up, gx, ga)
-        b, gb = np.where(up, b, x), np.where(up, gb, gx)
-        if np.all((b - a < 1e-15) | (gx == 0.0) | end_low | end_high):
-            break
-    x = np.where(np.abs(ga) < np.abs(gb), a, b)
+
+    def slope(x: Real, m: NDArray) -> Real:
+        gx, qx = _slope(task, angle[m], p[m], x)
+        return np.where(np.isfinite(qx), gx, np.where(x < middle[m], 1.0, -1.0))  # beyond the face: to the side of the middle
+
+    x, _ = root(slope, a, b, ga, gb, ~(end_low | end_high))
     sharp = task.contour.sharp_joints  # a smooth joint of two pieces is no corner
     at_end = (end_low & (low <= 0.0) & (g <= 0.0) & sharp[p]) | (end_high & (high >= 1.0) & (g > 0.0) & sharp[p + 1])
     x = np.where(end_low & (g <= 0.0), low, np.where(end_high & (g > 0.0), high, x))
@@ -213,23 +233,11 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
         live = guess[rows, k] > -np.inf
         p, a, b = pieces[k], us[k].copy(), us[np.minimum(k + 1, us.size - 1)].copy()
         fa, fb = f[rows, k].copy(), f[rows, np.minimum(k + 1, us.size - 1)].copy()
-        side = np.zeros(angle.size)
-        for m in range(60):
-            x = 0.5 * (a + b)
-            if m % 4 != 3:
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    y = b - fb * (b - a) / (fb - fa)
-                x = np.where((y > a) & (y < b), y, x)
-            fx = task.knife_gap(task.ground(task.contour.on(p, x, 0)[0], angle))
-            same = (fx >= 0.0) == (fa >= 0.0)
-            fb = np.where(same & (side > 0.0), 0.5 * fb, fb)
-            fa = np.where(~same & (side < 0.0), 0.5 * fa, fa)
-            side = np.where(same, 1.0, -1.0)
-            a, fa = np.where(same, x, a), np.where(same, fx, fa)
-            b, fb = np.where(same, b, x), np.where(same, fb, fx)
-            if np.all((b - a < 1e-15) | (fx == 0.0) | ~live):
-                break
-        x = np.where(np.abs(fa) < np.abs(fb), a, b)
+
+        def gap(y: Real, m: NDArray, p: NDArray = p) -> Real:
+            return task.knife_gap(task.ground(task.contour.on(p[m], y, 0)[0], angle[m]))
+
+        x, _ = root(gap, a, b, fa, fb, live)
         height = task.knife_height(task.ground(task.contour.on(p, x, 0)[0], angle))
         better = live & (height > best)
         best = np.where(better, height, best)

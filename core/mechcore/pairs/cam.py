@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,10 @@ from .parts import Builder
 from .relation import Curve, Relation
 
 if TYPE_CHECKING:
-    from ..cams import Cam
+    from ..cams import Cam, Follower
+    from ..cams.contour import Contour
+    from ..cams.cutting import CutProfile
+    from ..cams.given import GivenLift
     from ..cams.placed import PlacedCam
 
 
@@ -61,9 +65,9 @@ def build(pair: CamPair, builder: Builder) -> None:
     cam_angles: tuple[tuple[str, float], ...] = ()
     cam_slides: tuple[tuple[str, float], ...] = ()
     if pair.bed:
-        cam_slides = ((pair.bed, float(pair.sense)),)
+        cam_slides = ((pair.bed, float(placed.sense)),)
     else:
-        cam_angles = ((pair.links[0], float(pair.sense)), (carrier, -float(pair.sense)))
+        cam_angles = ((pair.links[0], float(placed.sense)), (carrier, -float(placed.sense)))
     builder.relations.append(
         Relation(
             name=pair.name,
@@ -72,7 +76,7 @@ def build(pair: CamPair, builder: Builder) -> None:
             angles=angles,
             slides=slides,
             contact=placed.contact,
-            curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=pair.phase),
+            curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=placed.phase),
             constant=constant,
             geometry=placed,
         )
@@ -132,17 +136,9 @@ def _guide_of(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | 
 
 
 def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
-    from ..cams import Follower, Oscillating, Translating, cam_on_base
+    from ..cams import Cam, Flat, Follower, Oscillating, Translating, cam_on_base, find_limits
 
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
-    law = pair.lift
-    if abs(law.length - 2.0 * math.pi) > 1e-9:
-        short = math.degrees(2.0 * math.pi - law.length)
-        remedy = f"Add a dwell of {short:.6g} deg." if short > 0 else f"Take {-short:.6g} deg off."
-        raise _fault(pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy)
-    if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
-        raise _fault(pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start.")
-    law = law if law.repeats else law.repeating()
     place, up, arm = _guide_of(pair, builder, carrier, guide)
     if isinstance(guide, Prismatic):
         axes = up / 1j
@@ -152,9 +148,57 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         if place == centre:
             raise _fault(pair, "guide", "the follower's pivot lies on the cam's axis.", "Move it away from there.")
         face_guide = Oscillating(place - centre, arm, -1 if pair.side == "left" else 1)
-    cam = cam_on_base(law, Follower(face_guide, pair.face), pair.base, turn=pair.sense)
+    follower = Follower(face_guide, pair.face)
+    if pair.contour is not None:
+        if pair.closure == "form" and not isinstance(pair.face, Flat):
+            raise _fault(pair, "closure", "a given profile has no groove.", "Give closure = 'force', or a yoke with flat faces.")
+        profile, given = _given(pair.contour, own, axes, follower)
+        made = _common(pair, carrier, Cam(given.law, follower), centre, axes)
+        return made | {
+            "own": own, "mount": axes, "arm": arm, "given": profile, "bridges": given.bridges, "bends": given.ends, "sense": 1,
+            "phase": 0.0,
+        }  # fmt: skip
+    law = pair.lift
+    assert law is not None
+    if abs(law.length - 2.0 * math.pi) > 1e-9:
+        short = math.degrees(2.0 * math.pi - law.length)
+        remedy = f"Add a dwell of {short:.6g} deg." if short > 0 else f"Take {-short:.6g} deg off."
+        raise _fault(pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy)
+    if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
+        raise _fault(pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start.")
+    law = law if law.repeats else law.repeating()
+    cam = cam_on_base(law, follower, pair.base, turn=pair.sense)
     mount = axes * cmath.exp(1j * pair.sense * pair.phase)
-    return _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm}
+    made = _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm}
+    if pair.undercut == "cut" and find_limits(cam, count=720).undercut:
+        if pair.closure == "form":
+            raise _fault(pair, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
+        left, given = _as_cut(law, follower, pair.base, pair.sense)
+        made |= {
+            "cam": Cam(given.law, follower, pair.sense), "given": left.contour, "bridges": given.bridges, "bends": given.ends,
+            "intended": cam, "lost": left.lost,
+        }  # fmt: skip
+    return made
+
+
+@lru_cache(maxsize=16)
+def _given(contour: Contour, own: complex, axes: complex, follower: Follower) -> tuple[Contour, GivenLift]:
+    """A profile of the link's axes in the theory's, and the lift that it gives; a mechanism is built several times in a run."""
+    from ..cams.contour import moved
+    from ..cams.given import lift_of
+
+    profile = moved(contour, -own / axes, 1.0 / axes)
+    return profile, lift_of(profile, follower)
+
+
+@lru_cache(maxsize=16)
+def _as_cut(law: MotionCurve, follower: Follower, base: float, sense: int) -> tuple[CutProfile, GivenLift]:
+    from ..cams import cam_on_base
+    from ..cams.cutting import cut_profile
+    from ..cams.given import lift_of
+
+    left = cut_profile(cam_on_base(law, follower, base, turn=sense))
+    return left, lift_of(left.contour, follower, sense)
 
 
 def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
@@ -201,6 +245,7 @@ def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Rev
         zero = math.acos(c)
     else:
         zero = pair.base + radius
+    assert pair.lift is not None
     # the wedge of the theory moves by -x: where the cam goes the other way as the law is read, the law is mirrored
     ahead = -float((way / axes).real) * pair.sense
     law = _levelled(pair.lift) if ahead > 0 else _levelled(_mirror(pair.lift))
