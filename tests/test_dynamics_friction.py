@@ -92,6 +92,22 @@ def test_oscillator_loses_the_same_way_every_half_swing_and_sticks():
     assert np.abs(forces.effort("S")).max() < 1e-7
 
 
+def test_pendulum_with_a_brake_in_its_pin():
+    """Reference case friction-pendulum-constant-torque: turning angles by energy, until it stops short of the bottom."""
+    reference = case("friction", "friction-pendulum-constant-torque")
+    i, angles = reference["inputs"], [a["theta"] for a in reference["expected"]["turning_angles"]]
+    body = pendulum(inertia=i["J_O"], mass=i["m"], distance=i["d"], angle=np.radians(i["theta0_deg"]), g=i["g"])
+    pin = dataclasses.replace(body.pairs[0], friction=Friction(brake=i["T_f"]))
+    simulation = simulate(
+        dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction")), 20.0, tolerance=1e-10
+    )
+    turns = [h for h in simulation.happenings if h.time > 0]
+    found = [float(simulation([h.time])[0][0, 0]) + np.pi / 2 for h in turns]
+    assert found == pytest.approx(angles[1:], abs=1e-9)
+    assert [h.kind for h in turns] == ["slip"] * (len(turns) - 1) + ["stick"]
+    assert abs(found[-1]) < reference["expected"]["stop_angle"] < abs(found[-2])
+
+
 def test_pendulum_whose_friction_depends_on_the_reaction():
     reference = case("friction", "friction-pendulum-reaction-dependent")
     i, e = reference["inputs"], reference["expected"]

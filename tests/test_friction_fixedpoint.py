@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mechcore.friction import fixedpoint
 from mechcore.friction.fixedpoint import several, solve_normal_loads, spectral_radius, stability
 
 
@@ -32,6 +33,81 @@ def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
     np.testing.assert_allclose(found.reached[~good], 1.0 / b[~good], rtol=1e-9)
     np.testing.assert_allclose(one_stability(2.0, b, found)[good], 1.0 - b[good], rtol=1e-12)
     assert (found.share[~good] == 1.0).all()
+
+
+def test_a_branch_that_would_need_infinite_loads_at_the_very_coefficients():
+    """At b = 1 the equations are singular; just below it they are not."""
+    found = one(2.0, np.array([1.0 - 1e-12, 1.0]))
+    np.testing.assert_array_equal(found.jammed, [False, True])
+    assert found.loads[0, 0] == pytest.approx(2e12, rel=1e-3)
+    assert 1.0 - 1e-9 < found.reached[1] < 1.0 and found.share[1, 0] == 1.0
+
+
+def random_system(seed, frames=100):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    a, k = rng.normal(size=(frames, n, 2)), rng.normal(size=(frames, n, 2, n)) * 10 ** rng.uniform(-1, 1)
+    if seed % 3 == 0:
+        k[..., rng.random(n) < 0.3] = 0.0
+    if seed % 5 == 0:
+        k[:, :, 1], a[:, :, 1] = 0.0, 0.0
+    return a, k, rng.random(n) < 0.5
+
+
+def crept(a, k, kinds, steps=600):
+    """Loads of one frame by a great many small steps of the proportion, and how far they lead: no step control.
+
+    The branch ends where Newton's method does not arrive near by or the determinant of its matrix has changed its sign.
+    """
+    n = len(a)
+
+    def at(p, g):
+        y = a + p * np.einsum("iaj,j->ia", k, g)
+        length, larger = np.maximum(np.hypot(*y.T), 1e-300), np.abs(y[:, 0]) >= np.abs(y[:, 1])
+        one_of = np.stack([np.where(larger, np.sign(y[:, 0]), 0.0), np.where(larger, 0.0, np.sign(y[:, 1]))], 1)
+        d = np.where(kinds[:, None], y / length[:, None], one_of)
+        return g - np.where(kinds, np.hypot(*y.T), np.abs(y).max(axis=1)), np.eye(n) - p * np.einsum("ia,iaj->ij", d, k)
+
+    g = at(0.0, np.zeros(n))[0] * -1.0
+    for i in range(1, steps + 1):
+        old = g
+        for _ in range(12):
+            f, matrix = at(i / steps, g)
+            g = g - np.linalg.solve(matrix, f)
+        f, matrix = at(i / steps, g)
+        if np.abs(f).max() > 1e-10 * np.abs(g).max() or np.linalg.det(matrix) <= 0.0 or np.abs(g - old).max() > 0.3 * old.max():
+            return None, i / steps
+    return g, 1.0
+
+
+@pytest.mark.parametrize(("seed", "frame"), [(20, 82), (53, 82), (55, 31), (51, 32)])
+def test_the_branch_is_followed_without_jumping_to_another_one(seed, frame):
+    """Systems in which a longer step, or one whose end is not looked at, arrives on another branch."""
+    a, k, kinds = random_system(seed)
+    found = solve_normal_loads(a[[frame]], k[[frame]], kinds)
+    wanted, reached = crept(a[frame], k[frame], kinds)
+    assert found.jammed[0] == (wanted is None)
+    assert found.reached[0] == pytest.approx(reached, abs=2e-3)
+    if wanted is not None:
+        np.testing.assert_allclose(found.loads[0], wanted, rtol=1e-9, atol=1e-11 * wanted.max())
+
+
+@pytest.mark.parametrize("most", [1, 2000])
+def test_every_jam_names_what_makes_it_and_no_branch_is_followed_in_vain(most, monkeypatch):
+    """One share of every jam is 1, also where a branch is given up; steps too short to count end it."""
+    calls = []
+    monkeypatch.setattr(fixedpoint, "MOST_STEPS", most)
+    monkeypatch.setattr(fixedpoint, "_correct", lambda *x, f=fixedpoint._correct: (calls.append(0), f(*x))[1])
+    jams = 0
+    for seed in (7, 10, 11, 16, 18, 46):
+        calls.clear()
+        found = solve_normal_loads(*random_system(seed))
+        jams += int(found.jammed.sum())
+        assert (found.share[found.jammed].max(axis=1) == 1.0).all() and not found.share[~found.jammed].any()
+        assert (found.reached[found.jammed] < 1.0).all() and np.isnan(found.loads[found.jammed]).all()
+        assert np.isfinite(found.loads[~found.jammed]).all()
+        assert len(calls) < 1000
+    assert jams > 100
 
 
 def test_a_second_state_is_found_where_there_is_one():

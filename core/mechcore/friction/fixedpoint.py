@@ -25,11 +25,12 @@ Real = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-13  # of the largest normal load of the frame
-LARGEST = 1e13  # times the frictionless loads: beyond any machine, the branch runs to infinity
 SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
 STARTS = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
 BOUNDS = 8  # vectors that are tried for the simple bound
+AWAY = 0.05  # of the largest load: a step that ends farther from its prediction may have left the branch
+MOST_STEPS = 2000  # along a branch: some fifty do
 CLOSE = 0.9  # part of the proportion up to which the map contracts
 
 
@@ -272,15 +273,13 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
 
     The proportion p of the coefficients goes from 0 to 1; up to ``CLOSE / radius`` the map contracts.
     """
-    n = a.shape[1]
     p = np.minimum(CLOSE / radius, 1.0)
     g, residual, _ = _newton(a, k * p[:, None, None, None], euclidean, None)
-    first = np.maximum(_norm(a, euclidean)[0].max(axis=1), 1e-300)
     step = 0.1 * p
-    share = np.zeros_like(g)
+    jammed = np.zeros(len(a), bool)
     active = np.flatnonzero((p < 1.0) & (np.abs(a).max(axis=(1, 2)) > 0.0))
     p[np.abs(a).max(axis=(1, 2)) == 0.0] = 1.0  # nothing loads it
-    for _ in range(2000):
+    for _ in range(MOST_STEPS):
         if not len(active):
             break
         aa, ka, here, at = a[active], k[active], g[active], p[active]
@@ -293,48 +292,42 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         to = np.where(h >= 1.0 - at, 1.0, at + h)
         guess = here + (to - at)[:, None] * slope
         new, ok = _correct(aa, ka * to[:, None, None, None], euclidean, guess)
-        away = np.abs(new - guess).max(axis=1) > 0.25 * np.abs(here).max(axis=1)
+        away = np.abs(new - guess).max(axis=1) > AWAY * np.abs(here).max(axis=1)
         ok &= ~away
         done = active[ok]
         g[done], p[done] = new[ok], to[ok]
         step[done] = 2.0 * h[ok]
         step[active[~ok]] = 0.25 * h[~ok]
-        ended = (h < SHORTEST) & ~ok | (np.abs(g[active]).max(axis=1) > LARGEST * first[active])
-        for_good = active[ended]
-        if len(for_good):
-            share[for_good] = _share(a[for_good], k[for_good] * p[for_good][:, None, None, None], euclidean, g[for_good])
+        ended = (to <= at) | (h < SHORTEST) & ~ok  # the branch runs to infinity, or turns back
+        jammed[active[ended]] = True
         active = active[~ended & (p[active] < 1.0)]
-    p[active] = np.minimum(p[active], 1.0 - SHORTEST)  # never settled: it counts as the end of the branch
-    p[share.any(axis=1)] = np.minimum(p[share.any(axis=1)], 1.0 - SHORTEST)
-    jammed = p < 1.0
+    jammed[active] = True  # it never settled
+    share = np.zeros_like(g)
+    share[jammed] = _share(a[jammed], k[jammed] * p[jammed][:, None, None, None], euclidean, g[jammed])
     if not jammed.all():
         g[~jammed], residual[~jammed], _ = _newton(a[~jammed], k[~jammed], euclidean, g[~jammed], most=8)
     g[jammed] = np.nan
     residual[jammed] = np.nan
-    return g, p, share.reshape(-1, n), residual
+    return g, p, share, residual
 
 
 def _correct(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags]:
     """Plain Newton from a prediction, and where it arrives at loads on the same branch."""
     g, ok, matrix = _arrive(a, k, euclidean, g)
-    return g, ok & (np.linalg.det(matrix) > 0.0)
+    with np.errstate(all="ignore"):
+        return g, ok & (np.linalg.det(matrix) > 0.0)
 
 
 def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, Real]:
-    """Plain Newton, where it arrives at loads that are not negative, and I - D K there."""
+    """Plain Newton, where it arrives at loads, and I - D K there. Loads are norms: where the equations hold none is negative."""
     with np.errstate(all="ignore"):
         for _ in range(8):
             f, matrix = _jacobian(a, k, euclidean, g)
             if np.all(np.abs(f).max(axis=1) <= 1e-12 * np.abs(g).max(axis=1)):
                 break
-            bad = ~np.isfinite(matrix).all(axis=(1, 2))
-            matrix[bad], f[bad] = np.eye(g.shape[1]), np.nan
             g = g - _solve(matrix, f)
         f, matrix = _jacobian(a, k, euclidean, g)
-        ok = np.abs(f).max(axis=1) <= 1e-10 * np.abs(g).max(axis=1)
-        ok &= (g >= -1e-9 * np.abs(g).max(axis=1, keepdims=True)).all(axis=1)
-        matrix[~np.isfinite(matrix).all(axis=(1, 2))] = 0.0
-        return g, ok, matrix
+        return g, np.abs(f).max(axis=1) <= 1e-10 * np.abs(g).max(axis=1), matrix
 
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:
