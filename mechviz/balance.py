@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mechcore import compile_mechanism, default_times, solve_motion
+from mechcore import Motion, compile_mechanism, default_times, solve_motion
 from mechcore.balancing import Counterweight, counterweights, find_linkage
 from mechcore.errors import Fault
 from mechcore.reduction import Shaking, shaking
@@ -24,6 +24,7 @@ class Balance:
 
     scene: Scene
     weights: tuple[Counterweight, ...]
+    motion: Motion
     before: Shaking
     after: Shaking
 
@@ -67,9 +68,10 @@ def balance_scene(
         data["shaking"].pop("counterweights", None)
     better = type(scene).build(name=scene.name, **data)
     about = (0.0, 0.0) if asked is None else asked.about
-    return Balance(better, weights, _shaken(scene, about), _shaken(better, about))
+    motion = _moved(scene)
+    return Balance(better, weights, motion, shaking(motion, about), shaking(_moved(better), about))
 
 
-def _shaken(scene: Scene, about: tuple[float, float]) -> Shaking:
+def _moved(scene: Scene) -> Motion:
     mechanism = scene.mechanism
-    return shaking(solve_motion(compile_mechanism(mechanism), default_times(mechanism, scene.frames, scene.cycles)), about)
+    return solve_motion(compile_mechanism(mechanism), default_times(mechanism, scene.frames, scene.cycles))

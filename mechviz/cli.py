@@ -203,6 +203,7 @@ def forces(
         float | None,
         typer.Option("--flywheel", metavar="DELTA", help="flywheel for a coefficient of fluctuation such as 0.02"),
     ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots of shaking force and moment (.svg)")] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
 ) -> None:
@@ -230,6 +231,14 @@ def forces(
                 print(power_csv(run.forces, csv))
             except OutputError as e:
                 fail(str(e), 1)
+        if plot is not None:
+            from .polar import shaken, write_polar
+
+            try:
+                write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)})
+            except OutputError as e:
+                fail(str(e), 1)
+            print(plot)
 
 
 @app.command()
@@ -285,9 +294,12 @@ def balance(
     fraction: Annotated[
         float | None, typer.Option(help="how much is balanced, 0 to 1 (slider-crank: of what goes to and fro)")
     ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots, before and after (.svg)")] = None,
 ) -> None:
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     from .balance import balance_scene
+    from .files import OutputError
+    from .polar import write_polar
     from .scene import dump
 
     with clear_errors(scene):
@@ -298,6 +310,13 @@ def balance(
         if output is not None:
             dump(found.scene, output)
             say(f"{output} written.")
+        if plot is not None:
+            both = {"before": found.before, "with counterweights": found.after}
+            try:
+                write_polar(plot, loaded.title, found.motion, both)
+            except OutputError as e:
+                fail(str(e), 1)
+            print(plot)
 
 
 def length_of(scene: Scene, text: str | None, option: str) -> float | None:
