@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import four_bar, pin, slider_crank
+from mechanisms import drawn, four_bar, pin, slider_crank
+from scipy.optimize import root
 from test_change_points import coupled, misses_by
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_motion
 from mechcore.laws import ConstantSpeed, Law, Oscillation
+from mechcore.reach import reachable_ranges
 from mechcore.spec import Drive, Gear, Link, Mechanism, Revolute
 
 TURN = 2.0 * np.pi
@@ -237,8 +239,6 @@ def test_one_frame_of_a_followed_group():
 @pytest.mark.parametrize("seed", range(6))
 def test_a_wheel_on_a_rocker_that_comes_close_to_its_limit_keeps_its_turn(seed):
     """Next to a limit speeds have no bounds; the angle must not jump by a turn there."""
-    from mechcore.reach import reachable_ranges
-
     rng = np.random.default_rng(seed)
     low, high = 0.0, TURN
     while high - low > TURN - 1e-6:
@@ -290,3 +290,51 @@ def test_a_geared_crank_that_is_back_only_after_three_turns(side):
     ratio = 1.0 if parallel else -3.0 / (5.0 - 4.0 * np.cos(w + np.pi))  # its frame points the other way
     np.testing.assert_allclose(motion.velocity("v")[:, 2], -2.0 / 3.0 * ratio * np.ones_like(t), atol=1e-9)
     np.testing.assert_allclose(motion.velocity("c1")[:, 2], -3.0 / (5.0 - 4.0 * np.cos(t + 0.5)), atol=1e-9)
+
+
+def plate_on_three_rods() -> Mechanism:
+    """A group of class III whose crank goes to a limit either way."""
+    points = {"A": (0, 0), "B": (0.3, 0.1), "C": (1, 2), "D": (2.2, 1.9), "E": (1.5, 3.1), "G": (2.9, 0.2), "H": (3.3, 3.3)}
+    links = {"crank": "AB", "plate": "CDE", "a": "BC", "b": "GD", "c": "HE"}
+    return drawn(points, links, "AGH", drive="A", law=ConstantSpeed(0.0, 1.0))
+
+
+def test_limits_of_a_followed_group_are_exact():
+    """Against the distances of the rods' ends and their determinant, solved together for plate and crank."""
+    m = plate_on_three_rods()
+    compiled = compile_mechanism(m)
+    (ends,) = reachable_ranges(compiled)
+    at = {name: complex(*xy) for name, xy in (("B", (0.3, 0.1)), ("C", (1, 2)), ("D", (2.2, 1.9)), ("E", (1.5, 3.1)))}
+    foot = {"D": 2.9 + 0.2j, "E": 3.3 + 3.3j}
+
+    def equations(z):
+        c, turn = complex(z[0], z[1]), np.exp(1j * z[2])
+        rows, left = [], []
+        for p, ref in (("C", at["B"] * np.exp(1j * z[3])), *foot.items()):
+            arm = (at[p] - at["C"]) * turn
+            d = c + arm - ref
+            left.append(abs(d) - abs(at[p] - (at["B"] if p == "C" else ref)))
+            rows.append([d.real, d.imag, (np.conj(d) * 1j * arm).real])
+        return [*left, np.linalg.det(np.array(rows))]
+
+    for end in ends:
+        beside = end * (1.0 - 1e-4)
+        near = solve_motion(compiled, [0.0], drives={"A": ([beside], [0.0], [0.0])})
+        start = [*near.point("plate", "C")[0], near.pose("plate")[0, 2], beside]
+        want = root(equations, start, tol=1e-14).x
+        assert abs(np.array(equations(want))).max() < 1e-12
+        assert end == pytest.approx(want[3], abs=1e-12)
+    # up to the limits there is a motion, beyond them there is none
+    close = np.array([ends[0] + 1e-10, ends[1] - 1e-10])
+    assert solve_motion(compiled, [0.0, 1.0], drives={"A": (close, 0 * close, 0 * close)}).closure.max() < 1e-12
+    for end, beyond in zip(ends, (-1e-8, 1e-8), strict=True):
+        with pytest.raises(MechanismError, match="cannot be assembled for positions of drive A"):
+            solve_motion(compiled, [0.0], drives={"A": ([end + beyond], [0.0], [0.0])})
+
+
+def test_limits_of_closed_forms_that_are_followed_are_exact():
+    """A wheel on the rocker has both its links followed: B and E are then as far apart as coupler and rocker are long."""
+    m = with_pinion(four_bar(E=(1.0, 0.0), AB=0.9, BD=0.6, DE=0.7, start=0.4), "rocker", (1.0, 0.8))
+    edge = np.arccos((0.81 + 1.0 - 1.69) / 1.8)
+    (low, high), *_ = reachable_ranges(compile_mechanism(m))
+    assert high == pytest.approx(edge, abs=1e-11) and low == pytest.approx(-edge, abs=1e-11)

@@ -29,6 +29,7 @@ __all__ = [
     "columns",
     "condition",
     "dyad_rates",
+    "equations",
     "flatness",
     "gap",
     "matrix_of",
@@ -239,7 +240,7 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
     values = patch.values
     if onto and len(patch.frames):
         scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.size)])
-        left, jacobian = _equations(model, block, state, patch.frames)(values / scale)
+        left, jacobian = equations(model, block, state, patch.frames)(values / scale)
         correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
     for i, g in enumerate(block.angles):
@@ -325,7 +326,7 @@ def _split(model: Model, block: Block, contour: int, state: State) -> tuple[Arra
     return target, arms, slides
 
 
-def _equations(model: Model, block: Block, state: State, frames: Any = None) -> Callable[[Array], tuple[Array, Array]]:
+def equations(model: Model, block: Block, state: State, frames: Any = None) -> Callable[[Array], tuple[Array, Array]]:
     """A block's contours and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
     (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
     size = model.size
@@ -382,7 +383,7 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
     """Newton on all contours of the block; lengths in units of the mechanism's size."""
     size = model.size
     n_angles = len(block.angles)
-    residual = _equations(model, block, state)
+    residual = equations(model, block, state)
     scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
     x, miss, first = newton(residual, start / scale)
     x = np.where((miss < 1e-9)[..., None], x, np.nan)

@@ -19,6 +19,7 @@ from . import blocks as bl
 from .assembly import Assembly
 from .errors import Fault, MechanismError
 from .kinematics import velocities
+from .limits import find_limit
 from .model import Model
 from .positions import place_all
 
@@ -32,18 +33,20 @@ FOR_PASSING = 4  # rows from which the branch is extrapolated through a singular
 SMOOTH = 0.05  # part of the speed or of the way by which the branch may differ from that beyond it
 WATCHED = 0.05  # smallest against largest singular value below which a group is looked after
 REGULAR = 1e-8  # smallest against largest singular value of the columns of an accepted step
-SMALLEST_STEP = 1e-7  # of the range: below, the walk has met a limit
+SMALLEST_STEP = 1e-7  # of the range: below, the walk has met a limit, whose place is then found exactly
 
 
 @dataclass(frozen=True)
 class Track:
-    """Unknowns of the general blocks along the parameter. ``ends``: the range that was reached (all of it, or up to a limit).
+    """Unknowns of the general blocks along the parameter. ``ends``: the range that was reached (all of it, or up to a limit);
+    ``known``: the part of it that the walk's own rows cover, which ends just before a limit.
 
     ``passed``: singular positions on the way at which the motion goes on along its tangent, and the group that is singular there.
     ``loose``: the groups that have more than one freedom where the walk ended; ``singular``: whether it ended at a limit.
     """
 
     ends: tuple[float, float]
+    known: tuple[float, float]
     splines: dict[str, Callable[[Array], Array]]
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
@@ -51,7 +54,7 @@ class Track:
 
     def starts(self, parameter: Array) -> dict[str, Array]:
         """Newton starts for parameters (F,)."""
-        inside = np.clip(parameter, *self.ends)
+        inside = np.clip(parameter, *self.known)
         return {name: spline(inside) for name, spline in self.splines.items()}
 
 
@@ -61,6 +64,10 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
     forward = _walk(model, assembly, drives, start, high, step, passed)
     backward = _walk(model, assembly, drives, start, low, step, passed) if low < start else [forward[0]]
     stopped = [rows for rows, end in ((forward, high), (backward, low)) if (end - rows[-1][0]) * (end - start) > 0]
+    limits = [
+        find_limit(model, assembly, drives, rows[-1], high - low, sign) if any(rows is s for s in stopped) else rows[-1][0]
+        for rows, sign in ((backward, -1.0), (forward, 1.0))
+    ]
     loose = tuple(dict.fromkeys(name for rows in stopped for name in _loose(model, rows[-1])))
     rows = backward[:0:-1] + forward
     p = np.array([r[0] for r in rows])
@@ -75,8 +82,9 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
         else:
             splines[name] = CubicHermiteSpline(p, x, slope)
     beyond = (min(low, start), max(high, start))  # a step through a singular position may go a little too far
-    ends = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
-    return Track(ends=ends, splines=splines, passed=tuple(passed), loose=loose, singular=bool(stopped))
+    known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
+    ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
+    return Track(ends=ends, known=known, splines=splines, passed=tuple(passed), loose=loose, singular=bool(stopped))
 
 
 Row = tuple[

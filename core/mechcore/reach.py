@@ -22,8 +22,8 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
 
     A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
-    to 1e-10 of that range. Groups that have to be followed, see `tracking`, are followed
-    from the start, so only the range around it is known, and its ends to 1e-7 of it.
+    to 1e-10 of that range. Groups that have to be followed, see `tracking`, are followed from the start, so only the range around
+    it is known.
     """
     model = compiled.model
     q0 = compiled.start[0]

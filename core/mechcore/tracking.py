@@ -32,6 +32,7 @@ MOST_SAMPLES = 20_000
 SAMPLES_OF_LAW = 2001
 CLOSED = 1e-11  # of the size: what contours may be open at a dead point that a drive just reaches
 STUCK = 1e-9  # flatness of a group that takes part in what a walk did not get through
+EDGE = 1e-11  # relative: what a limit is known to, generously
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
 
 
@@ -75,7 +76,7 @@ class Course:
         """Whether the walk came as far as parameters (F,)."""
         if self.period is not None:
             return np.ones(np.shape(parameter), bool)
-        edge = 1e-9 * max(1.0, abs(self.track.ends[1]))
+        edge = EDGE * max(1.0, abs(self.track.ends[1]))
         return (parameter >= self.track.ends[0] - edge) & (parameter <= self.track.ends[1] + edge)
 
 
@@ -106,7 +107,7 @@ def course_of(
             return _repeating(course, turns * TURN)
     course = walk(model, assembly, unit, q0, low, high, step, step / 12.0)
     near = 1e-5 * max(high - low, step)
-    short = course.track.ends[0] > low or course.track.ends[1] < high  # it met a limit
+    short = course.track.known[0] > low or course.track.known[1] < high  # it met a limit
     close = len(q) and (high > course.track.ends[1] - near or low < course.track.ends[0] + near)
     turns_back = not given and stands
     if turns_back and close and (short or _flat_at_ends(course)):
@@ -118,7 +119,7 @@ def course_of(
 
 def _flat_at_ends(course: Course) -> bool:
     """Whether a group with a closed form is all but flat where a walk ended."""
-    model, p = course.model, np.array(course.track.ends)
+    model, p = course.model, np.array(course.track.known)
     state = place_all(
         model, _positions(course.laws, (), p), course.assembly.modes, course.track.starts(p), constants=course.assembly.constants
     )
@@ -214,7 +215,7 @@ def walk(
         if not flat:
             break
         model, assembly = _followed(model, assembly, flat)
-    edge = 1e-9 * max(1.0, abs(low), abs(high))
+    edge = EDGE * max(1.0, abs(low), abs(high))
     if track.ends[0] > low + edge:
         gaps.append((low, track.ends[0], -1))
     if track.ends[1] < high - edge:
@@ -249,7 +250,7 @@ def _flat_on(
 ) -> tuple[set[int], list[tuple[float, float, int]]]:
     """Groups with a closed form that come to a flat position on a walk, and where they cannot be put together."""
     two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
-    low, high = track.ends
+    low, high = track.known
     count = int(min(max((high - low) / sample, 16), MOST_SAMPLES))
     if not two or high <= low:
         return set(), []
