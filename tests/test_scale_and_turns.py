@@ -9,9 +9,9 @@ import pytest
 from mechanisms import four_bar, pin, slider_crank
 
 import mechviz
-from mechcore import compile_mechanism, solve_forces, solve_motion
+from mechcore import MechanismError, compile_mechanism, solve_forces, solve_motion
 from mechcore.laws import ConstantSpeed
-from mechcore.spec import Force, Gear, Link, Mechanism
+from mechcore.spec import Drive, Force, Gear, Link, Mechanism
 
 TURN = 2.0 * np.pi
 TIME = np.linspace(0.0, TURN, 181)
@@ -98,3 +98,27 @@ def test_turn_ten_thousand_equals_turn_one(build):
         for pair in (p.name for p in first.mechanism.pairs):
             want = a.reaction(pair)
             np.testing.assert_allclose(b.reaction(pair), want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1.0))
+
+
+@pytest.mark.parametrize("frames", [2, 360])
+def test_whole_turns_are_counted_however_few_frames_look_at_them(frames):
+    """A parallelogram's rocker turns with the crank: also where the crank goes round thousands of times between two frames."""
+    turns = 12_345.4
+    m = four_bar(E=(2.0, 0.0), AB=1.0, BD=2.0, DE=1.0, start=0.5, mode="left")
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, turns * TURN, frames))
+    np.testing.assert_allclose(motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion.pose("coupler")[:, 2], 0.0, atol=1e-9)
+
+
+def test_drives_that_go_on_for_ever_are_refused_with_the_limit():
+    m = bar()
+    compiled = compile_mechanism(m)
+    most = 50_000
+    assert solve_motion(compiled, [0.0, 0.999 * most * TURN]).frames == 2
+    with pytest.raises(
+        MechanismError, match=r"pairs.A.drive: it goes 111111 turns .* over 50,000 turns at most\. Run fewer cycles"
+    ):
+        solve_motion(compiled, [0.0, np.radians(4e7)])
+    slider = replace(engine(), drives=(Drive(pair="S", law=ConstantSpeed(0.2, 1.0)),), modes={"B": "left"})
+    with pytest.raises(MechanismError, match=r"pairs.S.drive: it goes 60000 m, .* times the size of the mechanism"):
+        solve_motion(compile_mechanism(slider), [0.0, 6e4])

@@ -196,11 +196,6 @@ class Model:
         return tuple((j, d) for j, d in self.driven.items() if self.joints[j].coordinate == "slide")
 
     @cached_property
-    def only_dyads(self) -> bool:
-        """Whether every block is one contour with two unknowns."""
-        return all(b.dyad for b in self.blocks)
-
-    @cached_property
     def guides(self) -> Mapping[int, tuple[int, complex]]:
         """Of every sliding joint the spin that its guide turns with, and the guide's direction in that spin's axes."""
         own = {j: (self.ends[j][joint.guide], joint.slide) for j, joint in enumerate(self.joints) if joint.slide is not None}

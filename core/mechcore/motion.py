@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +22,7 @@ __all__ = ["Motion"]
 
 Array = Any
 Real = NDArray[np.float64]
-CALM: AbstractContextManager[Any] = nullcontext()
+CALM: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}
 FINE = 200_000  # positions computed at once between frames that are far apart
 
 
@@ -154,29 +153,25 @@ class Motion:
     @lazy
     def columns(self) -> list[Columns]:
         """Derivatives of each block's contours by its unknowns."""
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        with np.errstate(**CALM):
             return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
 
     @lazy
     def speeds(self) -> Rates:
         """Speeds of all spins and slides."""
-        cols = self.columns
-        with self._calm():
-            return velocities(self.model, self.contours, cols, [d[1] for d in self._drives], self.patches, self.state.bends)
+        with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
+            if "columns" not in self.__dict__:  # found here, they need no quiet of their own
+                self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+            rates = [d[1] for d in self._drives]
+            return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
 
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
-        cols, speeds = self.columns, self.speeds
-        with self._calm():
+        speeds, cols = self.speeds, self.columns
+        with np.errstate(**CALM):
             rates = [d[2] for d in self._drives]
             return accelerations(self.model, self.contours, cols, speeds, rates, self.patches)
-
-    def _calm(self) -> AbstractContextManager[Any]:
-        """No warnings where rates are infinite; dyads divide by nothing after their columns are known."""
-        if self.model.only_dyads:
-            return CALM
-        return np.errstate(invalid="ignore", divide="ignore", over="ignore")
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
@@ -286,18 +281,21 @@ class Motion:
             jump = np.round((np.diff(raw) - went) / (2.0 * np.pi))
             raw[..., 1:] -= 2.0 * np.pi * np.cumsum(jump, axis=-1)
             return raw
-        parts = min(int(np.ceil(far)), 1000)
-        out = np.empty_like(raw)
-        chunk = max(2, FINE // parts)
-        out[0] = raw[0]
-        for start in range(0, len(raw) - 1, chunk):
-            frames = self.time[start : start + chunk + 1]
-            fine = np.interp(np.arange((len(frames) - 1) * parts + 1) / parts, np.arange(len(frames)), frames)
+        parts = int(np.ceil(far))
+        frames = np.arange(len(raw))
+        last = parts * (len(raw) - 1)
+        near = np.empty(len(raw))
+        near[0] = carried = raw[0]
+        for start in range(0, last, FINE):
+            places = np.arange(start, min(start + FINE, last) + 1)
+            fine = np.interp(places / parts, frames, self.time)
             way = np.unwrap(np.broadcast_to(self.again(fine)._wrapped(group), fine.shape))
-            turns = way[::parts] - way[0]  # the frames' own values are kept, only whole turns are taken from here
-            own = raw[start : start + len(frames)]
-            out[start : start + len(frames)] = own + 2.0 * np.pi * np.round((out[start] + turns - own) / (2.0 * np.pi))
-        return out
+            way += carried - way[0]
+            here = slice(-start % parts, None, parts)
+            near[places[here] // parts] = way[here]
+            carried = way[-1]
+        # the frames' own values are kept, only whole turns are taken from the way between them
+        return np.asarray(raw + 2.0 * np.pi * np.round((near - raw) / (2.0 * np.pi)))
 
     def drive_steps(self) -> list[tuple[tuple[Real, Real | float, Real | float], float]]:
         """The drives, each with a step that is small enough to follow angles by themselves [rad or m]."""

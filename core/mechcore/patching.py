@@ -32,6 +32,7 @@ FAR = 22
 NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
 DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
+QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # a branch that ends among the nodes is NaN, no warning
 TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
@@ -56,16 +57,18 @@ def smooth(model: Model, block: Block, state: State, time: Array, instant: float
     if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:
         return 0.0, None
     values = unknowns_of(model, block, state, fit)
-    coefficients = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE)) @ values
     scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.size)
-    tail = float(np.max(np.abs(coefficients[-2:]) / scale))
-    at_samples = chebyshev.chebvander(away[near], DEGREE) @ coefficients
+    with np.errstate(**QUIET):
+        coefficients = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE)) @ values
+        tail = float(np.max(np.abs(coefficients[-2:]) / scale))
+        at_samples = chebyshev.chebvander(away[near], DEGREE) @ coefficients
     return tail, Patch(near, at_samples, at_samples, at_samples)
 
 
 def tail_of(values: Array) -> float:
     """How large the last terms still are of the polynomials through values (nodes, unknowns)."""
-    return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
+    with np.errstate(**QUIET):
+        return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
 
 
 @dataclass
@@ -117,7 +120,7 @@ def make_patches(
         away = _signed(changes, c, nodes[beside]) / (c.step * FAR)
         own = np.searchsorted(nodes, _nodes(c))
         throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+    with np.errstate(**QUIET):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             bl.place(model, block, state, mode * changes.signs(i, nodes), near.get(block.name))
             for through in throughs.get(i, ()):
@@ -132,9 +135,10 @@ def make_patches(
         (through,) = (x for x in throughs[c.block] if x.change is c)
         frames = np.flatnonzero(_frames_near(changes, c, time))
         basis = chebyshev.chebvander(_signed(changes, c, time[frames]) / (c.step * FAR), DEGREE)
-        value, rate, bend = (basis @ curve for curve in through.curves)
         s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
-        patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
+        with np.errstate(**QUIET):
+            value, rate, bend = (basis @ curve for curve in through.curves)
+            patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
     return patches
 
 

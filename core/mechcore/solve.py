@@ -29,6 +29,7 @@ __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
 Array = Any
 TURN = 2.0 * np.pi
+MOST_TURNS = 50_000  # of a drive in one run; of one that slides, that many circumferences of a circle as large as the mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,8 @@ def solve_motion(
             q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
         values.append((q, v, a))
     positions = [v[0] for v in values]
+    if strict and drives is None and len(time):
+        _check_way(compiled, positions)
     constants = compiled.assembly.constants
     solved, starts, parameter, course = model, None, None, None
     modes: Sequence[Array] = compiled.assembly.modes
@@ -141,6 +144,21 @@ def solve_motion(
     if strict and drives is None and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
     return motion
+
+
+def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
+    """Drives that go on for so many turns that nobody would wait for all the change points and angles on their way."""
+    model = compiled.model
+    for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
+        way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
+        if way > TURN * MOST_TURNS * min(1.0, model.size):  # quickly done where all is well
+            rotary = model.joints[model.joint_index[drive.pair]].coordinate == "angle"
+            turns = way / (TURN if rotary else TURN * model.size)
+            if turns > MOST_TURNS * (1.0 + 1e-9):
+                far = f"{turns:.6g} turns" if rotary else f"{way:.6g} m, {way / model.size:.6g} times the size of the mechanism"
+                most = f"{MOST_TURNS:,} turns" if rotary else f"{TURN * MOST_TURNS * model.size:.6g} m"
+                why = f"it goes {far} from its start; motions are followed over {most} at most."
+                raise MechanismError(Fault(f"pairs.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
 def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
@@ -291,7 +309,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {low * factor:.{digits}g}{unit} to {high * factor:.{digits}g}{unit}")
     shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
-    worst = float(np.nanmax(np.where(bad, miss, 0.0)))
+    worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
     words = f"cannot be assembled for positions of drive {pair} {shown}"
     if worst > 0:
         words += f": its links miss each other by up to {1e3 * worst:.6g} mm."
