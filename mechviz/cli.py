@@ -348,7 +348,7 @@ def view(
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         try:
-            serve(run, port=port)
+            serve(run, port=port, folder=Path(scene).parent.resolve() if Path(scene).is_file() else None)
         except ViewerError as e:
             fail(str(e), 1)
 

@@ -5,7 +5,7 @@ Pure functions of a `Run`; the recorder and the viewer draw what they find here.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,16 @@ if TYPE_CHECKING:
 __all__ = ["FIXED", "MOVING", "overlay_box", "polode_pieces", "resultants", "strings", "substitute_scale"]
 
 Array = NDArray[np.complex128]
+
+
+class Extent(Protocol):
+    """Where the mechanism is: the box around it over the run (2, 3) [m], and its size [m]."""
+
+    @property
+    def bounds(self) -> NDArray[np.float64]: ...
+    @property
+    def size(self) -> float: ...
+
 
 FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
 REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
@@ -93,7 +103,7 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(way: NDArray[np.float64], solids: Solids, link: str, run: Run, *, z: float) -> list[NDArray[np.float32]]:
+def polode_pieces(way: NDArray[np.float64], solids: Extent, link: str, run: Run, *, z: float) -> list[NDArray[np.float32]]:
     """A polode as strips, cut where it runs far out of the picture or jumps through infinity."""
     low, high = np.asarray(solids.bounds)[:, :2]
     room = REACH * solids.size

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import os
-import shutil
-import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browsing import CAMERA, CANVAS, CURSOR, POSE, READY, SEEN, SIZE, browser, new_page, open_tab, picture, until
 
 from mechviz import scene
 from mechviz.run import run_scene
@@ -19,67 +15,11 @@ from mechviz.viewer import Viewer
 from mechviz.viewer.camera import fit_view
 from mechviz.viewer.solids3d import link_path
 
+__all__ = ["browser"]  # a fixture
+
 pytestmark = pytest.mark.browser
 
-ARGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
-SIZE = {"width": 1100, "height": 700}
-PATIENCE = 60.0  # [s] for anything that has to come: a slow machine without a graphics card may need most of it
 NODES = tuple(link_path(link) for link in ("crank", "coupler", "rocker"))
-READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
-    names.every(n => m.nodeRefFromName[n] && m.nodePoseData[n] && m.nodePoseData[n].poseUpdateState === 'updated'); }"""
-POSE = "name => { const d = window.__viserMutable.nodePoseData[name]; return [...d.wxyz, ...d.position]; }"
-CAMERA = "() => window.__viserMutable.camera.position.toArray()"
-CANVAS = """() => { const r = document.querySelector('canvas[data-engine]').getBoundingClientRect();
-    return [r.left, r.top, r.width, r.height]; }"""
-SEEN = """name => { let node = window.__viserMutable.nodeRefFromName[name]; if (!node) return false;
-    for (; node; node = node.parent) if (!node.visible) return false; return true; }"""
-CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid].chart.data;
-    return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
-
-
-def _chromium() -> str:
-    """The browser, or no test: a skip, unless the environment says that it has to be there."""
-    found = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
-    if found is None and Path("/usr/bin/chromium").exists():
-        found = "/usr/bin/chromium"
-    if found is None:
-        _missing("Chromium is not installed (Debian: apt-get install chromium)")
-    return str(found)
-
-
-def _missing(words: str) -> None:
-    if os.environ.get("MECHVIZ_REQUIRE_BROWSER") == "1":
-        pytest.fail(f"{words}, and MECHVIZ_REQUIRE_BROWSER=1 asks for it")
-    pytest.skip(words)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    executable = _chromium()
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        _missing("playwright is not installed")
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=executable, headless=True, args=ARGS)
-        yield chromium
-        chromium.close()
-
-
-def _new_page(browser: Any, size: dict[str, int]) -> Any:
-    opened = browser.new_page(viewport=size)
-    opened.set_default_timeout(1000.0 * PATIENCE)
-    return opened
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +36,7 @@ def errors() -> list[str]:
 
 @pytest.fixture(scope="module")
 def page(browser, viewer, errors) -> Iterator[Any]:
-    opened = _new_page(browser, SIZE)
+    opened = new_page(browser, SIZE)
     opened.on("pageerror", lambda error: errors.append(str(error)))
     _go(opened, viewer)
     yield opened
@@ -117,14 +57,7 @@ def at_rest(viewer, page) -> None:
     """Every test starts paused at a frame with large forces."""
     viewer.set_frame(300)
     _until_drawn(viewer, page)
-
-
-def _until(page: Any, condition: Any, what: str, seconds: float = PATIENCE) -> None:
-    """Wait for a condition of this process, while the page's events are handled."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s: {what}"
-        page.wait_for_timeout(20)
+    open_tab(page, "View")
 
 
 def _pose_of_core(viewer: Viewer, link: str, frame: int) -> np.ndarray:
@@ -139,7 +72,7 @@ def _drawn(viewer: Viewer, page: Any) -> bool:
 
 
 def _until_drawn(viewer: Viewer, page: Any) -> None:
-    _until(page, lambda: _drawn(viewer, page), f"poses of frame {viewer.frame} in the browser")
+    until(page, lambda: _drawn(viewer, page), f"poses of frame {viewer.frame} in the browser")
     page.wait_for_function(READY, arg=list(NODES))
 
 
@@ -164,20 +97,12 @@ def _at(page: Any, place: np.ndarray) -> bool:
 
 
 def _until_fitted(viewer: Viewer, page: Any) -> None:
-    _until(page, lambda: _at(page, _fitted(viewer, page)), "the camera fitted to the window")
+    until(page, lambda: _at(page, _fitted(viewer, page)), "the camera fitted to the window")
 
 
-def _picture(page: Any) -> np.ndarray:
-    """The part of the page between the panels, as (rows, columns, RGB)."""
-    from PIL import Image
-
-    clip = dict(zip(("x", "y", "width", "height"), page.evaluate(CANVAS), strict=True))
-    return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")).astype(int)
-
-
-def _red(picture: np.ndarray) -> int:
+def _red(shot: np.ndarray) -> int:
     """Number of pixels in the colour of reactions."""
-    r, g, b = picture[..., 0], picture[..., 1], picture[..., 2]
+    r, g, b = shot[..., 0], shot[..., 1], shot[..., 2]
     return int(((r > 130) & (g < 75) & (b < 95)).sum())
 
 
@@ -185,22 +110,22 @@ def test_the_page_shows_the_mechanism(viewer, page, errors):
     assert "Kinetostatics of a four-bar" in page.title()
 
     def seen() -> bool:
-        picture = _picture(page)
-        amber = (np.abs(picture - [214, 165, 88]).max(axis=-1) < 40).sum()  # the coupler
-        white = (picture.min(axis=-1) > 225).mean()
-        return bool(amber > 1500 and 0.4 < white < 0.97 and _red(picture) > 200)
+        shot = picture(page)
+        amber = (np.abs(shot - [214, 165, 88]).max(axis=-1) < 40).sum()  # the coupler
+        white = (shot.min(axis=-1) > 225).mean()
+        return bool(amber > 1500 and 0.4 < white < 0.97 and _red(shot) > 200)
 
-    _until(page, seen, "coupler, reactions and background in the picture")
+    until(page, seen, "coupler, reactions and background in the picture")
     assert not errors
 
 
 def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
     page.get_by_role("button", name="Play", exact=True).click()
-    _until(page, lambda: viewer.playing and viewer.frame != 300, "playing")
+    until(page, lambda: viewer.playing and viewer.frame != 300, "playing")
     before = page.evaluate(POSE, NODES[1])
-    _until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
+    until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
     page.get_by_role("button", name="Pause", exact=True).click()
-    _until(page, lambda: not viewer.playing, "paused")
+    until(page, lambda: not viewer.playing, "paused")
     _until_drawn(viewer, page)
     frame, pose = viewer.frame, page.evaluate(POSE, NODES[1])
     page.wait_for_timeout(300)
@@ -211,7 +136,7 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
 def test_scrubbing_brings_the_frame_and_its_poses(viewer, page, frame):
     box = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] ~ div input')
     box.fill(str(frame))
-    _until(page, lambda: viewer.frame == frame, "the frame")
+    until(page, lambda: viewer.frame == frame, "the frame")
     _until_drawn(viewer, page)
     assert f"frame {frame} of 360" in page.content()
 
@@ -222,56 +147,56 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     camera = page.evaluate(CAMERA)
     for key, frame in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowUp", 311), ("Home", 0), ("End", 360)):
         page.keyboard.down(key)
-        _until(page, lambda frame=frame: viewer.frame == frame, f"{key} to {frame}")
+        until(page, lambda frame=frame: viewer.frame == frame, f"{key} to {frame}")
         page.wait_for_timeout(100)  # held: viser would turn the camera as long as an arrow key is down
         page.keyboard.up(key)
     assert page.evaluate(CAMERA) == camera
     page.keyboard.press("Space")
-    _until(page, lambda: viewer.playing, "space plays")
+    until(page, lambda: viewer.playing, "space plays")
     page.keyboard.press("Space")
-    _until(page, lambda: not viewer.playing, "space pauses")
+    until(page, lambda: not viewer.playing, "space pauses")
     thumb = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] [role=slider]')
     viewer.set_frame(10)
     _until_drawn(viewer, page)
     thumb.focus()
     page.keyboard.press("ArrowRight")
-    _until(page, lambda: viewer.frame == 11, "one step of the slider")
+    until(page, lambda: viewer.frame == 11, "one step of the slider")
     page.wait_for_timeout(200)
     assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
 
 
 def test_space_after_a_click_on_a_button_plays(viewer, page):
     page.get_by_role("button", name="Step ▸", exact=True).click()
-    _until(page, lambda: viewer.frame == 301, "one step")
+    until(page, lambda: viewer.frame == 301, "one step")
     page.keyboard.press("Space")
-    _until(page, lambda: viewer.playing, "playing")
+    until(page, lambda: viewer.playing, "playing")
     page.get_by_role("button", name="Pause", exact=True).click()
-    _until(page, lambda: not viewer.playing, "paused")
+    until(page, lambda: not viewer.playing, "paused")
     page.keyboard.press("Space")
-    _until(page, lambda: viewer.playing, "playing again, not paused twice")
+    until(page, lambda: viewer.playing, "playing again, not paused twice")
 
 
 def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
     page.get_by_role("button", name="Step ▸", exact=True).focus()
     page.keyboard.press("Space")
-    _until(page, lambda: viewer.frame == 301, "one step")
+    until(page, lambda: viewer.frame == 301, "one step")
     page.wait_for_timeout(200)
     assert viewer.frame == 301 and not viewer.playing
 
 
 def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
     assert page.evaluate(SEEN, "/vectors/reaction")
-    before = _red(_picture(page))
+    before = _red(picture(page))
     page.get_by_label("Reactions").uncheck()
-    _until(page, lambda: not page.evaluate(SEEN, "/vectors/reaction"), "no reactions")
-    _until(page, lambda: _red(_picture(page)) < 0.3 * before, "a picture without reactions")
+    until(page, lambda: not page.evaluate(SEEN, "/vectors/reaction"), "no reactions")
+    until(page, lambda: _red(picture(page)) < 0.3 * before, "a picture without reactions")
     page.get_by_label("Reactions").check()
-    _until(page, lambda: page.evaluate(SEEN, "/vectors/reaction"), "reactions again")
+    until(page, lambda: page.evaluate(SEEN, "/vectors/reaction"), "reactions again")
     assert not page.evaluate(SEEN, "/vectors/velocity")
     page.get_by_label("Velocity").check()
-    _until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
+    until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
     page.get_by_label("Velocity").uncheck()
-    _until(page, lambda: not page.evaluate(SEEN, "/vectors/velocity"), "no velocities")
+    until(page, lambda: not page.evaluate(SEEN, "/vectors/velocity"), "no velocities")
 
 
 def test_arrows_grow_and_the_legend_says_so(viewer, page):
@@ -281,20 +206,20 @@ def test_arrows_grow_and_the_legend_says_so(viewer, page):
 
     before = longest()
     page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("2")
-    _until(page, lambda: longest() == pytest.approx(2.0 * before, rel=1e-5), "arrows twice as long")
-    page.get_by_text("Scale: 50 N").wait_for(state="attached")
+    until(page, lambda: longest() == pytest.approx(2.0 * before, rel=1e-5), "arrows twice as long")
+    page.get_by_text("Scale: 50 N").first.wait_for(state="attached")
     page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("1")
-    _until(page, lambda: longest() == pytest.approx(before, rel=1e-5), "arrows as before")
+    until(page, lambda: longest() == pytest.approx(before, rel=1e-5), "arrows as before")
 
 
 def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, page):
     slot = viewer.plots.slots[0]
     for frame in (45, 270):
         viewer.set_frame(frame)
-        _until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
+        until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
     page.locator(f'[id="{slot.choice._impl.uuid}"]').click()
     page.get_by_role("option", name="pair B: reaction [N]").click()
-    _until(page, lambda: slot.quantity.label == "pair B: reaction", "the new quantity")
+    until(page, lambda: slot.quantity.label == "pair B: reaction", "the new quantity")
     uuid = slot.chart._impl.uuid
     page.wait_for_function("uuid => !!(window.__viserTestpoints.uplots[uuid] || false)", arg=uuid)
     assert page.evaluate(CURSOR, uuid) == pytest.approx([270, 270])
@@ -319,13 +244,13 @@ def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeyp
     page.get_by_text("ValueError: a test made this fail").wait_for(state="attached")
     monkeypatch.undo()
     page.get_by_role("button", name="Start", exact=True).click()
-    _until(page, lambda: viewer.frame == 0, "the start")
+    until(page, lambda: viewer.frame == 0, "the start")
     _until_drawn(viewer, page)
     assert not errors
 
 
 def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page, browser):
-    other = _new_page(browser, {"width": 1000, "height": 500})
+    other = new_page(browser, {"width": 1000, "height": 500})
     try:
         _go(other, viewer)
         viewer.set_frame(200)
@@ -334,12 +259,12 @@ def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page
         before, theirs = page.evaluate(CAMERA), other.evaluate(CAMERA)
         other.mouse.move(450, 100)
         other.mouse.wheel(0, -400)
-        _until(other, lambda: other.evaluate(CAMERA) != theirs, "zoomed in one browser")
+        until(other, lambda: other.evaluate(CAMERA) != theirs, "zoomed in one browser")
         assert page.evaluate(CAMERA) == before
         assert len(viewer.server.get_clients()) == 2
     finally:
         other.close()
-    _until(page, lambda: len(viewer.server.get_clients()) == 1, "one has gone")
+    until(page, lambda: len(viewer.server.get_clients()) == 1, "one has gone")
 
 
 def _zoom(page: Any) -> None:
@@ -347,20 +272,20 @@ def _zoom(page: Any) -> None:
     before = _camera(page)
     page.mouse.move(550, 200)
     page.mouse.wheel(0, -600)
-    _until(page, lambda: np.abs(_camera(page) - before).max() > 0.05 * np.linalg.norm(before), "zoomed by hand")
+    until(page, lambda: np.abs(_camera(page) - before).max() > 0.05 * np.linalg.norm(before), "zoomed by hand")
 
 
 def test_the_view_is_fitted_to_the_window_and_comes_back(viewer, page):
     _until_fitted(viewer, page)
     fitted = _camera(page)
     page.set_viewport_size({"width": 1400, "height": 700})
-    _until(page, lambda: not _at(page, fitted), "a new fit for a wider window")
+    until(page, lambda: not _at(page, fitted), "a new fit for a wider window")
     _until_fitted(viewer, page)
     page.set_viewport_size(SIZE)
-    _until(page, lambda: _at(page, fitted), "the old fit for the old window")
+    until(page, lambda: _at(page, fitted), "the old fit for the old window")
     _zoom(page)
-    page.get_by_role("button", name="View from the front").click()
-    _until(page, lambda: _at(page, fitted), "back at the front")
+    page.get_by_role("button", name="Front", exact=True).click()
+    until(page, lambda: _at(page, fitted), "back at the front")
 
 
 def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(viewer, page):
@@ -373,8 +298,8 @@ def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(
     try:
         _zoom(page)
         assert page.evaluate("() => window.__viserMutable.mechvizHeld") > 0, "nothing was held back"
-        page.get_by_role("button", name="View from the front").click()
-        _until(page, lambda: _at(page, fitted), "back at the front")
+        page.get_by_role("button", name="Front", exact=True).click()
+        until(page, lambda: _at(page, fitted), "back at the front")
     finally:
         page.evaluate("() => { const m = window.__viserMutable; m.sendMessage = m.mechvizSend; }")
 
@@ -382,7 +307,7 @@ def test_the_front_is_reached_before_the_browser_has_told_that_its_camera_moved(
 def test_after_a_return_to_the_front_the_view_follows_the_window_again(viewer, page):
     _until_fitted(viewer, page)
     _zoom(page)
-    page.get_by_role("button", name="View from the front").click()
+    page.get_by_role("button", name="Front", exact=True).click()
     _until_fitted(viewer, page)
     for size in ({"width": 1300, "height": 600}, SIZE):
         page.set_viewport_size(size)
@@ -391,15 +316,16 @@ def test_after_a_return_to_the_front_the_view_follows_the_window_again(viewer, p
 
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
     with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
-        opened = _new_page(browser, SIZE)
+        opened = new_page(browser, SIZE)
         try:
             opened.goto(shown.url)
             opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
             opened.wait_for_function(READY, arg=[link_path("crank")])
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
+            open_tab(opened, "View")
             opened.get_by_text("Velocity plan", exact=True).first.wait_for()
             opened.get_by_label("Velocity plan", exact=True).uncheck()
-            _until(opened, lambda: not opened.evaluate(SEEN, "/drawings/velocity"), "the plan hidden")
+            until(opened, lambda: not opened.evaluate(SEEN, "/drawings/velocity"), "the plan hidden")
             assert opened.evaluate(SEEN, "/drawings/force")
         finally:
             opened.close()

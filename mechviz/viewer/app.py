@@ -7,19 +7,22 @@ import signal
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..run import Run
 from .browser import prepare_page
-from .panels import RIGHT_WIDTH, Switches, Timeline
+from .inspector import Inspector, theme
 from .player import Player
 from .plots import Plots
 from .scene3d import Scene3D
 from .server import HOST, report, safely, start_server, stop_server
+from .show import Show
+from .show_run import telling_frame
+from .studio import Studio
+from .switches import Switches
+from .timeline import Timeline
 
 __all__ = ["Viewer", "serve", "telling_frame"]
 
@@ -27,36 +30,70 @@ __all__ = ["Viewer", "serve", "telling_frame"]
 class Viewer:
     """A run served at ``url`` until ``close``. All browsers see the same frame, each through its own camera.
 
-    ``port`` 0 takes a free one. Raises `ViewerError` if the port cannot be had.
+    ``port`` 0 takes a free one. Scenes and recordings are saved into ``folder``, where the scene's file is (by default the
+    working folder). Raises `ViewerError` if the port cannot be had.
     """
 
-    def __init__(self, run: Run, port: int = 8080):
-        self.run = run
+    def __init__(self, run: Run, port: int = 8080, folder: Path | None = None):
         self.server = start_server(port, "mechviz")
         try:
-            self._build()
+            self._edit(run, folder or Path.cwd(), "")
         except BaseException:
             self.close()
             raise
 
-    def _build(self) -> None:
-        server, run = self.server, self.run
+    def _edit(self, run: Run, folder: Path, note: str) -> None:
+        """Show a run that can be edited."""
+        self.studio = Studio(
+            run,
+            present=lambda show: self.inspector.present(show),
+            told=lambda status: self.inspector.tell(status),
+            contributed=lambda found: self.inspector.weighed(found),
+            settled=lambda: self.inspector.settle(),
+            failed=lambda error: report(self.server, "Editing", error),
+            folder=folder,
+        )
+        self._build(self.studio.show, folder, note)
+        self.studio.weigh()
+
+    def _build(self, show: Show, folder: Path, note: str) -> None:
+        server = self.server
 
         def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
             return safely(server, what, action)
 
-        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(34, 92, 160))
-        prepare_page(server, f"{run.scene.title} · mechviz")
-        self.player = Player(run.motion.time, self._draw, lambda error: report(server, "Drawing", error))
-        self.scene = Scene3D(server, run)
-        self.switches = Switches(server, run, self.scene, self.player, callback)
-        panel = server.gui.add_panel()
-        self.plots = Plots(server, panel.add_tab("Plots"), run, callback)
-        panel.dock_right()
-        panel.set_width(RIGHT_WIDTH)
-        self.timeline = Timeline(server, run, self.player, callback)
+        theme(server, dark=False)
+        prepare_page(server, f"{show.title} · mechviz")
+        self.player = Player(
+            show.time,
+            lambda frame, playing: self.inspector.draw(frame, playing),
+            lambda error: report(server, "Drawing", error),
+        )
+        self.inspector = Inspector(server, show, self.player, self.studio, folder, callback, note)
         self.player.start()
-        self.set_frame(telling_frame(run))
+        self.set_frame(show.opening)
+
+    @property
+    def run(self) -> Run:
+        """The run as it is shown now."""
+        return self.studio.run
+
+    @property
+    def scene(self) -> Scene3D:
+        """What is drawn in 3D."""
+        return self.inspector.scene
+
+    @property
+    def plots(self) -> Plots:
+        return self.inspector.plots
+
+    @property
+    def switches(self) -> Switches:
+        return self.inspector.switches
+
+    @property
+    def timeline(self) -> Timeline:
+        return self.inspector.timeline
 
     @property
     def port(self) -> int:
@@ -90,6 +127,8 @@ class Viewer:
         """Stop playing and serving; harmless if done before."""
         if hasattr(self, "player"):
             self.player.close()
+        if getattr(self, "studio", None) is not None:
+            self.studio.close()
         stop_server(self.server)
 
     def __enter__(self) -> Viewer:
@@ -98,41 +137,10 @@ class Viewer:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def _draw(self, frame: int, playing: bool) -> None:
-        """Bring the picture, the plots and the timeline to a frame. Runs in the player's thread."""
-        with self.server.atomic():
-            self.scene.show(frame)
-            self.timeline.show(frame, playing)
-            self.plots.show(frame, playing)
-        self.server.flush()
 
-
-def telling_frame(run: Run) -> int:
-    """The frame to open at.
-
-    With forces, where reactions and driving efforts together come nearest to their peaks: at a dead centre, where all links and
-    arrows lie on one line, the effort is nothing. Else an eighth of the first drive's cycle into the run.
-    """
-    motion, forces = run.motion, run.forces
-    if forces is not None:
-        reactions = [np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in motion.mechanism.pairs]
-        efforts = [forces.effort(drive.pair) for drive in motion.mechanism.drives]
-        load = sum(_of_peak(values) for values in (np.max(reactions, axis=0), *efforts))
-        if np.any(load):
-            return int(np.argmax(load))
-    cycle = motion.mechanism.drives[0].law.duration if motion.mechanism.drives else float(np.ptp(motion.time))
-    return int(np.argmin(np.abs(motion.time - motion.time[0] - min(cycle, float(np.ptp(motion.time))) / 8.0)))
-
-
-def _of_peak(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Magnitudes as parts of the largest one; nothing where they are not finite or all zero."""
-    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
-    return size / max(float(size.max(initial=0.0)), 1e-300)
-
-
-def serve(run: Run, port: int = 8080, open_browser: bool = False) -> None:
+def serve(run: Run, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:
     """Serve a run until Ctrl-C or SIGTERM. Raises `ViewerError` if the port cannot be had."""
-    with _until_stopped() as stopped, Viewer(run, port) as viewer:
+    with _until_stopped() as stopped, Viewer(run, port, folder) as viewer:
         print(f"{run.scene.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:

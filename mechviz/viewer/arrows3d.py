@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from ..heights import arc_height, arrow_height
-from ..meshes import Heights
-from ..run import Run
-from ..vectors import FAMILIES, Moment, Scales, Vector
+from ..vectors import FAMILIES
+from .show import Show
 
 __all__ = ["ArrowNodes", "arc_vertices", "arrow_points"]
 
@@ -64,46 +63,52 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
 class ArrowNodes:
     """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        run: Run,
-        vectors: Mapping[str, Mapping[str, Vector]],
-        moments: Mapping[str, Mapping[str, Moment]],
-        scales: Scales,
-        heights: Heights,
-    ):
+    def __init__(self, server: viser.ViserServer, show: Show):
         self._server = server
-        self._size = size = heights.size
-        self._on = {family: False for family in FAMILIES if family in vectors or family in moments}
-        self._factor = 1.0
-        self._arrows: dict[str, tuple[viser.ArrowsHandle, Real, Real, Real]] = {}
-        self._arcs: list[tuple[str, viser.MeshHandle, Real, Real, float]] = []
-        for family, items in vectors.items():
-            origins = np.stack([v.origin for v in items.values()], axis=1)
-            lengths = np.stack([v.value for v in items.values()], axis=1) / scales.per_metre(family)
-            z = np.array([arrow_height(run, heights, v, scales.per_metre(family)) for v in items.values()])
-            self._arrows[family] = self._add_arrows(family), origins, lengths, z
-        for family, found in moments.items():
-            for moment in found.values():
-                turn = moment.value / scales.newton_metres_per_metre / (ARC_RADIUS * size)
-                z_arc = arc_height(run, heights, moment, ARC_RADIUS * size)
-                self._arcs.append((family, self._add_arc(family, moment.item), moment.origin, turn, z_arc))
+        self._size = show.size  # shafts and heads keep the size of the mechanism as it was opened
+        self._on = dict.fromkeys(FAMILIES, False)
+        self._factors = dict.fromkeys(FAMILIES, 1.0)
+        self._nodes: dict[str, viser.ArrowsHandle] = {}
+        self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Take the vectors and moments of ``show`` from the next ``show(frame)`` on."""
+        self._present = tuple(family for family in FAMILIES if family in show.families)
+        self._tracks: dict[str, tuple[Real, Real, Real]] = {}
+        for family, arrows in show.arrows.items():
+            if family not in self._nodes:
+                self._nodes[family] = self._add_arrows(family)
+            self._tracks[family] = arrows.origins, arrows.values / show.scales.per_metre(family), arrows.heights
+        for family, node in self._nodes.items():
+            if family not in self._tracks:
+                node.visible = False
+        self._turns: dict[tuple[str, str], tuple[Real, Real, float]] = {}
+        for arc in show.arcs:
+            key = (arc.family, arc.item)
+            if key not in self._arcs:
+                self._arcs[key] = self._add_arc(*key)
+            turns = arc.values / show.scales.newton_metres_per_metre / (ARC_RADIUS * self._size)
+            self._turns[key] = arc.origin, turns, arc.height
+        for key, node in self._arcs.items():
+            if key not in self._turns:
+                node.visible = False
 
     @property
     def families(self) -> tuple[str, ...]:
-        return tuple(self._on)
+        """Families of which there is anything to draw."""
+        return self._present
 
     def reach(self) -> Real | None:
         """The box (2, 2) [m] around the arrows that are on, over all frames, if there are any."""
-        ends = [origins + lengths for family, (_, origins, lengths, _) in self._arrows.items() if self._on[family]]
+        ends = [origins + lengths for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
         flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
         flat = flat[np.isfinite(flat).all(axis=1)]
         return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None
 
-    @property
-    def factor(self) -> float:
-        return self._factor
+    def factor(self, family: str) -> float:
+        """By how much longer a family is drawn."""
+        return self._factors[family]
 
     def is_on(self, family: str) -> bool:
         return self._on[family]
@@ -112,25 +117,49 @@ class ArrowNodes:
         """Draw a family from the next ``show`` on, or no more."""
         self._on[family] = on
 
-    def enlarge(self, factor: float) -> None:
-        """Draw all arrows longer by a factor from the next ``show`` on."""
-        self._factor = factor
+    def enlarge(self, factor: float, families: Iterable[str] = tuple(FAMILIES)) -> None:
+        """Draw the arrows of some families longer by a factor from the next ``show`` on."""
+        for family in families:
+            self._factors[family] = factor
+
+    def points(self, family: str, frame: int) -> NDArray[np.float32]:
+        """Ends (n, 2, 3) [m] of a family's arrows that are long enough to be seen at a frame."""
+        origins, lengths, z = self._tracks[family]
+        return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, 1.3 * HEAD_LENGTH * self._size)
+
+    def corners(self, key: tuple[str, str], frame: int) -> NDArray[np.float32] | None:
+        """Corners of an arc at a frame, None where it is too short to be seen."""
+        origin, turns, height = self._turns[key]
+        turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
+        if not abs(turn) >= ARC_HEAD:
+            return None
+        return arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, height)
 
     def show(self, frame: int) -> None:
-        for family, (node, origins, lengths, z) in self._arrows.items():
+        for family in self._tracks:
+            node = self._nodes[family]
             if not self._on[family]:
                 node.visible = False
                 continue
-            least = 1.3 * HEAD_LENGTH * self._size
-            points = arrow_points(origins[frame], lengths[frame] * self._factor, z, least)
+            points = self.points(family, frame)
             node.visible = len(points) > 0
             if len(points):
                 node.points = points
-        for family, arc, origin, turns, z_arc in self._arcs:
-            turn = float(np.clip(turns[frame] * self._factor, -LARGEST_TURN, LARGEST_TURN))
-            arc.visible = self._on[family] and abs(turn) >= ARC_HEAD
-            if arc.visible:
-                arc.vertices = arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, z_arc)
+        for key in self._turns:
+            arc = self._arcs[key]
+            corners = self.corners(key, frame) if self._on[key[0]] else None
+            arc.visible = corners is not None
+            if corners is not None:
+                arc.vertices = corners
+
+    def point_tracks(self) -> Iterator[tuple[str, str, Callable[[int], NDArray[np.float32] | None]]]:
+        """Name of a node, the property that moves and its value at a frame, of all that is on."""
+        for family in self._tracks:
+            if self._on[family]:
+                yield f"/vectors/{family}", "points", partial(self.points, family)
+        for key in self._turns:
+            if self._on[key[0]]:
+                yield _arc_path(*key), "vertices", partial(self.corners, key)
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(
@@ -145,7 +174,7 @@ class ArrowNodes:
 
     def _add_arc(self, family: str, item: str) -> viser.MeshHandle:
         return self._server.scene.add_mesh_simple(
-            f"/moments/{family}/{item.replace('/', '_')}",
+            _arc_path(family, item),
             arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, 0.0),
             ARC_FACES,
             color=FAMILIES[family].color,
@@ -154,6 +183,10 @@ class ArrowNodes:
             cast_shadow=False,
             receive_shadow=False,
         )
+
+
+def _arc_path(family: str, item: str) -> str:
+    return f"/moments/{family}/{item.replace('/', '_')}"
 
 
 def _linear(color: tuple[int, int, int]) -> tuple[int, int, int]:

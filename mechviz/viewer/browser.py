@@ -1,4 +1,4 @@
-"""A few lines of script for the page: its title, and keys that would otherwise do two things at once."""
+"""A few lines of script for the page: its title, keys that would otherwise do two things at once, names for screen readers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import viser
 from viser import _messages
 
-__all__ = ["prepare_page"]
+__all__ = ["open_tab", "prepare_page"]
 
 # viser listens to hotkeys at the root element and turns the camera on arrow keys at the document, which comes after it.
 # - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
@@ -34,7 +34,52 @@ if (!window.mechvizKeys) {
 """
 
 
+# viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
+NAMES = """
+if (!window.mechvizNames) {
+  const name = () => {
+    window.mechvizNames.waiting = 0;
+    for (const label of document.querySelectorAll("label[for]")) {
+      const control = document.getElementById(label.htmlFor), text = label.textContent.trim();
+      if (!text) continue;
+      const row = (control || label).parentElement;
+      const parts = [...(control ? control.querySelectorAll("[role=slider], input") : []), ...row.querySelectorAll("input")];
+      if (!control) parts.push(...row.parentElement.querySelectorAll("input"));
+      for (const part of parts)
+        if (!part.getAttribute("aria-label") && !(part.labels && part.labels.length)) part.setAttribute("aria-label", text);
+    }
+    for (const button of document.querySelectorAll(".mantine-Notification-closeButton:not([aria-label])"))
+      button.setAttribute("aria-label", "Close");
+  };
+  window.mechvizNames = { waiting: 0 };
+  new MutationObserver(() => {
+    if (!window.mechvizNames.waiting) window.mechvizNames.waiting = setTimeout(name, 300);
+  }).observe(document.body, { childList: true, subtree: true });
+  name();
+}
+"""
+
+
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
+
+
+# viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
+OPEN_TAB = """
+for (const tab of document.querySelectorAll("[role=tab]")) {
+  if (tab.textContent.trim() !== NAME || tab.getAttribute("aria-selected") === "true") continue;
+  const box = tab.getBoundingClientRect();
+  const where = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
+  for (const type of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"])
+    tab.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, pointerId: 1, button: 0, ...where }));
+}
+"""
+
+
+def open_tab(client: viser.ClientHandle | None, name: str) -> None:
+    """Open a tab in one browser: viser has no call for it."""
+    if client is not None:
+        source = OPEN_TAB.replace("NAME", json.dumps(name))
+        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))

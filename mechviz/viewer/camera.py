@@ -1,8 +1,9 @@
-"""The camera: straight on, y up, the whole motion in the part of the picture that no panel covers."""
+"""The camera: presets, the whole motion in the part of the picture that no panel covers, nearly without perspective in 2D."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +12,11 @@ import viser
 from numpy.typing import NDArray
 from viser import _messages
 
-__all__ = ["FittedCameras", "View", "fit_view", "move_to", "set_first_view"]
+__all__ = ["FIELD_OF_VIEW", "PRESETS", "FittedCameras", "Preset", "View", "fit_view", "move_to", "set_first_view"]
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
-TIMELINE = 0.25  # part of the picture's height that the timeline covers
+FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
+TIMELINE = 0.36  # part of the picture's height that the timeline covers
 MARGIN = 0.06  # around the mechanism, of its extent
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
@@ -24,32 +26,57 @@ USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browse
 
 
 @dataclass(frozen=True)
+class Preset:
+    """A direction from which the mechanism is looked at, ``away`` from it to the camera, and the angle of view [rad]."""
+
+    label: str
+    away: tuple[float, float, float]
+    fov: float = float(FIELD_OF_VIEW)
+
+
+PRESETS: Mapping[str, Preset] = {
+    "front": Preset("Front", (0.0, 0.0, 1.0)),
+    "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT)),
+    "angled": Preset("Angled", (-0.55, 0.45, 1.0)),
+    "above": Preset("Above", (0.0, 1.0, 0.35)),
+    "behind": Preset("Behind", (0.0, 0.0, -1.0)),
+}
+
+
+@dataclass(frozen=True)
 class View:
-    """Where the camera is and what it looks at [m]."""
+    """Where the camera is and what it looks at [m], and the angle of view [rad]."""
 
     position: NDArray[np.float64]
     look_at: NDArray[np.float64]
+    fov: float = float(FIELD_OF_VIEW)
 
     @property
     def distance(self) -> float:
         return float(np.linalg.norm(self.position - self.look_at))
 
 
-def fit_view(bounds: NDArray[np.float64], aspect: float) -> View:
-    """The view from the front on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``."""
-    (x0, y0, _), (x1, y1, z1) = bounds
-    width, height = (x1 - x0) * (1 + 2 * MARGIN), (y1 - y0) * (1 + 2 * MARGIN)
+def fit_view(bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESETS["front"]) -> View:
+    """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them."""
+    away = np.array(preset.away) / np.linalg.norm(preset.away)
+    right = np.cross([0.0, 1.0, 0.0], away)
+    right = right / np.linalg.norm(right)
+    up = np.cross(away, right)
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
+    x, y, z = corners @ right, corners @ up, corners @ away
+    width, height = np.ptp(x) * (1 + 2 * MARGIN), np.ptp(y) * (1 + 2 * MARGIN)
     visible = max(height / (1.0 - TIMELINE), width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
-    distance = visible / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
-    centre = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0 - visible * TIMELINE / 2.0, z1])
-    return View(centre + np.array([0.0, 0.0, distance]), centre)
+    distance = visible / (2.0 * np.tan(preset.fov / 2.0))
+    middle = np.array([x.min() + x.max(), y.min() + y.max() - visible * TIMELINE]) / 2.0
+    centre = middle[0] * right + middle[1] * up + z.max() * away
+    return View(centre + distance * away, centre, preset.fov)
 
 
 def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> None:
     """The view of new browsers and of viser's own "Reset View"."""
     view = fit_view(bounds, USUAL_ASPECT)
     camera = server.initial_camera
-    camera.fov = float(FIELD_OF_VIEW)
+    camera.fov = view.fov
     camera.near = view.distance / 100.0
     camera.far = view.distance * 100.0
     camera.up = (0.0, 1.0, 0.0)
@@ -67,6 +94,7 @@ class FittedCameras:
     def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64]):
         self._server, self._bounds = server, bounds
         self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
+        self._presets: dict[int, str] = {}  # by browser
 
     def follow(self, client: viser.ClientHandle) -> None:
         """From now on, fit the view of a browser that has just come."""
@@ -83,21 +111,33 @@ class FittedCameras:
 
         client.camera.on_update(update)
 
+    def follow_bounds(self, bounds: NDArray[np.float64]) -> None:
+        """The mechanism has another extent: fit the views that nobody moved."""
+        self._bounds = bounds
+        for client in self._server.get_clients().values():
+            self._fit(client, client.camera)
+
     def forget(self, client: viser.ClientHandle) -> None:
         """The browser has gone."""
         self._known.pop(client.client_id, None)
+        self._presets.pop(client.client_id, None)
 
-    def look_from_front(self, client: viser.ClientHandle) -> None:
-        """Bring a browser's camera back to the front, and follow its window again."""
+    def preset(self, client: viser.ClientHandle) -> str:
+        """The preset that a browser has chosen last."""
+        return self._presets.get(client.client_id, "front")
+
+    def look(self, client: viser.ClientHandle, preset: str) -> None:
+        """Bring a browser's camera to one of the ``PRESETS``, and follow its window again."""
+        self._presets[client.client_id] = preset
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
-        self._set(client, fit_view(self._bounds, aspect))
+        self._set(client, fit_view(self._bounds, aspect, PRESETS[preset]))
 
     def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
         if camera.image_height <= 0 or camera.image_width <= 0:
             return
-        view = fit_view(self._bounds, camera.image_width / camera.image_height)
+        view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)])
         known = self._known.get(client.client_id, [])
         near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
         moved = not (
@@ -122,7 +162,13 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
     drawing tells later, so that a click right after a turn of the mouse wheel would be lost: hence the messages themselves.
     """
     position, look_at = (tuple(float(x) for x in vector) for vector in (view.position, view.look_at))
+    up = (0.0, 1.0, 0.0)
+    queue = client._websock_connection.queue_message
     with client.atomic():
-        client._websock_connection.queue_message(_messages.SetCameraPositionMessage(position))
-        client._websock_connection.queue_message(_messages.SetCameraLookAtMessage(look_at))
+        queue(_messages.SetCameraFovMessage(view.fov, initial=False))
+        queue(_messages.SetCameraNearMessage(view.distance / 100.0, initial=False))
+        queue(_messages.SetCameraFarMessage(view.distance * 100.0, initial=False))
+        queue(_messages.SetCameraUpDirectionMessage(up, initial=False))
+        queue(_messages.SetCameraPositionMessage(position))
+        queue(_messages.SetCameraLookAtMessage(look_at))
     client.flush()

@@ -10,6 +10,7 @@ __all__ = ["Curves", "padded_range", "thinned"]
 Real = NDArray[np.float64]
 
 MOST_POINTS = 1200
+FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
 def thinned(values: Real, most: int = MOST_POINTS) -> NDArray[np.intp]:
@@ -48,6 +49,13 @@ class Curves:
         self._x, self._y = np.asarray(x, float), np.where(np.isfinite(y), y, np.nan)
         self._shown_x, self._shown_y = self._x[kept], self._y[kept]
         self.range = padded_range(self._y)
+
+    def keep_range(self, old: tuple[float, float]) -> None:
+        """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
+        change all the time tell nothing."""
+        low, high = self.range
+        if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
+            self.range = old
 
     def at(self, frame: int) -> tuple[Real, ...]:
         """x, the curves and the cursor line, each (n + 2,), the cursor at ``frame``."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import partial
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from ..linkers import Linker
+from .show import Show
 
 __all__ = ["LinkerNodes", "segments"]
 
@@ -23,28 +27,51 @@ def segments(strips: tuple[NDArray[np.float64], ...], z: float) -> NDArray[np.fl
 
 
 class LinkerNodes:
-    """The lines of all linkers; ``show`` bends them to a frame."""
+    """The lines of all linkers; ``show`` bends them to a frame, ``update`` takes those of another run."""
 
-    def __init__(self, server: viser.ViserServer, linkers: list[Linker], z: float):
-        self._z = z
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
         self._on = True
-        self._nodes: list[tuple[viser.LineSegmentsHandle, Linker]] = []
-        for linker in linkers:
-            first = segments(linker.strips(np.array([0])), z)
-            name = f"/springs/{linker.name.replace('/', '_')}"
-            node = server.scene.add_line_segments(name, first, COLOR, thickness=3.0, thickness_units="screen")
-            self._nodes.append((node, linker))
+        self._nodes: dict[str, viser.LineSegmentsHandle] = {}
+        self._linkers: dict[str, Linker] = {}
+        self.update(show)
 
     def __len__(self) -> int:
-        return len(self._nodes)
+        return len(self._linkers)
+
+    def update(self, show: Show) -> None:
+        self._z = show.z_top + 0.01 * show.size
+        self._linkers = {_path(linker.name): linker for linker in show.linkers}
+        for path, linker in self._linkers.items():
+            if path not in self._nodes:
+                first = segments(linker.strips(np.array([0])), self._z)
+                self._nodes[path] = self._server.scene.add_line_segments(
+                    path, first, COLOR, thickness=3.0, thickness_units="screen", visible=self._on
+                )
+        for path, node in self._nodes.items():
+            node.visible = self._on and path in self._linkers
 
     def switch(self, on: bool) -> None:
         """Draw them, or no more."""
         self._on = on
-        for node, _ in self._nodes:
-            node.visible = on
+        for path, node in self._nodes.items():
+            node.visible = on and path in self._linkers
+
+    def points(self, path: str, frame: int) -> NDArray[np.float32]:
+        """The lines of a linker at a frame (n, 2, 3) [m]."""
+        return segments(self._linkers[path].strips(np.array([frame])), self._z)
 
     def show(self, frame: int) -> None:
         if self._on:
-            for node, linker in self._nodes:
-                node.points = segments(linker.strips(np.array([frame])), self._z)
+            for path in self._linkers:
+                self._nodes[path].points = self.points(path, frame)
+
+    def point_tracks(self) -> Iterator[tuple[str, str, Callable[[int], NDArray[np.float32] | None]]]:
+        """Name of a node, the property that moves and its value at a frame, of all that is on."""
+        if self._on:
+            for path in self._linkers:
+                yield path, "points", partial(self.points, path)
+
+
+def _path(name: str) -> str:
+    return f"/springs/{name.replace('/', '_')}"

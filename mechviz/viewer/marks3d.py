@@ -1,84 +1,170 @@
-"""Marks on the mechanism: paths of traced points with a dot at the present place, and the names of joints."""
+"""Marks on the mechanism: paths of traced points with a dot at the present place, and the joints with their names."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from mechcore import Motion
+from .show import Show
 
-from ..heights import path_height
-from ..meshes import Heights
-from ..run import Run
-
-__all__ = ["PATH", "JointNames", "Paths", "joint_groups"]
+__all__ = ["PATH", "Joints", "Paths", "joint_groups", "path_segments"]
 
 Real = NDArray[np.float64]
 
 PATH = (32, 78, 138)  # colour of paths
+PICKED = (194, 37, 92)  # colour of the joint that is looked at
+DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
+
+
+def path_segments(places: Real) -> NDArray[np.float32]:
+    """The lines (F - 1, 2, 3) [m] between places (F, 3) [m] one after the other."""
+    return np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
 
 
 class Paths:
     """Paths of the traced points over the run, each on the front of its link."""
 
-    def __init__(self, server: viser.ViserServer, run: Run, heights: Heights):
-        motion, size = run.motion, heights.size
-        self._lines: list[viser.LineSegmentsHandle] = []
-        self._dots: list[tuple[viser.IcosphereHandle, Real]] = []
-        for link, point in motion.mechanism.traced:
-            name = f"/paths/{link.replace('/', '_')}.{point.replace('/', '_')}"
-            xyz = np.column_stack([motion.point(link, point), np.full(motion.frames, path_height(run, heights, link, point))])
-            segments = np.stack([xyz[:-1], xyz[1:]], axis=1)
-            if len(segments):
-                line = server.scene.add_line_segments(name, segments, PATH, thickness=2.5, thickness_units="screen")
-                self._lines.append(line)
-            dot = server.scene.add_icosphere(f"{name}/now", 0.009 * size, color=PATH, cast_shadow=False, receive_shadow=False)
-            self._dots.append((dot, xyz))
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._on = True
+        self._lines: dict[str, viser.LineSegmentsHandle] = {}
+        self._dots: dict[str, viser.IcosphereHandle] = {}
+        self._places: Mapping[str, Real] = {}
+        self.update(show)
 
     def __len__(self) -> int:
-        return len(self._dots)
+        return len(self._places)
+
+    def update(self, show: Show) -> None:
+        for name, xyz in show.paths.items():
+            lines = path_segments(xyz)
+            if not len(lines):
+                continue
+            if name not in self._lines:
+                self._lines[name] = self._server.scene.add_line_segments(
+                    _path(name), lines, PATH, thickness=2.5, thickness_units="screen", visible=self._on
+                )
+                self._dots[name] = self._server.scene.add_icosphere(
+                    f"{_path(name)}/now", 0.009 * show.size, color=PATH, cast_shadow=False, receive_shadow=False
+                )
+            elif name not in self._places or not np.array_equal(self._places[name], xyz):
+                self._lines[name].points = lines
+        self._places = {name: xyz for name, xyz in show.paths.items() if name in self._lines}
+        self.switch(self._on)
 
     def switch(self, on: bool) -> None:
-        for node in [*self._lines, *(dot for dot, _ in self._dots)]:
-            node.visible = on
+        self._on = on
+        for nodes in (self._lines, self._dots):
+            for name, node in nodes.items():
+                node.visible = on and name in self._places
 
     def show(self, frame: int) -> None:
-        for dot, xyz in self._dots:
-            dot.position = xyz[frame]
+        for name, xyz in self._places.items():
+            self._dots[name].position = xyz[frame]
+
+    def tracks(self) -> dict[str, tuple[Real, None]]:
+        """By the name of a node: its places (F, 3) over the frames."""
+        return {f"{_path(name)}/now": (xyz, None) for name, xyz in self._places.items()}
 
 
-class JointNames:
-    """The names of the joints beside them, driven ones marked; joints that stay at one place share a label."""
+class Joints:
+    """A dot at every joint that can be clicked, with the names beside it, driven ones marked.
 
-    def __init__(self, server: viser.ViserServer, motion: Motion, size: float, z: float):
-        offset = 0.022 * size
-        self._labels: list[tuple[viser.LabelHandle, Real]] = []
-        driven = {drive.pair for drive in motion.mechanism.drives}
-        for k, (names, xy) in enumerate(joint_groups(motion, 1e-6 * size)):
-            text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
-            xyz = np.column_stack([xy + offset, np.full(motion.frames, z)])
-            label = server.scene.add_label(f"/names/{k}", text, anchor="bottom-left", font_screen_scale=1.0)
-            self._labels.append((label, xyz))
+    Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
+    """
+
+    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[tuple[str, ...], Any], None] | None = None):
+        self._server, self._clicked = server, clicked
+        self._on = True
+        self._groups: list[tuple[tuple[str, ...], Real]] = []
+        self._labels: dict[tuple[str, ...], viser.LabelHandle] = {}
+        self._dots: dict[tuple[str, ...], viser.IcosphereHandle] = {}
+        self._names: dict[tuple[str, ...], str] = {}
+        self._picked: frozenset[str] = frozenset()
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        self._size = show.size
+        z = show.z_top + 0.004 * show.size
+        driven = {drive.name for drive in show.drives}
+        self._groups = []
+        for names, xy in joint_groups(show.joints, 1e-6 * show.size):
+            key = tuple(names)
+            self._groups.append((key, np.column_stack([xy, np.full(len(xy), z)])))
+            if key not in self._labels:
+                text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
+                path = f"/joints/{'+'.join(names).replace('/', '_')}"
+                self._names[key] = path
+                self._labels[key] = self._server.scene.add_label(
+                    f"{path}/name", text, anchor="bottom-left", font_screen_scale=1.0, visible=self._on
+                )
+                self._dots[key] = self._add_dot(key)
+        known = {key for key, _ in self._groups}
+        for nodes in (self._labels, self._dots):
+            for key in [key for key in nodes if key not in known]:
+                nodes.pop(key).remove()
 
     def switch(self, on: bool) -> None:
-        for label, _ in self._labels:
+        """Write the names beside the joints, or not."""
+        self._on = on
+        for label in self._labels.values():
             label.visible = on
 
+    def pick(self, names: Iterable[str]) -> None:
+        """Mark joints as those that are looked at."""
+        self._picked = frozenset(names)
+        for key in self._dots:
+            color = PICKED if self._picked & set(key) else (236, 239, 243)
+            if tuple(self._dots[key].color) != color:
+                self._dots[key].color = color
+
     def show(self, frame: int) -> None:
-        for label, xyz in self._labels:
-            label.position = xyz[frame]
+        for key, xyz in self._groups:
+            self._dots[key].position = xyz[frame]
+            self._labels[key].position = self._beside(xyz[frame])
+
+    def tracks(self) -> dict[str, tuple[Real, None]]:
+        """By the name of a node: its places (F, 3) over the frames."""
+        found: dict[str, tuple[Real, None]] = {}
+        for key, xyz in self._groups:
+            found[f"{self._names[key]}/dot"] = (xyz, None)
+            found[f"{self._names[key]}/name"] = (self._beside(xyz), None)
+        return found
+
+    def _beside(self, xyz: Real) -> Real:
+        return np.asarray(xyz + 0.018 * self._size * np.array([1.0, 1.0, 1.0]))
+
+    def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
+        color = PICKED if self._picked & set(key) else (236, 239, 243)
+        dot = self._server.scene.add_icosphere(
+            f"{self._names[key]}/dot", DOT * self._size, color=color, cast_shadow=False, receive_shadow=False
+        )
+        clicked = self._clicked
+        if clicked is not None:
+
+            async def hit(event: Any) -> None:
+                clicked(key, event)
+
+            dot.on_click(hit)
+        return dot
 
 
-def joint_groups(motion: Motion, near: float) -> list[tuple[list[str], Real]]:
-    """Names of pairs that lie within ``near`` [m] of each other in all frames, with their places (F, 2) [m]."""
+def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str], Real]]:
+    """Names of joints that lie within ``near`` [m] of each other in all frames, with their places (F, 2) [m]."""
     groups: list[tuple[list[str], Real]] = []
-    for pair in motion.mechanism.pairs:
-        xy = motion.pair_position(pair.name)
+    for name, xy in joints.items():
         for names, other in groups:
             if np.abs(xy - other).max(initial=0.0) <= near:
-                names.append(pair.name)
+                names.append(name)
                 break
         else:
-            groups.append(([pair.name], xy))
+            groups.append(([name], xy))
     return groups
+
+
+def _path(name: str) -> str:
+    return f"/paths/{name.replace('/', '_')}"

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from mechcore.reduction.systems import KINDS
 
 from ..drawings import COLORS, Drawing, drawings_of, rows_of
-from ..meshes import Solids
 from ..overlays import FIXED, MOVING, polode_pieces, resultants, strings, substitute_scale
-from ..run import Run
+from .show import Show
 from .solids3d import link_path
 from .words import scale
 
@@ -88,19 +87,30 @@ class Construction:
 class PlanNodes:
     """All constructions of a run by the words of their switches; ``show`` brings those that are on to a frame."""
 
-    def __init__(self, server: viser.ViserServer, run: Run, solids: Solids):
-        self._server, self._run, self._solids = server, run, solids
-        self._size = solids.size
-        self._z = solids.z_top + 0.03 * solids.size
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
         self._on: dict[str, bool] = {}
         self.constructions: dict[str, Construction] = {}
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Draw the constructions of ``show`` instead of those so far; a recording has none."""
+        for construction in self.constructions.values():
+            for node in construction.nodes:
+                node.remove()
+        self.constructions = {}
         self.bounds: Real | None = None
         """Box (2, 2) [m] around what stands beside the mechanism."""
-        drawings = drawings_of(run, self._size)
-        box = np.asarray(solids.bounds)[:, :2]
-        self.places: Mapping[str, complex] = dict(
-            zip(drawings, placed(box, [d.bounds for d in drawings.values()], GAP * self._size, CAPTION * self._size), strict=True)
-        )
+        self.places: Mapping[str, complex] = {}
+        if show.run is None:
+            return
+        self._show, self._run = show, show.run
+        self._size = show.size
+        self._z = show.z_top + 0.03 * show.size
+        drawings = drawings_of(self._run, self._size)
+        box = show.bounds[:, :2]
+        shifts = placed(box, [d.bounds for d in drawings.values()], GAP * self._size, CAPTION * self._size)
+        self.places = dict(zip(drawings, shifts, strict=True))
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
         if drawings:
@@ -109,11 +119,11 @@ class PlanNodes:
             ]
             high = np.max([c[1] for c in corners], axis=0) + np.array([0.0, CAPTION * self._size])
             self.bounds = np.array([np.min([c[0] for c in corners], axis=0), high])
-        if run.studies.systems:
+        if self._run.studies.systems:
             self._add("Funicular polygon", self._funicular())
-        if run.studies.polodes:
+        if self._run.studies.polodes:
             self._add("Polodes", self._polodes())
-        if run.studies.substitutes:
+        if self._run.studies.substitutes:
             self._add("Substitute masses", self._substitutes())
 
     def __len__(self) -> int:
@@ -133,7 +143,9 @@ class PlanNodes:
     # -- inside -------------------------------------------------------------------------------------------------------
     def _add(self, name: str, construction: Construction) -> None:
         self.constructions[name] = construction
-        self._on[name] = True
+        if not self._on.setdefault(name, True):
+            for node in construction.nodes:
+                node.visible = False
 
     def _space(self, z: Array) -> NDArray[np.float32]:
         return np.stack([z.real, z.imag, np.full(z.shape, self._z)], axis=-1).astype(np.float32)
@@ -252,13 +264,13 @@ class PlanNodes:
     def _polodes(self) -> Construction:
         """The fixed polode in the world; the moving one below the node of its link, with which it goes."""
         nodes = []
-        z = self._solids.z_top + 0.006 * self._size
+        z = self._show.z_top + 0.006 * self._size
         for name, found in self._run.studies.polodes.items():
             for path, way, color in (
                 (f"/polodes/{name.replace('/', '_')}", found.fixed, FIXED),
                 (f"{link_path(name)}/polode", found.moving, MOVING),
             ):
-                pieces = polode_pieces(way, self._solids, name, self._run, z=z)
+                pieces = polode_pieces(way, self._show, name, self._run, z=z)
                 lines = [np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces]
                 if lines:
                     flat = np.concatenate(lines)

@@ -116,6 +116,17 @@ class Player:
             self._loop = loop
             self._ask()
 
+    def retime(self, times: NDArray[np.float64]) -> None:
+        """Play frames at other times from now on, from the same part of the run. What is shown is up to who calls."""
+        with self._changed:
+            if len(times) == len(self._times) and np.array_equal(times, self._times):
+                return
+            before, self._times = self._times, np.asarray(times, float)
+            part = (self._clock - before[0]) / max(float(before[-1] - before[0]), 1e-300)
+            self._clock = float(self._times[0] + part * (self._times[-1] - self._times[0]))
+            if len(before) != len(times):
+                self._frame = int(np.argmin(np.abs(self._times - self._clock)))
+
     def refresh(self) -> None:
         """Show the present frame again: what is drawn of it has changed."""
         with self._changed:

@@ -12,14 +12,13 @@ import numpy as np
 import viser
 from viser import uplot
 
-from ..run import Run
 from .curves import Curves
-from .quantities import Axis, Quantity, find_axes, find_quantities, first_choice
+from .quantities import Axis, Quantity
+from .show import Show
 from .words import number
 
 __all__ = ["Plots"]
 
-COUNT = 3
 HEIGHT = 164  # [px]
 COLORS = ("#2563c9", "#d97706", "#0f8a5f")
 ROUND_OFF = 1e-9  # of a quantity's largest value
@@ -31,26 +30,47 @@ Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 
 
 class Plots:
-    """A column of plots in a tab; ``show`` moves their cursors."""
+    """A column of plots in a tab; ``show`` moves their cursors, ``update`` takes the curves of another run."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, run: Run, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
         gui = server.gui
         self._lock = threading.RLock()
         self._frame, self._moved = 0, 0.0
-        self._quantities = {q.title: q for q in find_quantities(run)}
-        self._axes = {a.title: a for a in find_axes(run)}
+        self._quantities = {q.title: q for q in show.quantities}
+        self._axes = {a.title: a for a in show.axes}
         titles = tuple(self._axes)
         with tab:
             self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
         self._axis: Axis = self._axes[titles[0]]
-        chosen = first_choice(run, COUNT)
         self.slots = [
-            Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis) for k, quantity in enumerate(chosen)
+            Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis)
+            for k, quantity in enumerate(show.first)
         ]
         for slot in self.slots:
             self._listen(slot, callback)
         self.show(0, playing=False)
+
+    def update(self, show: Show, frame: int) -> None:
+        """Draw the same quantities of another run, as far as they are there."""
+        with self._lock:
+            self._frame = frame
+            titles = tuple(self._quantities)
+            self._quantities = {q.title: q for q in show.quantities}
+            self._axes = {a.title: a for a in show.axes}
+            if self._axis.title not in self._axes:
+                self._against.options = tuple(self._axes)
+            self._axis = self._axes.get(self._axis.title, show.axes[0])
+            changed = titles != tuple(self._quantities)
+            spare = [q for q in show.first if q.title not in {s.quantity.title for s in self.slots}]
+            for slot in self.slots:
+                quantity = self._quantities.get(slot.quantity.title)
+                if quantity is None:
+                    quantity = spare.pop(0) if spare else show.quantities[0]
+                slot.take(quantity, self._axis, frame)
+                if changed:
+                    slot.choice.options = tuple(self._quantities)
+                    slot.choice.value = slot.quantity.title
 
     def _listen(self, slot: Slot, callback: Callback) -> None:
         slot.choice.on_update(callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
@@ -69,6 +89,10 @@ class Plots:
             if title in self._quantities:
                 slot.plot(self._quantities[title], self._axis, self._frame)
             slot.choice.value = slot.quantity.title
+
+    def open(self, title: str) -> None:
+        """Plot a quantity in the first place."""
+        self.choose(self.slots[0], title)
 
     def show(self, frame: int, playing: bool) -> None:
         with self._lock:
@@ -102,10 +126,7 @@ class Slot:
 
     def plot(self, quantity: Quantity, axis: Axis, frame: int) -> None:
         """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
-        self.quantity = quantity
-        self._values = quantity.values()
-        self._curves = Curves(axis.values, self._values)
-        self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
+        self._read(quantity, axis)
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, COLORS, strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
@@ -124,17 +145,39 @@ class Slot:
             self.chart = self._gui.add_uplot(
                 data,
                 tuple(series),
-                scales={
-                    "x": uplot.Scale(time=False, range=(float(data[0][0]), float(data[0][-1]))),
-                    "y": uplot.Scale(range=self._curves.range),
-                },
+                scales=self._scales(),
                 axes=(horizontal, vertical),
                 legend=uplot.Legend(show=False),
                 height=HEIGHT,
                 padding=(8, 14, 0, 0),
                 order=self._order,
             )
+        self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
+
+    def take(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+        """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
+        if (quantity.title, quantity.curves, axis.title) != (self.quantity.title, self.quantity.curves, self._axis.title):
+            self.plot(quantity, axis, frame)
+            return
+        before = self._curves
+        self._read(quantity, axis)
+        self._curves.keep_range(before.range)
+        if self._curves.range != before.range or (axis.values[0], axis.values[-1]) != self._ends:
+            assert self.chart is not None
+            self.chart.scales = self._scales()
+        self._ends = (axis.values[0], axis.values[-1])
+        self.show(frame)
+
+    def _read(self, quantity: Quantity, axis: Axis) -> None:
+        self.quantity, self._axis = quantity, axis
+        self._values = quantity.values()
+        self._curves = Curves(axis.values, self._values)
+        self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
+
+    def _scales(self) -> dict[str, Any]:
+        ends = sorted((float(self._axis.values[0]), float(self._axis.values[-1])))
+        return {"x": uplot.Scale(time=False, range=(ends[0], ends[1])), "y": uplot.Scale(range=self._curves.range)}
 
     def show(self, frame: int) -> None:
         """Move the cursor to a frame and say the values there."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore import Forces, Motion
+from mechcore.cams.placed import PlacedCam
 from mechcore.spec import Pair
 
 from ..run import Run
@@ -66,6 +67,7 @@ def find_quantities(run: Run) -> list[Quantity]:
         *(q for pair in run.motion.mechanism.pairs for q in _of_pair(run, pair)),
         *(q for link in run.motion.mechanism.links if link.name != run.motion.mechanism.frame for q in _of_link(run, link.name)),
         *_of_points(run),
+        *_of_cams(run),
         *_of_run(run),
     ]
 
@@ -192,6 +194,33 @@ def _of_point(name: str, at: Callable[[int], Real]) -> list[Quantity]:
         Quantity(f"point {name}: velocity", "m/s", ("vx", "vy", "|v|"), lambda: _with_length(at(1))),
         Quantity(f"point {name}: acceleration", "m/s²", ("ax", "ay", "|a|"), lambda: _with_length(at(2))),
     ]
+
+
+def _of_cams(run: Run) -> list[Quantity]:
+    """Pressure angle, curvature of the profile and contact force of every cam; computed when they are looked at."""
+    if not any(r.geometry is not None for r in run.motion.model.relations):
+        return []
+    from mechcore.cams.happenings import placed_cams
+
+    return [q for cam in placed_cams(run.motion) for q in _of_cam(run, cam)]
+
+
+def _of_cam(run: Run, cam: PlacedCam) -> list[Quantity]:
+    from mechcore.cams.happenings import contact_force
+
+    motion, forces, name = run.motion, run.forces, cam.name
+    found = [
+        Quantity(f"cam {name}: pressure angle", "°", ("angle",), lambda: _column(np.degrees(cam.rows(motion).pressure_angle))),
+        Quantity(f"cam {name}: curvature", "1/m", ("curvature",), lambda: _column(_inverse(cam.rows(motion).radius))),
+    ]
+    if forces is not None:
+        found.append(Quantity(f"cam {name}: contact force", "N", ("force",), lambda: _column(contact_force(forces, cam))))
+    return found
+
+
+def _inverse(radius: Real) -> Real:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(np.isinf(radius), 0.0, 1.0 / radius))
 
 
 def _of_run(run: Run) -> list[Quantity]:

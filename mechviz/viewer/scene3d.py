@@ -2,78 +2,117 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from ..linkers import find_linkers
-from ..meshes import build_solids
-from ..run import Run
-from ..vectors import calm_frames, find_moments, find_scales, find_vectors
 from .arrows3d import ArrowNodes
 from .camera import FittedCameras, set_first_view
+from .ghost import Ghost
 from .linkers3d import LinkerNodes
-from .marks3d import JointNames, Paths
+from .marks3d import Joints, Paths
 from .plans3d import PlanNodes
+from .show import Show
 from .solids3d import SolidNodes
-from .stage import set_stage
+from .stage import Stage
 
 __all__ = ["Scene3D"]
 
-FRAMES_FOR_LAYERS = 721
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
+FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
+
+Real = NDArray[np.float64]
+Values = Callable[[int], NDArray[np.float32] | None]
+
+
+def _ignore(_what: Any, _event: Any) -> None:
+    """Nobody wants to know of clicks."""
 
 
 class Scene3D:
-    """The picture of a run; ``show`` brings it to a frame. Only the player's thread calls ``show``."""
+    """The picture of what is shown; ``show`` brings it to a frame, ``update`` takes another motion. Only the player's thread calls
+    ``show``, and nobody draws while it is updated."""
 
-    def __init__(self, server: viser.ViserServer, run: Run):
-        motion = run.motion
-        # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
-        some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
-        solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
-        self.size = solids.size
-        self.traced = tuple(point for _, point in motion.mechanism.traced)
-        vectors, moments = find_vectors(run), find_moments(run)
-        self.scales = find_scales(vectors, moments, solids.size, calm_frames(run))
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        show: Show,
+        clicked_link: Callable[[str, Any], None] = _ignore,
+        clicked_joints: Callable[[tuple[str, ...], Any], None] = _ignore,
+    ):
+        self._server = server
+        self.current = show
         with server.atomic():
-            grid = set_stage(server, solids.bounds, solids.size)
-            self._links = SolidNodes(server, motion, solids)
-            self.arrows = ArrowNodes(server, run, vectors, moments, self.scales, solids.heights)
-            self._paths = Paths(server, run, solids.heights)
-            self._linkers = LinkerNodes(server, list(find_linkers(run, solids.size)), solids.z_top + 0.01 * solids.size)
-            self._names = JointNames(server, motion, solids.size, solids.z_top + 0.04 * solids.size)
-            self.plans = PlanNodes(server, run, solids)
+            self.stage = Stage(server, show.bounds, show.size)
+            self.ghost = Ghost(server, show)
+            self.links = SolidNodes(server, show, clicked_link)
+            self.arrows = ArrowNodes(server, show)
+            self._paths = Paths(server, show)
+            self._linkers = LinkerNodes(server, show)
+            self.joints = Joints(server, show, clicked_joints)
+            self.plans = PlanNodes(server, show)
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
-        self.bounds = _joined(solids.bounds, self.arrows.reach(), 0.15 * solids.size)
-        if self.plans.bounds is not None:
-            self.bounds[0, :2] = np.minimum(self.bounds[0, :2], self.plans.bounds[0])
-            self.bounds[1, :2] = np.maximum(self.bounds[1, :2], self.plans.bounds[1])
+        self.bounds = self._box(show)
         set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
-            **({"Paths": self._paths.switch} if len(self._paths) else {}),
+            "Paths": self._paths.switch,
             **({"Springs and dampers": self._linkers.switch} if len(self._linkers) else {}),
             **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
-            "Joint names": self._names.switch,
-            "Grid": lambda on: setattr(grid, "visible", on),
+            "Joint names": self.joints.switch,
+            "Grid": self.stage.switch,
         }
-        self._cameras = FittedCameras(server, self.bounds)
+        self.cameras = FittedCameras(server, self.bounds)
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._part)
 
+    @property
+    def size(self) -> float:
+        """The mechanism's size [m]."""
+        return self.current.size
+
+    def update(self, show: Show) -> None:
+        """Take the solids, the motion and the forces of ``show``, which is of the same scene with other values."""
+        self.current = show
+        self.links.update(show)
+        self.arrows.update(show)
+        self._paths.update(show)
+        self._linkers.update(show)
+        self.joints.update(show)
+        self.plans.update(show)
+
+    def refit(self) -> None:
+        """After an edit: look at the new extent, where the old view does not fit it any more, with cameras that nobody moved."""
+        box = self._box(self.current)
+        inside = (box[0, :2] >= self.bounds[0, :2] - 1e-12).all() and (box[1, :2] <= self.bounds[1, :2] + 1e-12).all()
+        part = np.max((box[1] - box[0])[:2] / (self.bounds[1] - self.bounds[0])[:2])
+        if not inside or part < FITS_STILL:
+            self.bounds = box
+            self.cameras.follow_bounds(box)
+
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
-        self._links.show(frame)
+        self.links.show(frame)
+        self.ghost.show(frame)
         self.arrows.show(frame)
         self._paths.show(frame)
         self._linkers.show(frame)
-        self._names.show(frame)
+        self.joints.show(frame)
         self.plans.show(frame)
+
+    def pose_tracks(self) -> dict[str, tuple[Real, Real | None]]:
+        """By the name of a node: its places (F, 3) [m] and its turns (F, 4), if it turns."""
+        return {**self.links.tracks(), **self.ghost.tracks(), **self._paths.tracks(), **self.joints.tracks()}
+
+    def point_tracks(self) -> Iterator[tuple[str, str, Values]]:
+        """Name of a node, the property that moves and its value at a frame; None where nothing is to be seen."""
+        yield from self.arrows.point_tracks()
+        yield from self._linkers.point_tracks()
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
@@ -81,16 +120,23 @@ class Scene3D:
 
     def look_from_front(self, client: viser.ClientHandle) -> None:
         """Bring a browser's camera back to the front, fitted to its window."""
-        self._cameras.look_from_front(client)
+        self.cameras.look(client, "front")
+
+    def _box(self, show: Show) -> Real:
+        box = _joined(show.bounds, self.arrows.reach(), 0.15 * show.size)
+        if self.plans.bounds is not None:
+            box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
+            box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
+        return box
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        self._cameras.follow(client)
+        self.cameras.follow(client)
 
     async def _part(self, client: viser.ClientHandle) -> None:
-        self._cameras.forget(client)
+        self.cameras.forget(client)
 
 
-def _joined(bounds: NDArray[np.float64], arrows: NDArray[np.float64] | None, most: float) -> NDArray[np.float64]:
+def _joined(bounds: Real, arrows: Real | None, most: float) -> Real:
     """The box of the solids (2, 3) with that of the arrows (2, 2), as far as that reaches beyond it by no more than ``most``."""
     wider = np.array(bounds, float)
     if arrows is not None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from mechcore import Motion
-
-from ..meshes import Solid, Solids
+from .show import Body, Show
 
 __all__ = ["SolidNodes", "link_path", "quaternions"]
+
+Real = NDArray[np.float64]
+
+PALE = 0.45  # opacity of the links beside the one that is looked at
 
 
 def link_path(link: str) -> str:
@@ -20,7 +23,7 @@ def link_path(link: str) -> str:
     return f"/mechanism/{link.replace('/', '_')}"
 
 
-def quaternions(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def quaternions(angle: Real) -> Real:
     """Unit quaternions w, x, y, z (F, 4) of turns about z by ``angle`` (F,) [rad]."""
     half = 0.5 * np.asarray(angle, float)
     zero = np.zeros_like(half)
@@ -28,39 +31,100 @@ def quaternions(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class SolidNodes:
-    """A node for every link, with its solid below it; ``show`` moves the links of a frame."""
+    """A node for every link, with its solid below it; ``show`` moves the links of a frame, ``update`` takes another run.
 
-    def __init__(self, server: viser.ViserServer, motion: Motion, solids: Solids):
-        self._moving: list[tuple[viser.FrameHandle, NDArray[np.float64], NDArray[np.float64]]] = []
-        for link, solid in solids.links.items():
-            node = server.scene.add_frame(link_path(link), show_axes=False)
-            for k, (vertices, faces, color) in enumerate(_by_color(solid)):
-                server.scene.add_mesh_simple(
-                    f"{link_path(link)}/part_{k}", vertices, faces, color=color, cast_shadow=False, receive_shadow=False
-                )
-            pose = motion.pose(link)
-            if not np.isfinite(pose).all():  # viser would pass it on to the browsers
-                raise ValueError(f"the pose of link {link} is not finite in all frames")
-            if link != motion.mechanism.frame:
-                position = np.column_stack([pose[:, :2], np.zeros(len(pose))])
-                self._moving.append((node, quaternions(pose[:, 2]), position))
+    ``clicked(link, event)`` is called when somebody clicks on a solid.
+    """
+
+    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[str, Any], None] | None = None):
+        self._server, self._clicked = server, clicked
+        self._opacity: float | None = None
+        self._picked = ""
+        self._nodes: dict[str, viser.FrameHandle] = {}
+        self._meshes: dict[str, list[viser.MeshHandle]] = {}
+        self._bodies: Mapping[str, Body] = {}
+        self._moving: dict[str, tuple[Real, Real]] = {}
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Take the solids and the motion of ``show``; only what differs is sent."""
+        for link in [name for name in self._nodes if name not in show.poses]:
+            self._nodes.pop(link).remove()
+            self._meshes.pop(link, None)
+        for link, pose in show.poses.items():
+            if link not in self._nodes:
+                self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
+            body = show.bodies.get(link)
+            if body is not None and self._bodies.get(link) is not body:
+                self._shape(link, body)
+            self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
+        self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
+        self._bodies = show.bodies
+
+    def fade(self, opacity: float) -> None:
+        """Draw all solids with an opacity, 1 is solid."""
+        self._opacity = None if opacity >= 1.0 else max(opacity, 0.0)
+        self.pick(self._picked)
+
+    def pick(self, link: str) -> None:
+        """Mark a link as the one that is looked at: all others become a little paler."""
+        self._picked = link
+        for name, meshes in self._meshes.items():
+            for mesh in meshes:
+                opacity = self._opacity_of(name)
+                if mesh.opacity != opacity:
+                    mesh.opacity = opacity
+
+    def _opacity_of(self, link: str) -> float | None:
+        if self._picked and link != self._picked:
+            return min(PALE, self._opacity or 1.0)
+        return self._opacity
 
     def show(self, frame: int) -> None:
-        for node, turn, position in self._moving:
+        for link, (turn, position) in self._moving.items():
+            node = self._nodes[link]
             node.wxyz = turn[frame]
             node.position = position[frame]
 
+    def tracks(self) -> dict[str, tuple[Real, Real]]:
+        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        return {link_path(link): (position, turn) for link, (turn, position) in self._moving.items()}
 
-def _by_color(solid: Solid) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint32], tuple[int, int, int]]]:
-    """A solid in pieces of one colour each: viser's meshes have a single one.
+    def _shape(self, link: str, body: Body) -> None:
+        """Draw a link's pieces: other vertices where the faces are the same, else other meshes."""
+        meshes = self._meshes.get(link, [])
+        old = self._bodies.get(link)
+        if old is not None and len(meshes) == len(body.pieces) and _same_faces(old, body):
+            for mesh, before, piece in zip(meshes, old.pieces, body.pieces, strict=True):
+                if before.vertices is not piece.vertices:
+                    mesh.vertices = piece.vertices
+            return
+        for mesh in meshes[len(body.pieces) :]:
+            mesh.remove()
+        self._meshes[link] = []
+        for k, piece in enumerate(body.pieces):
+            mesh = self._server.scene.add_mesh_simple(
+                f"{link_path(link)}/part_{k}",
+                piece.vertices,
+                piece.faces,
+                color=piece.color,
+                opacity=self._opacity_of(link),
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            if self._clicked is not None:
+                self._listen(mesh, link, self._clicked)
+            self._meshes[link].append(mesh)
 
-    The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
-    """
-    colors, piece = np.unique(solid.colors[:, :3], axis=0, return_inverse=True)
-    piece = piece.reshape(-1)
-    for k, color in enumerate(colors):
-        chosen = np.flatnonzero(piece == k)
-        place = np.zeros(len(piece), np.uint32)
-        place[chosen] = np.arange(len(chosen), dtype=np.uint32)
-        faces = solid.faces[piece[solid.faces[:, 0]] == k]
-        yield solid.vertices[chosen], place[faces], (int(color[0]), int(color[1]), int(color[2]))
+    def _listen(self, mesh: viser.MeshHandle, link: str, clicked: Callable[[str, Any], None]) -> None:
+        async def hit(event: Any) -> None:
+            clicked(link, event)
+
+        mesh.on_click(hit)
+
+
+def _same_faces(a: Body, b: Body) -> bool:
+    """Whether two bodies differ in the places of their vertices only."""
+    return len(a.pieces) == len(b.pieces) and all(
+        p.faces is q.faces and p.color == q.color for p, q in zip(a.pieces, b.pieces, strict=True)
+    )

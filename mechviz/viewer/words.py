@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..run import Run
 from ..vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
 from .marks3d import PATH
-from .quantities import slides
 from .stage import grid_cell
 
-__all__ = ["heading", "legend", "number", "place_in_run", "plan_list", "scale"]
+if TYPE_CHECKING:
+    from ..run import Run
+    from .parameters import Parameter
+    from .show import Show
+    from .studio import Contribution
+
+__all__ = [
+    "contributions",
+    "editing",
+    "fault",
+    "heading",
+    "hint",
+    "legend",
+    "legend_line",
+    "number",
+    "place_in_run",
+    "plan_list",
+    "scale",
+    "values",
+]
 
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
@@ -25,16 +43,19 @@ def number(value: float) -> str:
     return f"{value:.5g}".replace("-", "−", 1) if value < 0 else f"{value:.5g}"
 
 
-def heading(run: Run) -> str:
+def heading(title: str, teaches: str) -> str:
     """Title, and what the scene teaches."""
     return _block(
-        f'<div style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">{escape(run.scene.title)}</div>'
-        f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(run.scene.teaches)}</div>'
+        f'<div style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">{escape(title)}</div>'
+        f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(teaches)}</div>'
     )
 
 
-def legend(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float, size: float) -> str:
-    """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement."""
+def legend(
+    families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float | Callable[[str], float], size: float
+) -> str:
+    """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement, of all or by family."""
+    enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
     rows = [_swatch(FAMILIES[f].color, 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
     if paths:
@@ -46,9 +67,28 @@ def legend(families: Iterable[str], paths: Iterable[str], scales: Scales, factor
         ("m/s²", shown & {"acceleration"}, scales.mps2_per_metre),
     ):
         if some and per_metre != 1.0:
-            rows.append(f"<div>{scale(unit, per_metre / factor, size)}</div>")
+            for times in sorted({enlarged(family) for family in some}):
+                whose = "" if len({enlarged(f) for f in some}) == 1 else _names(f for f in families if enlarged(f) == times)
+                rows.append(f"<div>{scale(unit, per_metre / times, size)}{whose}</div>")
     rows.append(f'<div style="opacity:0.75">Grid: {number(grid_cell(size) * 1e3)} mm</div>')
     return _block("".join(rows), "font-size:0.78em;line-height:1.35")
+
+
+def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
+    """The legend in a line: colours with their names, and how long a force is drawn."""
+    families, paths = list(families), list(paths)
+    spots = [(FAMILIES[f].color, FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots += [(PATH, f"Path of {', '.join(paths)}", "")] if paths else []
+    parts = [
+        f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
+        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:rgb({r},{g},{b})"></span>{escape(label)}</span>'
+        for (r, g, b), label, meaning in spots
+    ]
+    forces = [f for f in families if f in FORCE_FAMILIES]
+    if forces and scales.newtons_per_metre != 1.0:
+        text = scale("N", scales.newtons_per_metre / factor(forces[0]), size)
+        parts.append(f'<span style="opacity:0.7;white-space:nowrap">{text}</span>')
+    return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
 
 
 def plan_list(run: Run) -> str:
@@ -66,15 +106,78 @@ def plan_list(run: Run) -> str:
     )
 
 
-def place_in_run(run: Run, frame: int) -> str:
+def editing(seconds: float, can_undo: bool, can_redo: bool) -> str:
+    """That all is well, and what can be undone."""
+    text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
+    if seconds > 0.0:
+        text = (
+            f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3, 1))} ms{"" if not text else ". " + text}'
+        )
+    return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
+
+
+def fault(text: str, parameter: Parameter | None, value: float, reach: tuple[float, float] | None) -> str:
+    """Why a value cannot be had, and how far it can be moved."""
+    rows = [f"<div>{escape(text[:1].upper() + text[1:])}</div>"] if text else []
+    if parameter is not None:
+        if reach is not None:
+            low, high = (escape(parameter.text(float(f"{v:.4g}"))) for v in reach)
+            rows.insert(0, f"<div>Reachable: <b>{low} to {high}</b>. The last good mechanism is shown.</div>")
+        rows.insert(0, f"<b>{escape(parameter.label)} = {escape(parameter.text(value))} is not possible.</b>")
+    return _block(
+        f'<div role="alert" style="border-left:4px solid #d03030;padding:0.35em 0.7em;background:rgba(208,48,48,0.09)">'
+        f"{''.join(rows)}</div>",
+        "font-size:0.8em;line-height:1.35",
+    )
+
+
+def contributions(items: Iterable[Contribution], unit: str) -> str:
+    """A table: what each effect changes in the peak of the driving effort, and what it costs."""
+    rows = []
+    for item in items:
+        known = np.isfinite([item.peak_with, item.peak_without]).all()
+        peak = "—"
+        if known:
+            change = item.peak_with - item.peak_without
+            sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
+            peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
+        cost = f"{number(round(item.seconds * 1e3, 2))} ms" if np.isfinite(item.seconds) else "—"
+        style = "" if item.on else ' style="opacity:0.55"'
+        now = "on" if item.on else "off"
+        rows.append(f"<tr{style}><td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td>{cost}</td></tr>")
+    head = "<tr><th>effect</th><th></th><th>peak drive effort</th><th>costs</th></tr>"
+    table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
+    return _block(table, "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
+
+
+def hint(text: str) -> str:
+    """A quiet sentence of help."""
+    return _block(escape(text), "font-size:0.78em;line-height:1.35;opacity:0.7")
+
+
+def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
+    """A table of the values of an item: what, its components, in which unit."""
+    lines = []
+    for what, names, numbers, unit in rows:
+        parts = [
+            f'<span style="white-space:nowrap"><span style="opacity:0.65">{escape(name)}</span> {number(value)}</span>'
+            for name, value in zip(names, numbers, strict=True)
+        ]
+        lines.append(
+            f'<tr><td style="opacity:0.75">{escape(what)}</td>'
+            f'<td><div style="display:flex;gap:0.9em;flex-wrap:wrap">{"".join(parts)}<span>{escape(unit)}</span></div></td></tr>'
+        )
+    return _block(
+        f'<b>{escape(item)}</b><table style="width:100%;border-collapse:collapse" cellpadding="2">{"".join(lines)}</table>',
+        "font-size:0.8em;line-height:1.3;font-variant-numeric:tabular-nums",
+    )
+
+
+def place_in_run(show: Show, frame: int) -> str:
     """Drive positions, time and frame number."""
-    motion = run.motion
-    parts = [
-        f"{escape(d.pair)} <b>{_position(slides(motion, d.pair), float(q[0][frame]))}</b>"
-        for d, q in zip(motion.mechanism.drives, motion.drives, strict=True)
-    ]
-    parts.append(f"time <b>{motion.time[frame]:.4f} s</b>")
-    parts.append(f'<span style="opacity:0.7">frame {frame} of {motion.frames - 1}</span>')
+    parts = [f"{escape(d.name)} <b>{_position(d.sliding, float(d.position[frame]))}</b>" for d in show.drives]
+    parts.append(f"time <b>{show.time[frame]:.4f} s</b>")
+    parts.append(f'<span style="opacity:0.7">frame {frame} of {show.frames - 1}</span>')
     return _block("".join(f"<span>{part}</span>" for part in parts), "display:flex;gap:1.6em;font-variant-numeric:tabular-nums")
 
 
@@ -100,6 +203,10 @@ def _swatch(color: tuple[int, int, int], thickness: float, words: str) -> str:
         'transform:translateY(-0.2em)"></span>'
         f"<span>{words}</span></div>"
     )
+
+
+def _names(families: Iterable[str]) -> str:
+    return f" ({', '.join(FAMILIES[f].label for f in families)})"
 
 
 def _block(content: str, style: str = "") -> str:

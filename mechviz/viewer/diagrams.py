@@ -1,0 +1,197 @@
+"""The tab of diagrams: velocity, acceleration and force plans, polygons, polar plots and pole curves that move with the frame."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ..drawings import Drawing, drawings_of
+from . import words
+from .callbacks import Callback
+from .plans3d import on_light
+from .show import Show
+
+__all__ = ["Curve", "Diagram", "Diagrams", "diagram_svg", "diagrams_of"]
+
+Array = NDArray[np.complex128]
+Color = tuple[int, int, int]
+
+WIDTH, HEIGHT, ROOM = 330.0, 300.0, 26.0  # [px]
+RATE = 12.0  # pictures a second while playing
+LEAST = 4.0  # [px] below which an arrow has no label
+HEAD = 8.0  # [px]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve ``way`` (n,) of the plane with a dot at its place ``at`` (F,)."""
+
+    label: str
+    color: Color
+    way: Array
+    at: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram:
+    """Something flat that moves: a drawing with arrows and points, or curves; ``note`` says its scale."""
+
+    title: str
+    note: str
+    bounds: NDArray[np.float64]  # (2, 2)
+    drawing: Drawing | None = None
+    curves: tuple[Curve, ...] = ()
+
+
+def diagrams_of(show: Show) -> dict[str, Diagram]:
+    """All diagrams of what is shown: the plans that its scene asks for, pole curves, and the paths of traced points."""
+    found = {}
+    if show.run is not None:
+        for drawing in drawings_of(show.run, show.size).values():
+            title = drawing.title.split(":")[0]
+            curves: tuple[Curve, ...] = ()
+            if drawing.name == "shaking":
+                ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
+                curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
+            unit = drawing.unit.replace("^2", "²")
+            note = f"10 mm = {words.number(float(f'{drawing.per_metre * 0.01:.3g}'))} {unit}"
+            found[title] = Diagram(title, note, drawing.bounds, drawing, curves)
+        for name, polode in show.run.studies.polodes.items():
+            title = f"Polodes of {name}"
+            way = polode.fixed @ np.array([1.0, 1.0j])
+            near = np.isfinite(way) & (np.abs(way - np.nanmedian(way.real) - 1j * np.nanmedian(way.imag)) < 1.5 * show.size)
+            fixed = Curve("fixed", (176, 120, 0), way[near], way)
+            box = _box([fixed.way])
+            found[title] = Diagram(title, "the fixed polode in the world, and the pole", box, curves=(fixed,))
+    for name, xyz in show.paths.items():
+        z = xyz[:, 0] + 1j * xyz[:, 1]
+        title = f"Path of {name}"
+        found[title] = Diagram(title, "true to scale", _box([z]), curves=(Curve(name, (32, 78, 138), z, z),))
+    return found
+
+
+def diagram_svg(diagram: Diagram, frame: int) -> str:
+    """The picture of a diagram at a frame."""
+    low, high = diagram.bounds
+    extent = np.maximum(high - low, 1e-300)
+    scale = float(min((WIDTH - 2 * ROOM) / extent[0], (HEIGHT - 2 * ROOM) / extent[1]))
+    middle = complex(*(0.5 * (low + high)))
+
+    def at(z: Array | complex) -> Any:
+        return (np.asarray(z) - middle) * scale
+
+    def place(z: complex) -> tuple[float, float]:
+        return WIDTH / 2.0 + z.real, HEIGHT / 2.0 - z.imag
+
+    parts = []
+    for curve in diagram.curves:
+        spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in at(_fewer(curve.way)))
+        parts.append(f'<polyline points="{spots}" fill="none" stroke="{_hex(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+        now = complex(at(curve.at[frame]))
+        if np.isfinite(now):
+            x, y = place(now)
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{_hex(curve.color)}"/>')
+    taken: list[complex] = []
+    if diagram.drawing is not None:
+        for ink in diagram.drawing.inks:
+            start, vector = complex(at(ink.start[frame])), complex(ink.vector[frame] * scale)
+            if not np.isfinite(start + vector):
+                continue
+            parts.append(
+                _arrow(place(start), place(start + vector), _hex(on_light(ink.color)), ink.plain, 1.2 if ink.fine else 2.0)
+            )
+            middle_of = start + 0.5 * vector
+            if ink.label and abs(vector) >= LEAST and all(abs(middle_of - z) > 11.0 for z in taken):
+                taken.append(middle_of)
+                parts.append(_text(place(middle_of), ink.label, _hex(on_light(ink.color))))
+        for mark in diagram.drawing.marks:
+            z = complex(at(mark.at[frame]))
+            if np.isfinite(z) and all(abs(z - other) > 9.0 for other in taken):
+                taken.append(z)
+                parts.append(_text(place(z + 7 + 7j), mark.label, "currentColor"))
+    return (
+        f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
+        f'style="display:block;width:100%;max-height:{HEIGHT:g}px;overflow:hidden">{"".join(parts)}</svg>'
+    )
+
+
+class Diagrams:
+    """A tab with one diagram at a time; ``show`` moves it, ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
+        self._moved = 0.0
+        self._frame = 0
+        self._found = diagrams_of(show)
+        with tab:
+            self.choice = server.gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
+            self._picture = server.gui.add_html("")
+        self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
+        self.show(0, False)
+
+    def update(self, show: Show, frame: int) -> None:
+        """Take another run."""
+        before = tuple(self._found)
+        self._found = diagrams_of(show)
+        if tuple(self._found) != before:
+            kept = self.choice.value
+            self.choice.options = tuple(self._found) or ("none",)
+            if kept in self._found:
+                self.choice.value = kept
+
+    def show(self, frame: int, playing: bool) -> None:
+        now = time.perf_counter()
+        if playing and now - self._moved < 1.0 / RATE:
+            return
+        self._frame, self._moved = frame, now
+        diagram = self._found.get(self.choice.value)
+        if diagram is None:
+            text = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
+            content = words.hint(text)
+        else:
+            content = f"{diagram_svg(diagram, frame)}{words.hint(diagram.note)}"
+        if content != self._picture.content:
+            self._picture.content = content
+
+
+def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, plain: bool, width: float) -> str:
+    (x0, y0), (x1, y1) = start, end
+    line = f'<path d="M{x0:.1f},{y0:.1f} L{x1:.1f},{y1:.1f}" stroke="{color}" stroke-width="{width}"/>'
+    along = complex(x1 - x0, y1 - y0)
+    if plain or abs(along) < 2.0:
+        return line
+    back = -min(HEAD, abs(along) / 2.0) * along / abs(along)
+    tips = [complex(x1, y1) + back * np.exp(sign * 0.36j) for sign in (1.0, -1.0)]
+    spots = " ".join(f"{z.real:.1f},{z.imag:.1f}" for z in (complex(x1, y1), *tips))
+    return f'{line}<polygon points="{spots}" fill="{color}"/>'
+
+
+def _text(at: tuple[float, float], text: str, color: str) -> str:
+    return (
+        f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" font-size="11" text-anchor="middle" dominant-baseline="middle" fill="{color}" '
+        f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{escape(text)}</text>'
+    )
+
+
+def _hex(color: Color) -> str:
+    return "#" + "".join(f"{c:02x}" for c in color)
+
+
+def _fewer(z: Array, most: int = 400) -> Array:
+    return z if len(z) <= most else z[np.linspace(0, len(z) - 1, most).round().astype(int)]
+
+
+def _box(ways: Sequence[Array]) -> NDArray[np.float64]:
+    z = np.concatenate(ways) if ways else np.zeros(1, complex)
+    z = z[np.isfinite(z)]
+    if not len(z):
+        return np.array([[0.0, 0.0], [1.0, 1.0]])
+    box = np.array([[z.real.min(), z.imag.min()], [z.real.max(), z.imag.max()]])
+    least = 1e-6 + 0.02 * float(np.max(box[1] - box[0]))
+    return np.array([box[0] - least, box[1] + least])

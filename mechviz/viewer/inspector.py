@@ -1,0 +1,242 @@
+"""All panels of the page around the mechanism, and what happens when something in them or in the picture is used."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from . import words
+from .browser import open_tab
+from .callbacks import Callback
+from .closer import Closer, items_of
+from .controls import Controls
+from .diagrams import Diagrams
+from .effects_tab import EffectsTab
+from .pivots import Pivots
+from .player import Player
+from .plots import Plots
+from .saving import Saver
+from .scene3d import Scene3D
+from .server import report
+from .show import Show
+from .studio import Contribution, Status, Studio
+from .switches import Switches
+from .timeline import Timeline
+from .tracing import traced_at, with_traced
+
+__all__ = ["Inspector"]
+
+CLOSER = "Look closer"
+LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
+
+
+class Inspector:
+    """The panels: editing and switches on the left, plots on the right, the timeline below. ``studio`` is None where nothing can be
+    edited: of a recording that does not carry its scene.
+
+    ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        show: Show,
+        player: Player,
+        studio: Studio | None,
+        folder: Path,
+        callback: Callback,
+        note: str = "",
+        edit: Any = None,
+    ):
+        self._server, self._player, self._studio = server, player, studio
+        self._lock = threading.RLock()
+        self._tracing = False
+        gui = server.gui
+        gui.main_panel.dock_left()
+        gui.main_panel.set_width(LEFT_WIDTH)
+        self.scene = Scene3D(
+            server, show, self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
+        )
+        gui.add_html(words.heading(show.title, show.teaches) + (words.hint(note) if note else ""))
+        if edit is not None:
+            self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
+            self.edit.on_click(callback("Opening the scene", lambda _: edit()))
+        self.saver = None
+        if studio is not None:
+            self.saver = Saver(server, lambda: studio.run, folder, callback)
+        tabs = gui.add_tab_group()
+        self.controls: Controls | None = None
+        self.effects: EffectsTab | None = None
+        self.pivots: Pivots | None = None
+        if studio is not None:
+            tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
+            with tab:
+                self.compare = gui.add_checkbox("Compare with the scene as opened", False)
+                self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
+            self.compare.on_update(callback("Comparing", lambda _: self._compare(bool(self.compare.value))))
+            self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
+            self.controls = Controls(server, tab, studio, callback)
+            self.pivots = Pivots(server, studio, callback)
+            self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
+        view = tabs.add_tab("View", viser.Icon.EYE)
+        self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
+        if studio is None:
+            with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
+                gui.add_html(show.notes)
+        with view, gui.add_folder("Legend"):
+            self._legend = gui.add_html("")
+        right = gui.add_panel()
+        self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
+        self.closer = Closer(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, callback, self._picked)
+        if studio is not None:
+            with self.closer.tab:
+                self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
+            self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
+        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback)
+        right.dock_right()
+        right.set_width(RIGHT_WIDTH)
+        self.timeline = Timeline(server, show, player, callback)
+        self._explain()
+
+    @property
+    def show(self) -> Show:
+        """What is shown now."""
+        return self.scene.current
+
+    def draw(self, frame: int, playing: bool) -> None:
+        """Bring the picture, the plots and the timeline to a frame. Runs in the player's thread."""
+        with self._lock:
+            frame = min(frame, self.show.frames - 1)
+            with self._server.atomic():
+                self.scene.show(frame)
+                self._panels(frame, playing)
+            self._server.flush()
+
+    def present(self, show: Show) -> None:
+        """Take another run of the same scene: everything changes in one step."""
+        with self._lock:
+            self._player.retime(show.time)
+            frame = min(self._player.frame, show.frames - 1)
+            with self._server.atomic():
+                self.scene.update(show)
+                self.plots.update(show, frame)
+                self.closer.update(show, frame)
+                self.diagrams.update(show, frame)
+                self.timeline.update(show)
+                self.switches.update(show)
+                if self.effects is not None:
+                    self.effects.update(show)
+                if self.controls is not None and show.run is not None:
+                    self.controls.update(show.run.scene)
+                if self.pivots is not None:
+                    self.pivots.update(show)
+                self.scene.show(frame)
+                self._panels(frame, False)
+                self._explain()
+            self._server.flush()
+
+    def tell(self, status: Status) -> None:
+        """Say how an edit went."""
+        if self.controls is not None:
+            with self._lock:
+                self.controls.tell(status)
+            self._server.flush()
+
+    def settle(self) -> None:
+        """Nothing has been edited for a while."""
+        with self._lock:
+            if self.controls is not None:
+                self.controls.settle()
+            if self.pivots is not None:
+                self.pivots.update(self.show)
+            self.scene.refit()
+        self._server.flush()
+
+    def weighed(self, found: tuple[Contribution, ...]) -> None:
+        """Show what each effect contributes."""
+        if self.effects is not None:
+            with self._lock:
+                self.effects.weighed(found)
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _guarded(self, what: str, action: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+        """A reaction to a click of which a failure is told to who clicked."""
+
+        def guarded(item: Any, event: Any) -> None:
+            try:
+                action(item, event)
+            except Exception as error:
+                report(self._server, what, error, event.client)
+
+        return guarded
+
+    def _panels(self, frame: int, playing: bool) -> None:
+        self.timeline.show(frame, playing)
+        self.plots.show(frame, playing)
+        self.closer.show(frame, playing)
+        self.diagrams.show(frame, playing)
+
+    def _changed(self) -> None:
+        """What is drawn is another: say so in the legend, and draw it."""
+        self._explain()
+        self._player.refresh()
+
+    def _explain(self) -> None:
+        arrows, show = self.scene.arrows, self.show
+        shown = [f for f in arrows.families if arrows.is_on(f)]
+        names = [name.split(".", 1)[1] for name in show.paths]
+        content = words.legend(shown, names, show.scales, arrows.factor, show.size)
+        if content != self._legend.content:
+            self._legend.content = content
+            self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size))
+
+    def _compare(self, on: bool) -> None:
+        with self._lock:
+            self.scene.ghost.switch(on)
+        self._player.refresh()
+
+    def _handles(self, on: bool) -> None:
+        assert self.pivots is not None
+        with self._lock:
+            self.pivots.switch(on)
+
+    def _darken(self, dark: bool) -> None:
+        theme(self._server, dark)
+        self.scene.stage.darken(dark)
+
+    def _trace(self, on: bool) -> None:
+        self._tracing = on
+
+    def _picked(self, item: str) -> None:
+        """Mark what is looked at."""
+        kind, _, name = item.partition(" ")
+        self.scene.joints.pick([name] if kind in ("pair", "drive", "cam") else [])
+        self.scene.links.pick(name if kind == "link" else "")
+
+    def _clicked_link(self, link: str, event: Any) -> None:
+        if self._tracing and self._studio is not None:
+            spot = traced_at(self.show, link, self._player.frame, event.ray_origin, event.ray_direction)
+            self._studio.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
+            return
+        item = f"link {link}"
+        if item in items_of(self.show):
+            self.closer.look_at(item)
+            open_tab(event.client, CLOSER)
+
+    def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
+        known = items_of(self.show)
+        for name in names:
+            for kind in ("pair", "drive", "cam"):
+                if f"{kind} {name}" in known:
+                    self.closer.look_at(f"{kind} {name}")
+                    open_tab(event.client, CLOSER)
+                    return
+
+
+def theme(server: viser.ViserServer, dark: bool) -> None:
+    """Colours of the page; no logo, no button that would share it."""
+    server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(34, 92, 160), dark_mode=dark)

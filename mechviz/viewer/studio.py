@@ -1,0 +1,266 @@
+"""Editing: changes of the scene are solved in a thread of their own, the newest one wins, and what cannot be built leaves the last
+good mechanism as it is."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from mechcore.errors import MechanismError
+from mechcore.spec import EFFECTS
+
+from ..run import Run, run_scene
+from ..scene.bodies import FOLDER
+from .history import Draft, History
+from .limits import assembles, reachable
+from .parameters import Parameter, find_parameters
+from .show import Show
+from .show_run import Built, build, show_of_run
+from .worker import Latest
+
+__all__ = ["Contribution", "Status", "Studio"]
+
+Change = Callable[[Draft], Draft]
+
+QUICK = 0.05  # [s] a run may take for what each effect contributes to be found unasked
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Status:
+    """How the last change went. ``fault``: why it could not be built, empty if it could; ``key`` of the value that was changed,
+    ``reach``: the range over which it can be moved, in its unit, when that is known; ``seconds`` that solving took."""
+
+    fault: str = ""
+    key: str = ""
+    value: float = float("nan")
+    reach: tuple[float, float] | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What an effect or load does: the peak of the driving effort with it and without it, and what it costs [s]; NaN: not known."""
+
+    name: str
+    on: bool
+    peak_with: float
+    peak_without: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A slider was moved."""
+
+    parameter: Parameter
+    value: float
+
+
+class Studio:
+    """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
+    ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
+    studio's own threads."""
+
+    def __init__(
+        self,
+        run: Run,
+        present: Callable[[Show], None],
+        told: Callable[[Status], None],
+        contributed: Callable[[tuple[Contribution, ...]], None],
+        settled: Callable[[], None],
+        failed: Callable[[Exception], None],
+        folder: FilePath | None = None,
+    ):
+        self._present, self._told, self._contributed, self._settled = present, told, contributed, settled
+        self._folder = folder
+        self._lock = threading.RLock()
+        self._pending: dict[str, Change | _Value | str] = {}
+        self.history = History(Draft.of(run.scene))
+        self._built: Built = build(run)
+        self.run = run
+        self.opened = self.show = show_of_run(run, self._built)
+        self.status = Status()
+        self._patient = False
+        self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
+        self._worker: Latest[None] = Latest(self._work, failed, self._settle)
+
+    # -- requests, from any thread ------------------------------------------------------------------------------------
+    def move(self, parameter: Parameter, value: float) -> None:
+        """Give a value of the scene another number."""
+        self._ask(parameter.key, _Value(parameter, value))
+
+    def change(self, key: str, change: Change) -> None:
+        """Change the draft; ``key`` names what is changed."""
+        self._ask(key, change)
+
+    def undo(self) -> None:
+        self._ask("", "undo")
+
+    def redo(self) -> None:
+        self._ask("", "redo")
+
+    def reset(self) -> None:
+        """Back to the scene as opened; that can be undone."""
+        self._ask("", "reset")
+
+    def weigh(self, asked: bool = False) -> None:
+        """Find out what each effect and load contributes; if it was not ``asked`` for, only where that is quickly done."""
+        self._patient = asked
+        self._builder.submit(self.run)
+
+    def wait(self, timeout: float = 60.0, *, rested: bool = False) -> bool:
+        """Until all changes so far are shown; ``rested``: with the solids of the last one."""
+        return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
+
+    def close(self) -> None:
+        self._worker.close()
+        self._builder.close()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The values that can be edited, as they are now, loads that are switched off not among them."""
+        return find_parameters(self.run.scene)
+
+    # -- the worker's thread ------------------------------------------------------------------------------------------
+    def _ask(self, key: str, what: Change | _Value | str) -> None:
+        with self._lock:
+            self._pending.pop(key, None)
+            self._pending[key] = what
+        self._worker.submit(None)
+
+    def _work(self, _: None) -> None:
+        with self._lock:
+            pending, self._pending = self._pending, {}
+        start = time.perf_counter()
+        token = FOLDER.set(self._folder) if self._folder is not None else None
+        draft, moved, remembered = self.history.present, None, True
+        try:
+            for what in pending.values():
+                if isinstance(what, str):
+                    draft = {"undo": self.history.undo, "redo": self.history.redo, "reset": self.history.reset}[what]()
+                    remembered = False
+                elif isinstance(what, _Value):
+                    moved = what
+                    draft = draft.with_value(what.parameter.path, what.parameter.written(what.value))
+                else:
+                    draft = what(draft)
+            run = run_scene(draft.scene())
+            with self._lock:
+                show = show_of_run(run, self._built, self.show)
+                self.run, self.show = run, show
+                self._present(show)
+            if remembered:
+                self.history.change(draft, "+".join(pending))
+            self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start))
+        except (MechanismError, ValueError) as error:
+            self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
+            if moved is not None and len(pending) == 1:
+                self._find_reach(moved, _words(error))
+        finally:
+            if token is not None:
+                FOLDER.reset(token)
+
+    def _find_reach(self, moved: _Value, fault: str) -> None:
+        """Say how far a value can be moved, unless something newer is to be done."""
+        p, present = moved.parameter, self.history.present
+
+        def holds(value: float) -> bool:
+            try:
+                return assembles(present.with_value(p.path, p.written(value)).scene())
+            except (MechanismError, ValueError):
+                return False
+
+        good = next((q.value for q in self.parameters if q.key == p.key), p.value)
+        low, high = min(p.low, moved.value, good), max(p.high, moved.value, good)
+        reach = reachable(good, low, high, holds, lambda: self._worker.overtaken)
+        if reach is not None:
+            self._tell(Status(fault, p.key, moved.value, reach))
+
+    def _tell(self, status: Status) -> None:
+        self.status = status
+        self._told(status)
+
+    def _settle(self) -> None:
+        """For a while nothing has changed: build the solids anew."""
+        self._settled()
+        self._builder.submit(self.run)
+
+    # -- the builder's thread -----------------------------------------------------------------------------------------
+    def _build(self, run: Run) -> None:
+        if self._built.mechanism is not run.motion.mechanism:
+            built = build(run)
+            with self._lock:
+                self._built = built
+                self.show = show_of_run(self.run, built, self.show)
+                self._present(self.show)
+        draft = self.history.present
+        if run is self.run:
+            found = self._weigh(draft, run)
+            if found is not None and run is self.run:
+                self._contributed(found)
+
+    def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
+        """What each effect and load contributes: the run with it and without it."""
+        spent = sum(stage.seconds for stage in run.stages)
+        quick = spent < QUICK or self._patient
+        self._patient = False
+        loads = list(draft.data.get("loads", {}))
+        named = set(run.scene.effects)
+        found = []
+        items = [(e, e in named, draft.with_effect(e, e not in named)) for e in EFFECTS]
+        items += [(name, name not in draft.idle, draft.with_load(name, name in draft.idle)) for name in loads]
+        here = _peak(run)
+        before = _cost(run.scene) if quick else float("nan")
+        for name, on, other in items:
+            if self._builder.overtaken or self._worker.overtaken:
+                return None
+            peak = seconds = float("nan")
+            if quick:
+                try:
+                    token = FOLDER.set(self._folder) if self._folder is not None else None
+                    try:
+                        scene = other.scene()
+                        peak = _peak(run_scene(scene))
+                        cost = _cost(scene)
+                        seconds = before - cost if on else cost - before
+                    finally:
+                        if token is not None:
+                            FOLDER.reset(token)
+                except (MechanismError, ValueError):
+                    pass  # without it there is no such mechanism, or friction has no coefficient to act with
+            found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0)))
+        return tuple(found)
+
+
+def _cost(scene: Any) -> float:
+    """Wall time of a run [s]: the median of a few."""
+    found = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        run_scene(scene)
+        found.append(time.perf_counter() - start)
+    return statistics.median(found)
+
+
+def _peak(run: Run) -> float:
+    """The largest driving torque or force of a run: of its first drive; 0 where no forces are computed."""
+    drives = run.motion.mechanism.drives
+    if run.forces is None or not drives:
+        return 0.0
+    effort = np.abs(run.forces.effort(drives[0].pair))
+    return float(np.max(effort, initial=0.0, where=np.isfinite(effort)))
+
+
+def _words(error: Exception) -> str:
+    """An error for the user: its faults one after the other."""
+    faults: Any = getattr(error, "faults", ())
+    found = [f"{f.message} {f.remedy}".strip() for f in faults]
+    return " ".join(found) or str(error)

@@ -1,0 +1,167 @@
+"""The panel below the mechanism: where in the run it is, scrubbing, play and pause, steps, speed, events, health."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import viser
+
+from . import words
+from .callbacks import Callback, finite
+from .health_strip import health_svg
+from .player import Player
+from .show import Happening, Show
+
+__all__ = ["Speeds", "Timeline"]
+
+WIDTH = 600  # [px]
+CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of the drive
+USUAL_CYCLE = 8.0
+START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"
+LOOP, ONCE = "Loop ✓", "Loop ✗"
+NO_EVENT = "choose one of"
+LONGEST_EVENT = 90
+
+
+class Speeds:
+    """Choices of speed by the wall time that a cycle takes, each with its ratio to real time."""
+
+    def __init__(self, cycle: float):
+        """``cycle``: duration of a cycle of the drive [s]."""
+        self._rates = {self._label(seconds, cycle): cycle / seconds for seconds in CYCLE_SECONDS}
+        self.first = self._label(USUAL_CYCLE, cycle)
+        real = "real time"
+        self._rates[real] = 1.0
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(self._rates)
+
+    def rate(self, label: str) -> float:
+        """Run time per wall time; an unknown label gives the first choice's."""
+        return self._rates.get(label, self._rates[self.first])
+
+    @staticmethod
+    def _label(seconds: float, cycle: float) -> str:
+        return f"{seconds:g} s a cycle ({cycle / seconds:.3g} × real time)"
+
+
+class Timeline:
+    """The panel below the mechanism; ``show`` brings it to a frame, ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, show: Show, player: Player, callback: Callback):
+        gui = server.gui
+        self._player = player
+        self._last = show.frames - 1
+        panel = gui.add_panel()
+        with panel.add_tab("Timeline", viser.Icon.PLAYER_PLAY):
+            self._legend = gui.add_html("")
+            self._place = gui.add_html("")
+            self.slider = gui.add_slider("Frame", 0, max(show.frames - 1, 1), 1, 0)
+            self.buttons = gui.add_button_group("Playback", (START, BACK, PLAY, ON, LOOP))
+            self.speed = gui.add_dropdown("Speed", ("",))
+            self.events = gui.add_dropdown("Jump to event", (NO_EVENT,))
+            self.strip = gui.add_html("")
+        panel.float(x=20, y=-14, width=WIDTH)
+        self._show, self._svg = show, ""
+        self._happenings: dict[str, Happening] = {}
+        self._speeds, self._cycle = Speeds(show.cycle), float("nan")
+        self.update(show)
+        self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
+        self.buttons.on_click(callback("Playback", lambda _: self._press(self.buttons.value)))
+        self.speed.on_update(callback("Changing the speed", lambda _: self._set_speed()))
+        self.events.on_update(callback("Jumping to an event", lambda _: self._jump()))
+        keys: tuple[tuple[str, Any, Callable[[], None]], ...] = (
+            ("Play or pause", "space", player.toggle),
+            ("Step forward", "arrowright", partial(player.step, 1)),
+            ("Step back", "arrowleft", partial(player.step, -1)),
+            ("Ten steps forward", "arrowup", partial(player.step, 10)),
+            ("Ten steps back", "arrowdown", partial(player.step, -10)),
+            ("To the start", "home", partial(player.seek, 0)),
+            ("To the end", "end", lambda: player.seek(self._last)),
+            ("To the next event", "e", lambda: self._next_event()),
+        )
+        for label, key, action in keys:
+            gui.add_command(label, hotkey=key).on_trigger(callback(label, partial(_ignoring_event, action)))
+
+    def update(self, show: Show) -> None:
+        """Take another run: other frames, another cycle, other events."""
+        before, self._show = self._show, show
+        self._last = show.frames - 1
+        if self.slider.max != max(self._last, 1):
+            self.slider.max = max(self._last, 1)
+        if show.cycle != self._cycle:
+            chosen = list(self._speeds.labels).index(self.speed.value) if np.isfinite(self._cycle) else -1
+            self._cycle, self._speeds = show.cycle, Speeds(show.cycle)
+            self.speed.options = self._speeds.labels
+            self.speed.value = self._speeds.labels[chosen] if chosen >= 0 else self._speeds.first
+            self._player.set_rate(self._speeds.rate(self.speed.value))
+        if show is before or show.events != before.events:
+            self._happenings = {_event_label(k, e): e for k, e in enumerate(show.events)}
+            self.events.options = (self._none, *self._happenings)
+            self.events.value = self._none
+        svg = health_svg(show.health, show.events, show.time)
+        if svg != self._svg:
+            self._svg = svg
+            self.strip.content = f'<div style="padding:0.1em 0.85em 0.5em">{svg}</div>'
+
+    def explain(self, legend: str) -> None:
+        """Say what the colours of the arrows mean."""
+        self._legend.content = legend
+
+    @property
+    def _none(self) -> str:
+        return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
+
+    def show(self, frame: int, playing: bool) -> None:
+        self._place.content = words.place_in_run(self._show, frame)
+        self.slider.value = frame
+        options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
+        self.buttons.options = options
+
+    def frame_at(self, time: float) -> int:
+        """The frame nearest to a time [s]."""
+        return int(np.argmin(np.abs(self._show.time - time)))
+
+    def _scrub(self) -> None:
+        self._player.seek(round(finite(self.slider.value, 0, self._last, self._player.frame)))
+
+    def _set_speed(self) -> None:
+        if self.speed.value not in self._speeds.labels:
+            self.speed.value = self._speeds.first
+        self._player.set_rate(self._speeds.rate(self.speed.value))
+
+    def _jump(self) -> None:
+        event = self._happenings.get(self.events.value)
+        if event is not None:
+            self._player.seek(self.frame_at(event.time))
+
+    def _next_event(self) -> None:
+        later = sorted({self.frame_at(e.time) for e in self._show.events})
+        if later:
+            self._player.seek(next((frame for frame in later if frame > self._player.frame), later[0]))
+
+    def _press(self, name: str) -> None:
+        actions: dict[str, Callable[[], None]] = {
+            START: lambda: self._player.seek(0),
+            BACK: lambda: self._player.step(-1),
+            PLAY: self._player.play,
+            PAUSE: self._player.pause,
+            ON: lambda: self._player.step(1),
+            LOOP: lambda: self._player.set_loop(False),
+            ONCE: lambda: self._player.set_loop(True),
+        }
+        if name in actions:
+            actions[name]()
+
+
+def _event_label(k: int, event: Happening) -> str:
+    text = f"{k + 1}. {'⚠ ' if event.level == 'WARN' else ''}{event.time:.4g} s  {event.text}"
+    return text if len(text) <= LONGEST_EVENT else f"{text[: LONGEST_EVENT - 1]}…"
+
+
+def _ignoring_event(action: Callable[[], None], _: Any) -> None:
+    action()

@@ -1,0 +1,317 @@
+"""Editing in the viewer, without a browser: what can be edited, undo, limits, solids that follow, the health strip."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from mechviz import scene
+from mechviz.run import run_scene
+from mechviz.scene import Scene
+from mechviz.viewer.camera import PRESETS, fit_view
+from mechviz.viewer.health_strip import columns, health_svg, shade
+from mechviz.viewer.history import Draft, History
+from mechviz.viewer.limits import assembles, reachable
+from mechviz.viewer.parameters import find_choices, find_parameters, read, written
+from mechviz.viewer.saving import file_name
+from mechviz.viewer.show import Happening, Health
+from mechviz.viewer.show_run import build, show_of_run
+from mechviz.viewer.studio import Contribution, Status, Studio
+from mechviz.viewer.tracing import traced_at, with_traced
+from mechviz.viewer.warp import warped, warped_body
+from mechviz.viewer.worker import Latest
+
+
+# -- what can be edited -----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", scene.gallery_names())
+def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
+    loaded = scene.load(name)
+    found = find_parameters(loaded)
+    assert found and len({p.key for p in found}) == len(found)
+    data = Draft.of(loaded).data
+    for p in found:
+        assert p.hard_low <= p.low <= p.value <= p.high <= p.hard_high and p.step > 0.0, p
+        assert (p.high - p.low) / p.step <= 10_000, p
+        data = written(data, p.path, p.written(p.value))
+    again = find_parameters(Scene.build(name=name, **data))
+    assert [(p.key, p.title) for p in again] == [(p.key, p.title) for p in found]
+    np.testing.assert_allclose([p.value for p in again], [p.value for p in found], rtol=1e-11)
+
+
+def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
+    found = {p.title: p for p in find_parameters(scene.load("cam-roller"))}
+    assert {"follower T–E [mm]", "frame G y [mm]", "O speed [rpm]", "K base [mm]", "K lift 1 over [°]"} <= set(found)
+    assert {"return spring stiffness [N/mm]", "return spring free length [mm]", "cam mass [kg]", "cam inertia [kg m²]"} <= set(
+        found
+    )
+    assert found["O speed [rpm]"].value == 240.0 and found["O speed [rpm]"].written(250.0) == "250.0 rpm"
+    assert found["follower T–E [mm]"].written(80.0) == 80.0
+    choices = {c.label: c for c in find_choices(scene.load("cam-roller"))}
+    assert choices["K lift 1 law"].value == "cycloidal" and "3-4-5" in choices["K lift 1 law"].options
+    assert "D side" in {c.label for c in find_choices(scene.load("kinetostatic-four-bar"))}
+
+
+def test_a_length_is_shown_positive_whichever_way_its_point_lies():
+    loaded = scene.load("toggle-clamp")
+    lever = next(p for p in find_parameters(loaded) if p.label == "lever O–B")
+    assert lever.value == 120.0 and lever.low > 0.0
+    assert read(loaded.document.model_dump(), lever.path) == -120.0 and lever.written(130.0) == -130.0
+
+
+def test_writing_a_value_leaves_the_old_data_alone():
+    data = {"links": {"crank": {"points": {"B": (1.0, 2.0)}}}}
+    new = written(data, ("links", "crank", "points", "B", 1), 5.0)
+    assert read(new, ("links", "crank", "points", "B")) == [1.0, 5.0] and read(data, ("links", "crank", "points", "B")) == (
+        1.0,
+        2.0,
+    )
+    assert written({}, ("gravity",), [0.0, 1.0]) == {"gravity": [0.0, 1.0]}
+
+
+# -- undo -------------------------------------------------------------------------------------------------------------
+def test_undo_redo_and_reset_with_a_drag_as_one_step():
+    now = [0.0]
+    history = History(Draft("a", {"v": 0}), clock=lambda: now[0])
+    for v in range(1, 6):
+        now[0] += 0.1
+        history.change(Draft("a", {"v": v}), "v")
+    now[0] += 10.0
+    history.change(Draft("a", {"v": 6}), "v")
+    history.change(Draft("a", {"v": 6, "w": 1}), "w")
+    assert [history.undo().data["v"] for _ in range(4)] == [6, 5, 0, 0] and not history.can_undo
+    assert history.redo().data == {"v": 5} and history.can_redo
+    history.change(Draft("a", {"v": 9}), "v")
+    assert not history.can_redo and history.undo().data == {"v": 5}
+    assert history.reset().data == {"v": 0} and history.undo().data == {"v": 5}
+
+
+def test_effects_and_loads_are_switched_without_losing_their_values():
+    draft = Draft.of(scene.load("slider-crank-compressor"))
+    without = draft.with_load("gas", False).with_effect("inertia", False)
+    assert "loads" not in without.document() and without.scene().effects == ()
+    again = without.with_load("gas", True).with_effect("inertia", True)
+    assert again.scene() == draft.scene()
+
+
+# -- limits -----------------------------------------------------------------------------------------------------------
+def test_the_reachable_range_is_found_from_the_inside():
+    low, high = reachable(5.0, 0.0, 20.0, lambda v: 2.0 < v < 7.3)
+    assert 2.0 < low < 2.001 and 7.299 < high < 7.3
+    assert reachable(5.0, 0.0, 20.0, lambda v: True) == (0.0, 20.0)
+    assert reachable(5.0, 0.0, 20.0, lambda v: True, given_up=lambda: True) is None
+
+
+def test_a_four_bar_assembles_exactly_as_far_as_grashof_says():
+    draft = Draft.of(scene.load("kinetostatic-four-bar"))
+    path = ("links", "crank", "points", "B", 0)
+    # crank r, frame 0.28, coupler 0.3, rocker 0.25: it turns fully while the distance of the other ends, 0.28 - r to 0.28 + r,
+    # stays between 0.3 - 0.25 and 0.3 + 0.25
+    _, high = reachable(0.1, 0.02, 0.25, lambda r: assembles(draft.with_value(path, r).scene()))
+    assert high == pytest.approx(0.23, abs=2e-5)
+
+
+# -- solids that follow -----------------------------------------------------------------------------------------------
+def test_a_stretched_bar_keeps_its_ends_and_its_width():
+    before, after = np.array([[0.0, 0.0], [2.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
+    xy = np.array([[-0.1, 0.1], [2.1, -0.1], [1.0, 0.1]])
+    np.testing.assert_allclose(warped(xy, before, after), [[-0.1, 0.1], [3.1, -0.1], [1.5, 0.1]], atol=1e-12)
+    turned = warped(np.array([[2.1, 0.1]]), before, np.array([[0.0, 0.0], [0.0, 2.0]]))
+    np.testing.assert_allclose(turned, [[-0.1, 2.1]], atol=1e-12)
+
+
+def test_places_go_with_the_points_that_they_are_at():
+    before = np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 1.0]])
+    after = before + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.3]])
+    np.testing.assert_allclose(warped(before, before, after), after, atol=1e-9)
+
+
+def test_a_warped_solid_is_nearly_the_one_that_is_built_for_the_new_length():
+    first = run_scene(scene.load("kinetostatic-four-bar"))
+    draft = Draft.of(first.scene).with_value(("links", "coupler", "points", "D", 0), 0.33)
+    second = run_scene(draft.scene())
+    built, fresh = build(first), build(second)
+    show = show_of_run(second, built)
+    coupler = np.concatenate([p.vertices for p in show.bodies["coupler"].pieces])
+    exact = np.concatenate([p.vertices for p in fresh.bodies["coupler"].pieces])
+    np.testing.assert_allclose(np.ptp(coupler, axis=0)[:2], np.ptp(exact, axis=0)[:2], atol=0.02 * fresh.solids.size)
+    assert show.bodies["rocker"] is built.bodies["rocker"], "what has not changed is not touched"
+    same = warped_body(built.bodies["rocker"], {"A": (0.0, 0.0)}, {"A": (0.0, 0.0)})
+    assert same is built.bodies["rocker"]
+
+
+# -- the worker -------------------------------------------------------------------------------------------------------
+def test_the_newest_request_wins_and_the_last_one_is_always_done():
+    begun, gate, done = threading.Event(), threading.Event(), []
+
+    def work(value: int) -> None:
+        begun.set()
+        gate.wait(10.0)
+        done.append(value)
+        if value == 99:
+            raise ValueError("out of order")
+
+    failures: list[Exception] = []
+    worker = Latest(work, failures.append)
+    try:
+        worker.submit(0)
+        assert begun.wait(10.0)
+        for value in range(1, 50):
+            worker.submit(value)
+        gate.set()
+        assert worker.wait(10.0) and done == [0, 49]
+        worker.submit(99)
+        assert worker.wait(10.0) and len(failures) == 1
+        worker.submit(7)
+        assert worker.wait(10.0) and done[-1] == 7
+    finally:
+        gate.set()
+        worker.close()
+
+
+# -- the studio -------------------------------------------------------------------------------------------------------
+class Screen:
+    def __init__(self) -> None:
+        self.shows: list = []
+        self.told: list[Status] = []
+        self.found: list[tuple[Contribution, ...]] = []
+        self.failures: list[Exception] = []
+
+
+@pytest.fixture
+def studio():
+    screen = Screen()
+    made = Studio(
+        run_scene(scene.load("kinetostatic-four-bar")),
+        screen.shows.append,
+        screen.told.append,
+        screen.found.append,
+        lambda: None,
+        screen.failures.append,
+    )
+    made.screen = screen
+    yield made
+    made.close()
+    assert not screen.failures
+
+
+def _value(studio: Studio, label: str):
+    return next(p for p in studio.parameters if p.label == label)
+
+
+def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(studio):
+    before = studio.run.forces.effort("A")
+    studio.move(_value(studio, "crank A–B"), 0.11)
+    assert studio.wait()
+    assert studio.status.fault == "" and read(studio.history.present.data, ("links", "crank", "points", "B"))[0] == 0.11
+    direct = run_scene(Draft.of(scene.load("kinetostatic-four-bar")).with_value(("links", "crank", "points", "B", 0), 0.11).scene())
+    np.testing.assert_allclose(studio.run.forces.effort("A"), direct.forces.effort("A"), rtol=1e-12)
+    np.testing.assert_allclose(studio.screen.shows[-1].poses["coupler"], direct.motion.pose("coupler"), rtol=1e-12)
+    studio.undo()
+    assert studio.wait()
+    np.testing.assert_allclose(studio.run.forces.effort("A"), before, rtol=1e-12)
+
+
+def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(studio):
+    shown, run = len(studio.screen.shows), studio.run
+    studio.move(_value(studio, "crank A–B"), 0.24)
+    assert studio.wait()
+    assert "cannot be assembled" in studio.status.fault and studio.status.value == 0.24
+    low, high = studio.status.reach
+    assert low == pytest.approx(0.02) and high == pytest.approx(0.23, abs=1e-4)
+    assert studio.run is run and len(studio.screen.shows) == shown and not studio.history.can_undo
+    studio.move(_value(studio, "crank A–B"), 0.12)
+    assert studio.wait() and studio.status.fault == ""
+
+
+def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
+    told: list[Status] = []
+    made = Studio(
+        run_scene(scene.load("cam-flat"), frames=90), lambda _: None, told.append, lambda _: None, lambda: None, lambda _: None
+    )
+    try:
+        base = _value(made, "K base")
+        made.move(base, 8.0)
+        assert made.wait()
+        assert "undercut" in made.status.fault
+        low, high = made.status.reach
+        assert low == pytest.approx(10.664, abs=0.01), "the least base circle of the theory"
+        assert high == base.high
+    finally:
+        made.close()
+
+
+def test_each_effect_is_weighed_by_the_peak_without_it(studio):
+    studio.weigh(asked=True)
+    end = time.monotonic() + 30.0
+    while not studio.screen.found and time.monotonic() < end:
+        time.sleep(0.01)
+    found = {c.name: c for c in studio.screen.found[-1]}
+    assert set(found) == {"inertia", "gravity", "friction", "P"}
+    assert found["inertia"].on and not found["gravity"].on
+    without = run_scene(Draft.of(studio.run.scene).with_effect("inertia", False).scene())
+    assert found["inertia"].peak_with == pytest.approx(np.abs(studio.run.forces.effort("A")).max())
+    assert found["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
+
+
+# -- tracing ----------------------------------------------------------------------------------------------------------
+def test_a_click_traces_a_near_point_or_makes_one():
+    run = run_scene(scene.load("kinetostatic-four-bar"))
+    show = show_of_run(run, build(run))
+    x, y, angle = run.motion.pose("coupler")[40]
+    z = complex(x, y) + (0.1 + 0.02j) * np.exp(1j * angle)
+    top = max(float(p.vertices[:, 2].max()) for p in show.bodies["coupler"].pieces)
+    start = np.array([z.real + 0.3, z.imag, top + 1.0])
+    spot = traced_at(show, "coupler", 40, start, np.array([z.real, z.imag, top]) - start)
+    assert spot[:2] == pytest.approx((0.1, 0.02), abs=1e-9)
+    draft = with_traced(Draft.of(run.scene), "coupler", spot)
+    assert run_scene(draft.scene()).motion.mechanism.traced == (("coupler", "T1"),)
+    assert read(draft.data, ("links", "coupler", "points", "T1")) == [0.1, 0.02]
+    near = with_traced(draft, "coupler", (0.3, 0.001, 0.01))
+    assert near.data["trace"] == ["coupler.T1", "coupler.D"]
+    assert with_traced(near, "coupler", (0.3, 0.001, 0.01)).data["trace"] == ["coupler.T1"], "a second click ends it"
+
+
+# -- health -----------------------------------------------------------------------------------------------------------
+def test_a_single_bad_frame_is_seen_in_the_strip():
+    values = np.full(5000, 1e-16)
+    values[1234] = 1.0
+    health = Health("closure", "m", values, 1e-12, 1e-6)
+    assert health.trouble.max() == 1.0 and health.trouble[0] == 0.0
+    row = columns(health.trouble)
+    assert row[int(1234 / 5000 * len(row))] == 1.0 and row.sum() == 1.0
+    text = health_svg([health], [Happening(0.5, "WARN", "A: <b>dead</b>")], np.linspace(0.0, 1.0, 5000))
+    assert shade(1.0) in text and shade(0.0) in text and "&lt;b&gt;" in text and "<b>dead" not in text
+    assert Health("condition", "1", np.array([np.inf, np.nan, 1.0]), 30.0, 1e8).trouble.tolist() == [1.0, 1.0, 0.0]
+
+
+# -- cameras, names ---------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", list(PRESETS))
+def test_every_preset_sees_the_whole_box(name):
+    bounds = np.array([[-0.1, 0.3, -0.02], [0.5, 0.5, 0.04]])
+    preset = PRESETS[name]
+    view = fit_view(bounds, 1.3, preset)
+    away = (view.position - view.look_at) / view.distance
+    right = np.cross([0.0, 1.0, 0.0], away)
+    right /= np.linalg.norm(right)
+    up = np.cross(away, right)
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    depth = view.distance - (corners - view.look_at) @ away
+    half = np.tan(preset.fov / 2.0)
+    assert (np.abs((corners - view.look_at) @ up / depth) < half).all()
+    assert (np.abs((corners - view.look_at) @ right / depth) < 1.3 * half).all()
+    assert np.dot(away, preset.away) > 0.0
+
+
+def test_2d_is_nearly_without_perspective():
+    bounds = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.1]])
+    view = fit_view(bounds, 1.0, PRESETS["flat"])
+    assert 0.1 / view.distance < 0.003  # how much larger the front of the plates is drawn than their back
+
+
+def test_names_of_files_have_no_folders():
+    assert file_name("../../etc/passwd", ".toml", "x") == "_.._etc_passwd.toml"
+    assert file_name(" crank 2.TOML ", ".toml", "x") == "crank 2.toml" and file_name("", ".rrd", "x") == "x.rrd"
+    assert "/" not in file_name("a/b\\c\0d", ".rrd", "x") and file_name(".hidden", ".rrd", "x") == "hidden.rrd"

@@ -1,0 +1,342 @@
+"""Editing, looking closer, effects and saving in a real browser: controls are used as a person would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from browsing import CANVAS, POSE, READY, SEEN, browser, new_page, open_tab, picture, until
+
+from mechviz import scene
+from mechviz.run import run_scene
+from mechviz.scene import load
+from mechviz.viewer import Viewer
+from mechviz.viewer.solids3d import link_path
+
+__all__ = ["browser"]  # a fixture
+
+pytestmark = pytest.mark.browser
+
+SIZE = {"width": 1240, "height": 760}
+LINKS = ("crank", "coupler", "rocker")
+NODES = [link_path(link) for link in LINKS]
+CRANK = "crank A–B [m]"
+EXTENT = """name => { const mesh = window.__viserMutable.nodeRefFromName[name]; let low = 1e9, high = -1e9;
+    mesh.traverse(o => { const p = o.geometry && o.geometry.attributes.position; if (!p) return;
+        for (let k = 0; k < p.count; k++) { low = Math.min(low, p.getX(k)); high = Math.max(high, p.getX(k)); } });
+    return high - low; }"""
+NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidden]), [role=slider], [role=tab], svg[role=img]')]
+    .filter(e => e.tagName === 'svg' || e.offsetParent !== null)
+    .filter(e => !(e.getAttribute('aria-label') || e.getAttribute('title') || e.textContent.trim() || (e.labels && e.labels.length)))
+    .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
+    .map(e => e.outerHTML.slice(0, 250))"""
+FOV = "() => window.__viserMutable.camera.fov"
+DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("saved")
+
+
+@pytest.fixture(scope="module")
+def viewer(browser, folder) -> Iterator[Viewer]:
+    with Viewer(run_scene(scene.load("kinetostatic-four-bar")), port=0, folder=folder) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def errors() -> list[str]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def page(browser, viewer, errors) -> Iterator[Any]:
+    opened = new_page(browser, SIZE)
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.goto(viewer.url)
+    # Without a graphics card viser says so in a note that covers the top of the page
+    opened.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
+    opened.wait_for_function(READY, arg=NODES)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(autouse=True)
+def as_opened(viewer, page) -> None:
+    """Every test starts with the scene as opened, at a frame with large forces."""
+    viewer.studio.reset()
+    assert viewer.studio.wait()
+    viewer.set_frame(300)
+    open_tab(page, "Edit")
+    open_tab(page, "Plots")
+    _until_drawn(viewer, page)
+
+
+def _type(page: Any, label: str, value: str) -> None:
+    """Type a value beside a slider."""
+    uuid = page.locator("label", has_text=label).first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill(value)
+
+
+def _drawn(viewer: Viewer, page: Any) -> bool:
+    for link in LINKS:
+        x, y, angle = viewer.run.motion.pose(link)[viewer.frame]
+        wanted = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2), x, y, 0.0])
+        if np.abs(np.array(page.evaluate(POSE, link_path(link))) - wanted).max() > 1e-3:
+            return False
+    return True
+
+
+def _until_drawn(viewer: Viewer, page: Any) -> None:
+    until(page, lambda: _drawn(viewer, page), "poses in the browser")
+
+
+def test_a_typed_length_changes_solids_poses_plots_and_forces(viewer, page, errors):
+    peak = np.abs(viewer.run.forces.effort("A")).max()
+    before = page.evaluate(EXTENT, NODES[0])
+    _type(page, CRANK, "0.12")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "solved")
+    _until_drawn(viewer, page)
+    until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(before + 0.02, abs=2e-3), "a longer crank")
+    assert np.abs(viewer.run.forces.effort("A")).max() != pytest.approx(peak, rel=1e-3)
+    uuid = viewer.plots.slots[0].chart._impl.uuid
+    largest = np.abs(viewer.run.forces.effort("A")).max()
+    until(page, lambda: np.abs(page.evaluate(DATA, uuid)).max() == pytest.approx(largest), "the new torque in the plot")
+    assert not errors
+
+
+def test_dragging_a_slider_solves_on_the_way_and_ends_at_its_value(viewer, page):
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    thumb = page.locator(f'[id="{uuid}"] [role=slider]').bounding_box()
+    x, y = thumb["x"] + thumb["width"] / 2, thumb["y"] + thumb["height"] / 2
+    solved = []
+    present = viewer.inspector.present
+    viewer.inspector.present = lambda show: (solved.append(show), present(show))
+    try:
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for k in range(1, 9):
+            page.mouse.move(x + 2 * k, y)
+            page.wait_for_timeout(30)
+        page.mouse.up()
+        slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]
+        until(page, lambda: slider.value > 0.105, "dragged")
+        until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(slider.value), "the last value")
+        assert len(solved) > 3, "solved while it was dragged"
+        _until_drawn(viewer, page)
+    finally:
+        del viewer.inspector.present
+
+
+def test_undo_redo_and_reset(viewer, page):
+    def length() -> float:
+        return viewer.run.motion.mechanism.links[1].points["B"][0]
+
+    _type(page, CRANK, "0.12")
+    until(page, lambda: length() == pytest.approx(0.12), "0.12")
+    for button, wanted in (("↶ Undo", 0.1), ("Redo ↷", 0.12), ("Reset", 0.1), ("↶ Undo", 0.12)):
+        page.get_by_role("button", name=button, exact=True).click()
+        until(page, lambda wanted=wanted: length() == pytest.approx(wanted), f"{button} to {wanted}")
+        uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+        box = page.locator(f'[id="{uuid}"] ~ div input')
+        until(page, lambda wanted=wanted, box=box: float(box.input_value()) == pytest.approx(wanted), "the slider follows")
+
+
+def test_a_length_that_cannot_be_assembled_is_told_in_place_with_its_range(viewer, page):
+    shown = viewer.run
+    _type(page, CRANK, "0.24")
+    page.get_by_role("alert").filter(has_text="Reachable: 0.02 m to 0.23 m").first.wait_for()
+    assert page.get_by_role("alert").filter(has_text="cannot be assembled").count() == 1, "at its slider"
+    assert viewer.run is shown
+    _until_drawn(viewer, page)
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    box = page.locator(f'[id="{uuid}"] ~ div input')
+    until(page, lambda: float(box.input_value()) == pytest.approx(0.1), "the slider goes back to what is shown")
+    _type(page, CRANK, "0.11")
+    until(page, lambda: viewer.run is not shown, "solved again")
+    until(page, lambda: page.get_by_role("alert").count() == 0, "the fault is gone")
+
+
+def test_effects_are_switched_and_weighed(viewer, page):
+    open_tab(page, "Effects")
+    page.get_by_label("inertia", exact=True).uncheck()
+    until(page, lambda: viewer.run.scene.effects == (), "no inertia")
+    open_tab(page, "View")
+    until(page, lambda: not page.get_by_label("Inertia", exact=True).is_visible(), "no arrows of inertia to be had")
+    open_tab(page, "Effects")
+    page.get_by_label("inertia", exact=True).check()
+    until(page, lambda: viewer.run.scene.effects == ("inertia",), "inertia")
+    page.get_by_label("P", exact=True).uncheck()
+    until(page, lambda: not viewer.run.scene.document.loads, "no load")
+    page.get_by_label("P", exact=True).check()
+    until(page, lambda: "P" in viewer.run.scene.document.loads, "the load with its values")
+    assert viewer.run.scene == viewer.studio.history.opened.scene()
+    peak = np.abs(viewer.run.forces.effort("A")).max()
+    page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
+    assert peak > 0.0
+    page.get_by_text("pure kinematics").wait_for(state="detached")
+
+
+def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
+    _click(page, viewer, viewer.run.motion.point("coupler", "B")[300] * 0.5 + viewer.run.motion.point("coupler", "D")[300] * 0.5)
+    until(page, lambda: viewer.inspector.closer.item == "link coupler", "the coupler")
+    tab = page.get_by_role("tab", name="Look closer", exact=True)
+    until(page, lambda: tab.get_attribute("aria-selected") == "true", "its tab has opened")
+    row = page.locator("tr", has_text="angular velocity").first
+    wanted = viewer.run.motion.velocity("coupler")[300, 2]
+    until(page, lambda: f"{wanted:.5g}".replace("-", "−") in row.inner_text(), "its angular velocity")
+    page.get_by_label("Look at").click()
+    page.get_by_role("option", name="pair B", exact=True).click()
+    until(page, lambda: viewer.inspector.closer.item == "pair B", "chosen with the keyboard or mouse")
+    force = np.hypot(*viewer.run.forces.reaction("B")[300, :2])
+    until(page, lambda: f"{force:.5g}" in page.locator("tr", has_text="reaction").first.inner_text(), "its reaction")
+    assert viewer.inspector.closer.slot.quantity.label == "pair B: reaction"
+
+
+def test_a_point_that_is_clicked_is_traced(viewer, page):
+    open_tab(page, "Look closer")
+    page.get_by_label("Trace the point that I click").check()
+    middle = 0.5 * (viewer.run.motion.point("coupler", "B")[300] + viewer.run.motion.point("coupler", "D")[300])
+    _click(page, viewer, middle)
+    until(page, lambda: viewer.run.motion.mechanism.traced == (("coupler", "T1"),), "traced")
+    page.wait_for_function(SEEN, arg="/paths/coupler.T1")
+    found = viewer.run.motion.point("coupler", "T1")[300]
+    assert np.abs(found - middle).max() < 0.02 * viewer.scene.size
+    page.get_by_label("Trace the point that I click").uncheck()
+
+
+def test_the_scene_as_opened_stands_behind_as_a_ghost(viewer, page):
+    _type(page, CRANK, "0.13")
+    page.get_by_label("Compare with the scene as opened").check()
+    page.wait_for_function(SEEN, arg="/opened/crank")
+    x, y, _ = viewer.studio.opened.poses["coupler"][300]
+    until(page, lambda: np.allclose(page.evaluate(POSE, "/opened/coupler")[4:6], [x, y], atol=1e-4), "as it was opened")
+    page.get_by_label("Compare with the scene as opened").uncheck()
+    until(page, lambda: not page.evaluate(SEEN, "/opened/crank"), "gone")
+
+
+def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
+    page.get_by_label("Drag pivots").check()
+    page.wait_for_function(SEEN, arg="/pivots/E")
+    x, y = _on_screen(page, viewer, np.array([0.28, 0.0]))
+    page.mouse.move(x + 30, y)  # the arrow of the handle that points right
+    page.wait_for_timeout(300)
+    page.mouse.down()
+    for k in range(1, 8):
+        page.mouse.move(x + 30 + 4 * k, y)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+    until(page, lambda: viewer.run.motion.mechanism.links[0].points["E"][0] > 0.285, "the pivot has moved")
+    assert viewer.run.motion.mechanism.links[0].points["E"][1] == pytest.approx(0.0, abs=1e-3)
+    _until_drawn(viewer, page)
+    page.get_by_label("Drag pivots").uncheck()
+
+
+def test_cameras_2d_and_dark(viewer, page):
+    client = next(iter(viewer.server.get_clients().values()))
+    open_tab(page, "View")
+    page.get_by_role("button", name="2D", exact=True).click()
+    until(
+        page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") == pytest.approx(1.5, abs=0.01), "nearly orthographic"
+    )
+    away = page.evaluate("() => { const m = window.__viserMutable.camera.matrixWorld.elements; return [m[8], m[9], m[10]]; }")
+    assert abs(abs(away[2]) - 1.0) < 1e-4, "straight on"
+    page.get_by_role("button", name="Angled", exact=True).click()
+    until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
+    page.get_by_role("button", name="Front", exact=True).click()
+    assert client.client_id in viewer.server.get_clients()
+    bright = picture(page).mean()
+    page.get_by_label("Dark page").check()
+    until(page, lambda: picture(page).mean() < 0.6 * bright, "a dark picture")
+    page.get_by_label("Dark page").uncheck()
+    until(page, lambda: picture(page).mean() > 0.9 * bright, "a light picture")
+
+
+def test_links_become_transparent(viewer, page):
+    open_tab(page, "View")
+    uuid = page.locator("label", has_text="Opacity of links").first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("0.3")
+    until(page, lambda: viewer.server.scene.get_handle_by_name(f"{NODES[0]}/part_0").opacity == pytest.approx(0.3), "transparent")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("1")
+    until(page, lambda: viewer.server.scene.get_handle_by_name(f"{NODES[0]}/part_0").opacity is None, "solid")
+
+
+def test_a_scene_is_saved_and_never_replaced_untold(viewer, page, folder):
+    _type(page, CRANK, "0.12")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")
+    target = folder / "mine.toml"
+    page.get_by_role("button", name="Scene", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("textbox").fill("../mine")
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    until(page, lambda: (folder / "_mine.toml").exists() or target.exists(), "saved in the folder and nowhere else")
+    saved = next(iter(folder.glob("*mine.toml")))
+    assert load(saved) == viewer.run.scene
+    text = saved.read_text()
+    _type(page, CRANK, "0.11")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.11), "edited again")
+    page.get_by_role("button", name="Scene", exact=True).click()
+    dialog.get_by_role("textbox").fill(saved.name)
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    dialog.get_by_text("is there already").wait_for()
+    assert saved.read_text() == text
+    dialog.get_by_role("button", name="Replace it").click()
+    until(page, lambda: saved.read_text() != text, "replaced when told")
+    assert load(saved) == viewer.run.scene
+
+
+def test_a_recording_is_saved(viewer, page, folder):
+    from mechviz.record import Recording
+
+    page.get_by_role("button", name="Recording", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("textbox").fill("run")
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    until(page, lambda: (folder / "run.rrd").exists(), "recorded")
+    viewer.inspector.saver.last.join(30.0)
+    _, poses = Recording(folder / "run.rrd").scalars("data", "links", "coupler", "pose")
+    np.testing.assert_allclose(poses, viewer.run.motion.pose("coupler"), atol=1e-12)
+
+
+def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("a test made this fail")
+
+    monkeypatch.setattr("mechviz.viewer.studio.show_of_run", fail)
+    _type(page, CRANK, "0.115")
+    page.get_by_text("RuntimeError: a test made this fail").first.wait_for(state="attached")
+    monkeypatch.undo()
+    _type(page, CRANK, "0.116")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.116), "the editor lives")
+    _until_drawn(viewer, page)
+
+
+def test_every_control_has_a_name(page):
+    """For screen readers: each input, slider and list is labelled, each button says what it does."""
+    for tab in ("Edit", "Effects", "View"):
+        open_tab(page, tab)
+        page.wait_for_timeout(400)
+        assert page.evaluate(NAMELESS) == [], tab
+
+
+def _on_screen(page: Any, viewer: Viewer, xy: np.ndarray) -> tuple[float, float]:
+    """Where a place in front of the mechanism is on the page."""
+    left, top, width, height = page.evaluate(CANVAS)
+    z = viewer.scene.current.z_top
+    at = page.evaluate(
+        """([x, y, z]) => { const m = window.__viserMutable; const root = m.nodeRefFromName[''];
+            const v = m.camera.position.clone().set(x, y, z).applyMatrix4(root.matrixWorld).project(m.camera);
+            return [v.x, v.y]; }""",
+        [float(xy[0]), float(xy[1]), float(z)],
+    )
+    return left + width * (at[0] + 1.0) / 2.0, top + height * (1.0 - at[1]) / 2.0
+
+
+def _click(page: Any, viewer: Viewer, xy: np.ndarray) -> None:
+    x, y = _on_screen(page, viewer, xy)
+    page.mouse.move(x, y)
+    page.wait_for_timeout(150)
+    page.mouse.click(x, y)
