@@ -29,7 +29,8 @@ EXTENT = """name => { const mesh = window.__viserMutable.nodeRefFromName[name]; 
     return high - low; }"""
 NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidden]), [role=slider], [role=tab], svg[role=img]')]
     .filter(e => e.tagName === 'svg' || e.offsetParent !== null)
-    .filter(e => !(e.getAttribute('aria-label') || e.getAttribute('title') || e.textContent.trim() || (e.labels && e.labels.length)))
+    .filter(e => !(e.getAttribute('aria-label') || e.getAttribute('title') || e.textContent.trim()))
+    .filter(e => !(e.labels && e.labels.length))
     .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
     .map(e => e.outerHTML.slice(0, 250))"""
 FOV = "() => window.__viserMutable.camera.fov"

@@ -71,9 +71,9 @@ OPEN_TAB = """
 for (const tab of document.querySelectorAll("[role=tab]")) {
   if (tab.textContent.trim() !== NAME || tab.getAttribute("aria-selected") === "true") continue;
   const box = tab.getBoundingClientRect();
-  const where = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
+  const where = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2, button: 0, pointerId: 1 };
   for (const type of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"])
-    tab.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, pointerId: 1, button: 0, ...where }));
+    tab.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, ...where }));
 }
 """
 
