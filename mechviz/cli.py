@@ -319,6 +319,57 @@ def balance(
             print(plot)
 
 
+@app.command()
+def vibrations(
+    scene: SceneArg,
+    nearest: Annotated[
+        bool, typer.Option("--nearest", help="the nearest equilibrium, also an unstable one, instead of going downhill")
+    ] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="also write the modes as a table (CSV)")] = None,
+    mode: Annotated[int | None, typer.Option("--mode", metavar="K", help="the mode to show: 1 is the slowest")] = None,
+    amplitude: Annotated[
+        float, typer.Option(metavar="PART", help="largest displacement in it, as a part of the mechanism's size")
+    ] = 0.08,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="write the mode as a recording (.rrd) or as a scene (.toml)")
+    ] = None,
+) -> None:
+    """Find the equilibrium of a scene with free pairs, and its natural frequencies, damping ratios and modes.
+
+    The mechanism is let down from the start of its free pairs to where it stays at rest; about that place its equations of motion
+    are linearised. In a mode all parts move in step at one frequency; every small free motion is a sum of modes. Shapes are
+    printed with their largest part one, and are mass-normalised in the table.
+
+    Try: mechviz vibrations swinging-double-pendulum, then add --mode 2 -o mode2.rrd and open that with rerun.
+    """
+    from .files import OutputError
+    from .record import RecordingError, write_recording
+    from .scene import dump
+    from .vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
+
+    if (mode is None) != (output is None):
+        fail("a mode to show needs both: --mode K and -o FILE.rrd (or FILE.toml).")
+    if output is not None and output.suffix not in (".rrd", ".toml"):
+        fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
+        print("\n".join(vibration_lines(loaded, found)))
+        try:
+            if csv is not None:
+                say(f"{vibrations_csv(found, csv)} written.")
+            if mode is not None and output is not None:
+                shown = mode_scene(loaded, found, mode, amplitude=amplitude)
+                if output.suffix == ".toml":
+                    dump(shown, output)
+                else:
+                    with interruptible():
+                        write_recording(solve(shown, None, None), output)
+                say(f"{output} written.")
+        except (OutputError, RecordingError) as e:
+            fail(str(e), 1)
+
+
 def length_of(scene: Scene, text: str | None, option: str) -> float | None:
     """A length [m] from an option: a text with a unit, or a number in the scene's units."""
     from .scene.units import QuantityError, Units

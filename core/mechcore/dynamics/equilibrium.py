@@ -1,0 +1,227 @@
+"""Equilibria: where a mechanism with free coordinates stays at rest, found from a start by Newton's method on the reduced force.
+
+At rest (q' = 0) the reduced force Q(q) of all loads is what moves the mechanism; an equilibrium is a place with Q = 0, and
+K = -dQ/dq is its stiffness. Downhill steps need no potential: the work of Q along a step, by Simpson's rule, says whether it was
+one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..effects import effects_of, power_of
+from ..errors import Fault, MechanismError
+from ..motion import Motion
+from ..solve import Compiled, compile_mechanism
+from ..spec import Mechanism
+from .charts import best_chart
+from .free import Free
+from .happenings import Stop
+from .reduced import free_of, motion_at, tangents
+
+__all__ = ["Equilibrium", "Seek", "find_equilibrium", "force_at_rest", "scale_of", "slopes_at_rest"]
+
+Array = NDArray[np.float64]
+Seek = Literal["stable", "nearest"]
+STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
+LONGEST = 0.3  # step, relative to the scale
+MOST = 300  # steps
+NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # central difference of sixth order
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A place at which the mechanism stays at rest.
+
+    ``position`` (f,) of the free coordinates of ``compiled`` [rad or m]; ``stiffness`` K = -dQ/dq (f, f); ``residual``: what is
+    left of the reduced force there, relative to the forces that balance; ``steps`` that it took.
+    """
+
+    compiled: Compiled
+    position: Array
+    stiffness: Array
+    residual: float
+    steps: int
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The free coordinates' pairs, in the order of ``position``."""
+        return tuple(d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free))
+
+    @property
+    def motion(self) -> Motion:
+        """The mechanism at rest in it (one frame)."""
+        return self.motion_with(np.zeros_like(self.position))
+
+    def motion_with(self, rates: Array) -> Motion:
+        """The mechanism passing through it with ``rates`` (f,) of its free coordinates (one frame)."""
+        return motion_at(_still(self.compiled), self.position[None], rates[None], np.zeros(1))
+
+
+def scale_of(compiled: Compiled) -> Array:
+    """What counts as a large displacement of each free coordinate (f,): one radian, or the mechanism's size [m]."""
+    model = compiled.model
+    pairs = [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+    return np.array([1.0 if model.joints[model.joint_index[p]].coordinate == "angle" else model.size for p in pairs])
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A prescribed drive that stands still at its start."""
+
+    start: float
+    duration: float = 1.0
+    breaks: tuple[float, ...] = ()
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        none = np.zeros_like(np.asarray(t, float))
+        return none + self.start, none, none
+
+
+def _still(compiled: Compiled) -> Compiled:
+    """The same mechanism with its prescribed drives held at their start; itself where there are none."""
+    drives = compiled.mechanism.drives
+    if all(isinstance(d.law, Free) for d in drives):
+        return compiled
+    held = tuple(d if isinstance(d.law, Free) else replace(d, law=_Held(float(d.law(np.zeros(1))[0][0]))) for d in drives)
+    return replace(compiled, model=replace(compiled.model, mechanism=replace(compiled.mechanism, drives=held)))
+
+
+def force_at_rest(compiled: Compiled, q: Array, v: Array | None = None, *, only: str = "positions") -> Array:
+    """Reduced force Q of all loads at positions (n, f) with rates (n, f), or at rest: (n, f); of those that need ``only`` this.
+
+    Time stands still at 0, and so do prescribed drives. NaN where the mechanism cannot be assembled. Forces of inertia are left
+    out: they are of the second order in the rates. So is dry friction.
+    """
+    return _forces(compiled, q, v, only)[0]
+
+
+def _forces(compiled: Compiled, q: Array, v: Array | None = None, only: str = "positions") -> tuple[Array, Array]:
+    """`force_at_rest`, and the sum of the sizes of its parts (n, f)."""
+    still = _still(compiled)
+    n = len(q)
+    motion = motion_at(still, q, np.zeros_like(q) if v is None else v, np.zeros(n))
+    units = tangents(motion, free_of(still))
+    force, size = np.zeros_like(q), np.zeros_like(q)
+    for effect in effects_of(still.mechanism):
+        if (only == "positions" or only in effect.needs) and not effect.needs & {"accelerations", "reactions"}:
+            for w in effect.wrenches(motion):
+                for i, unit in enumerate(units):
+                    power = power_of(unit, w)
+                    force[:, i] += power
+                    size[:, i] += np.abs(power)
+    return force, size
+
+
+def slopes_at_rest(compiled: Compiled, q: Array) -> tuple[Array, Array, Array]:
+    """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
+    from one set of positions, central differences of sixth order."""
+    scale, f = scale_of(compiled), len(q)
+    shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
+    force, size = _forces(compiled, np.vstack([q[None], q + STEP * scale * shifts]))
+    by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    return force[0], by_q, size.max(axis=0)
+
+
+def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Equilibrium:
+    """The equilibrium reached from the start of the free coordinates.
+
+    ``seek`` "stable": go downhill from the start (an unstable equilibrium is found only if the mechanism starts exactly there);
+    "nearest": plain Newton, to whatever equilibrium is next. The way stays within ``stops``. Raises `MechanismError` where
+    there is none on the way.
+    """
+    compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    if not free_of(compiled):
+        why = "every drive is prescribed: nothing is free to come to rest."
+        raise MechanismError(Fault("pairs", why, "Give a pair a free start instead of its drive."))
+    q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
+    changed = 0
+    for count in range(1, MOST + 1):
+        scale = scale_of(compiled)
+        force, by_q, size = slopes_at_rest(compiled, q)
+        if not np.isfinite(by_q).all():
+            if len(q) > 1 or changed > 8:
+                raise _lost(compiled, q)
+            lead, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another pair leads past a dead point
+            compiled, q, changed = lead.compiled, np.array([place]), changed + 1
+            continue
+        largest = float((size * scale).max()) or 1.0
+        left = float(np.abs(force * scale).max()) / largest
+        step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
+        if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
+            found = Equilibrium(compiled, q, -by_q, left, count)
+            _within(found, stops)
+            return found
+        q = _step(compiled, q, force, step, seek, largest)
+    pair, k = _worst(compiled, force * scale)
+    raise MechanismError(
+        Fault(
+            "dynamics.equilibrium",
+            f"none found from the start in {MOST} steps: at {q[k]:.6g} the loads still push {pair} with {force[k]:.6g}.",
+            "A load that always pushes the same way has no equilibrium: leave it out, or add what holds against it.",
+        )
+    )
+
+
+def _newton(force: Array, stiffness: Array, seek: Seek) -> Array:
+    """The step to the equilibrium, none along directions without stiffness and force; downhill where the stiffness is negative."""
+    if seek == "nearest" or not force.any():
+        return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-10)[0])
+    values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    if values[0] > 1e-9 * np.abs(values).max():
+        return np.asarray(np.linalg.solve(stiffness, force), float)
+    along = vectors.T @ force
+    least = 1e-9 * np.abs(values).max() or 1.0
+    sized = np.where(np.abs(along) <= 1e-10 * np.abs(along).max(), 0.0, along / np.maximum(np.abs(values), least))
+    return np.asarray(vectors @ sized)
+
+
+def _step(compiled: Compiled, q: Array, force: Array, step: Array, seek: Seek, largest: float) -> Array:
+    """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
+    scale = scale_of(compiled)
+    length = float(np.abs(step / scale).max())
+    step = step * min(1.0, LONGEST / length) if length else step
+    for _ in range(40):
+        middle, end = force_at_rest(compiled, np.array([q + 0.5 * step, q + step]))
+        if np.isfinite(end).all() and np.isfinite(middle).all():
+            work = float((force + 4.0 * middle + end) @ step) / 6.0
+            closer = float(np.abs(end * scale).max()) <= 0.5 * float(np.abs(force * scale).max())
+            if seek == "nearest" or work >= 0.0 or closer or abs(work) <= 1e-14 * largest:
+                return np.asarray(q + step)
+        elif len(q) == 1 and float(np.abs(step / scale).max()) < 1e-3:
+            return np.asarray(q + step)  # a dead point of the coordinate: another pair takes over there
+        step = 0.5 * step
+    raise _lost(compiled, q)
+
+
+def _worst(compiled: Compiled, pushes: Array) -> tuple[str, int]:
+    k = int(np.argmax(np.abs(pushes)))
+    return [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)][k], k
+
+
+def _lost(compiled: Compiled, q: Array) -> MechanismError:
+    where = ", ".join(
+        f"{d.pair} at {x:.6g}" for d, x in zip([compiled.mechanism.drives[i] for i in free_of(compiled)], q, strict=True)
+    )
+    why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free pair."
+    return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other pairs free."))
+
+
+def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
+    """Refuse an equilibrium that lies beyond a stop: the mechanism rests on the stop instead."""
+    motion = found.motion
+    known = dict(zip(found.pairs, found.position, strict=True))
+    for s in stops:
+        at = known[s.pair] if s.pair in known else float(motion.coordinate(s.pair)[0, 0])
+        beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
+        if beyond > 1e-12:
+            why = (
+                f"the equilibrium lies {beyond:.6g} beyond it: the mechanism rests on this stop, and nothing vibrates freely there."
+            )
+            raise MechanismError(Fault(f"stops.{s.name}", why, "Move the stop, or leave it out."))
