@@ -45,7 +45,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         f"{_led(drives - len(free), free)}",
     ]
     if scene.simulation is not None:
-        lines.append(f"dynamics   forces decide the motion of {', '.join(free)} for {scene.simulation.duration:g} s")
+        lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
+        moved = [f"the motion of {', '.join(free)}"] if free else []
+        lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {scene.simulation.duration:g} s")
         for s in scene.simulation.stops:
             lines.append(f"           stop {s.name} of {s.pair}, restitution {s.restitution:g}")
         for look in scene.simulation.watches:

@@ -153,6 +153,7 @@ def _simulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float]
         method=spec.method,
         stops=spec.stops,
         watches=spec.watches,
+        liftoffs=spec.liftoffs,
         progress=lambda t: advance(t, spec.duration),
     )
 

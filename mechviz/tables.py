@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,6 +150,10 @@ def _cams(run: Run) -> Iterator[Table]:
         s = cam.law(rows.angle)
         per = "m" if cam.bed else "rad"
         lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
+        if run.simulation is not None and run.simulation.liftoffs:
+            joined: Any = motion  # of a motion under forces
+            gap = run.simulation.gap(cam.name, joined)
+            yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
         yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, np.column_stack([rows.lift, s[1], s[2]]))
 
 

@@ -116,7 +116,7 @@ class Motion:
         if pair not in self.model.joint_index:
             relation = next(r for r in self.model.relations if r.name == pair)
             a, b = (self.model.index[k] for k in relation.links)
-            return self._relative_angle(a, b)
+            return self.relative_angle(a, b)
         j = self.model.joint_index[pair]
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         if j in self.model.driven:
@@ -124,10 +124,10 @@ class Motion:
         if joint.coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
-            return self._relative_angle(p, q)
+            return self.relative_angle(p, q)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
-    def _relative_angle(self, p: int, q: int) -> Real:
+    def relative_angle(self, p: int, q: int) -> Real:
         """Angle of link q minus that of link p, with its first two derivatives (F, 3)."""
         a, b = self.model.angles.spin[p], self.model.angles.spin[q]
         values = (

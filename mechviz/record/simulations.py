@@ -25,6 +25,8 @@ LANES = {
     "slips -": ("slips −", (60, 110, 180)),
     "free": ("free", (72, 160, 110)),
     "contact": ("rests on the stop", (230, 60, 60)),
+    "touches": ("follower in contact", (72, 160, 110)),
+    "flies": ("contact lost", (230, 60, 60)),
 }
 """States of the lanes, with their labels and colours."""
 
@@ -33,7 +35,7 @@ def simulation_events(run: Run) -> list[Event]:
     """What happened while the motion was found, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
-    found = [Event(float(h.time), "INFO", h.item, h.text) for h in simulation.happenings]
+    found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.happenings]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     others = [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
     return found + [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
@@ -45,11 +47,15 @@ def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
     lanes: dict[str, list[tuple[float, str]]] = {}
     for stop in simulation.stops:
         lanes[f"stop {stop.name}"] = [(0.0, "free")]
+    for liftoff in simulation.liftoffs:
+        lanes[liftoff.pair] = [(0.0, "touches")]
     for pair in simulation.rubbing:
         lanes[pair] = [(0.0, "sticks")]
     for h in simulation.happenings:
         if h.kind in ("contact", "release"):
             lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == "contact" else "free"))
+        elif h.kind in ("lost", "regained"):
+            lanes[h.item].append((float(h.time), "flies" if h.kind == "lost" else "touches"))
         elif h.kind in ("stick", "slip"):
             state = "sticks" if h.kind == "stick" else "slips +" if "+" in h.text else "slips -"
             lanes[h.item].append((float(h.time), state))

@@ -15,7 +15,7 @@ from .fields import Coordinate, Flag, Name, Quantity, Rate, Text, describe, faul
 from .tables import Table, Unknown, refuse
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Free, Stop, Watch
+    from mechcore.dynamics import Free, Liftoff, Stop, Watch
 
     from .convert import Converter
     from .document import SceneDocument
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FreeDocument",
+    "LiftoffDocument",
     "Method",
     "Restitution",
     "SimulationSpec",
@@ -80,6 +81,13 @@ class StopDocument(Table):
     """Its name in events and loads. Default: the pair's name and the side."""
 
 
+class LiftoffDocument(Table):
+    """A follower that is only pressed on its cam may leave it."""
+
+    restitution: Restitution = 0.0
+    """Newton's coefficient of restitution when it comes back: speed after the impact over that before. Default 0: it stays."""
+
+
 class WatchDocument(Table):
     """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
 
@@ -122,6 +130,7 @@ class SimulationSpec:
     method: Method
     stops: tuple[Stop, ...]
     watches: tuple[Watch, ...]
+    liftoffs: tuple[Liftoff, ...] = ()
 
 
 def stop_name(pair: str, stop: StopDocument) -> str:
@@ -151,9 +160,15 @@ def simulation_spec(
     """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
     from .pairs import KINDS
 
-    if not starts:
+    if not starts and not any(entry.liftoff for entry in document.pairs.values()):
         return None
-    from mechcore.dynamics import Stop, Watch
+    from mechcore.dynamics import Liftoff, Stop, Watch
+
+    liftoffs = tuple(
+        Liftoff(pair=name, restitution=entry.liftoff.restitution)
+        for name, entry in document.pairs.items()
+        if entry.liftoff is not None
+    )
 
     stops, watches = [], []
     for pair, entry in document.pairs.items():
@@ -177,7 +192,7 @@ def simulation_spec(
     run = document.run
     duration = math.nan if run.duration is None else convert.si(run.duration, "time", "run.duration")
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
-    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches))
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs)
 
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
@@ -190,28 +205,36 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     run, pairs = document.run, document.pairs
     free = [name for name, pair in pairs.items() if pair.free is not None]
-    if not free:
+    lifting = [name for name, pair in pairs.items() if pair.liftoff is not None]
+    if not free and not lifting:
         if not reading.shapeless and not any("free" in pair.unread for pair in pairs.values()):
             yield from _idle(document)
         return
+    what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff"
     if run.duration is None and run.sound("duration"):
-        yield Fault("run", f"'duration' is missing: how long does {free[0]} move?", 'Add duration = "5 s" to [run].')
+        yield Fault("run", f"'duration' is missing: how long does {(free or lifting)[0]} move?", 'Add duration = "5 s" to [run].')
     if run.cycles != 1:
         remedy = 'Leave out cycles and write duration = "5 s".'
         yield Fault("run.cycles", f"{run.cycles} cycles of a motion that forces decide.", remedy)
     if "inertia" not in document.effects and not any(isinstance(name, Unknown) for name in document.effects):
-        why = f"{free[0]} is free, motion under forces needs masses, and inertia is not named."
+        why = f"{what}, motion under forces needs masses, and inertia is not named."
         yield Fault("effects", why, 'Add "inertia" to effects.')
     for k, answer in enumerate(document.answers):
         if answer in _NEEDS_DRIVE:
-            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {free[0]} is free.", "Leave it out.")
+            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {what}.", "Leave it out.")
     for key in _STUDIES:
         if getattr(document, key):
-            yield Fault(key, f"{free[0]} is free: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
+            yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
     for name, pair in pairs.items():
-        if pair.kinds == ["cam"]:
-            why = f"{free[0]} is free: cams are computed for prescribed motions."
-            yield Fault(f"pairs.{name}", why, "Prescribe a drive instead.")
+        if pair.kinds == ["cam"] and pair.liftoff is None and free:
+            why = f"{what}: cams are computed for prescribed motions."
+            remedy = "Prescribe a drive instead, or let the follower leave the cam: liftoff = { restitution = 0.3 }."
+            yield Fault(f"pairs.{name}", why, remedy)
+        if pair.liftoff is not None and pair.closure == "form":
+            yield Fault(f"pairs.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
+    if lifting and "friction" in document.effects:
+        why = f"{lifting[0]} has liftoff beside dry friction: what then sticks is not found."
+        yield Fault("effects", why, "Leave out friction, or liftoff.")
     yield from _stops(document, free)
     yield from _watches(reading)
 

@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from .cams import FollowerDocument, ProfileDocument
 from .fields import Angle, Direction, Flag, Size, Text
-from .free_motion import FreeDocument, StopDocument
+from .free_motion import FreeDocument, LiftoffDocument, StopDocument
 from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
 from .tables import Table, one_of, refuse
@@ -75,7 +75,7 @@ KINDS: Mapping[str, Kind] = {
     "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
     "cam": Kind(
         "a cam",
-        ("profile", "follower", "closure"),
+        ("profile", "follower", "closure", "liftoff"),
         needs=("profile", "follower"),
         undriven="Drive the cam's revolute pair, or its bed, instead.",
         joins=False,
@@ -175,6 +175,8 @@ class PairDocument(Table):
     closure: Literal["force", "form"] | None = None
     """Cam: "force", the follower is only pressed on it (by a spring, its weight); "form", a groove or a yoke holds it too.
     Default force."""
+    liftoff: LiftoffDocument | None = None
+    """Cam: the follower may leave it, flies under the forces and lands with an impact; the run then has a duration."""
     friction: FrictionDocument | None = None
     """Dry friction in this pair, where `effects` names friction."""
     drive: DriveDocument | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -207,12 +207,21 @@ class PlacedCam:
 
     def argument(self, motion: Motion) -> Real:
         """The law's argument (F): [rad] within one turn, or [m]."""
+        if hasattr(motion, "joined"):  # of several mechanisms, frame by frame
+            return np.asarray(motion.joined(self.argument))
         if self.bed is not None:
             x = self.sense * motion.state.slide[motion.model.joint_index[self.bed]] + self.phase
         else:
             turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
             x = self.sense * np.angle(turn) + self.phase
         return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+
+    def segment(self, motion: Motion) -> Real:
+        """Number of the segment of the law in which the cam is, by frame (F)."""
+        law = self.cam.law
+        x = self.argument(motion) * self.ahead
+        local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
+        return np.asarray(np.searchsorted(np.asarray(law.knots), local, side="right"), float)
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
@@ -252,6 +261,15 @@ class PlacedCam:
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        parts: Any = getattr(motion, "parts", None)
+        if parts is not None:
+            signs = np.broadcast_to(multiplier, (motion.frames,))
+            found = [(frames, self.rows(part, signs[frames])) for frames, part in parts]
+            out = {f.name: np.empty(motion.frames, getattr(found[0][1], f.name).dtype) for f in fields(ContactRows)}
+            for frames, rows in found:
+                for name, values in out.items():
+                    values[frames] = getattr(rows, name)
+            return ContactRows(**out)
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])

@@ -8,6 +8,8 @@ forces = simulation.forces(motion)
 
 from .free import Free
 from .happenings import Happening, Stop, Watch
-from .simulation import Simulation, simulate
+from .liftoff import Liftoff
+from .simulate import simulate
+from .simulation import Simulation
 
-__all__ = ["Free", "Happening", "Simulation", "Stop", "Watch", "simulate"]
+__all__ = ["Free", "Happening", "Liftoff", "Simulation", "Stop", "Watch", "simulate"]

@@ -22,16 +22,19 @@ ROUNDS = 11  # 17^11 = 3e13 places in a sample
 
 
 def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] | None:
-    """Window, time -> the first time [s] in it, later than that, at which the law of some force changes its form; None where
-    none does. None at once where no force of the mechanism has several forms."""
+    """Window, time -> the first time [s] in it, later than that, at which the law of some force or cam changes its form; None where
+    none does. None at once where nothing in the mechanism has several forms."""
     effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
-    if not effects:
+    cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
+    if not effects and not cams:
         return None
 
     def forms(window: Window, t: Array) -> Array:
         q, v, _ = window(t)
         motion = motion_at(compiled, q, v, t)
-        return np.stack([np.broadcast_to(e.phase(motion), t.shape) for e in effects])
+        return np.stack(
+            [np.broadcast_to(x, t.shape) for x in (*(e.phase(motion) for e in effects), *(c.segment(motion) for c in cams))]
+        )
 
     def first(window: Window, after: float) -> float | None:
         low, high = max(after, window.start), window.start + window.length

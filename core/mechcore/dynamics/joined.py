@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..effects import Wrench, power_of
 from ..kinetostatics import Forces, LoadResult
+from ..model import Model
 from ..motion import Motion
 from ..spec import Mechanism
 from .happenings import Stop
@@ -27,7 +28,8 @@ class JoinedMotion:
     """Results of a `Motion` by name, whose frames come from several motions of the same mechanism.
 
     ``mechanism``: as it is to be seen from outside, if not as it was solved; ``again``: the same motion at other times (n,);
-    ``coordinates``: pairs whose coordinate and its rates (F, 3) are known, whole turns included.
+    ``coordinates``: pairs whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: with all pairs, where
+    some parts lack one, a cam that its follower has left; by default the first part's.
     """
 
     def __init__(
@@ -38,10 +40,11 @@ class JoinedMotion:
         mechanism: Mechanism | None = None,
         again: Callable[[Array], JoinedMotion] | None = None,
         coordinates: Mapping[str, Array] | None = None,
+        model: Model | None = None,
     ):
         self.time = time
         self.parts = tuple(parts)
-        self.model = parts[0][1].model
+        self.model = parts[0][1].model if model is None else model
         self.changes = tuple(c for _, m in parts for c in m.changes)
         self.again = again
         self._mechanism = mechanism
@@ -72,6 +75,14 @@ class JoinedMotion:
             out[rows] = values
         return out
 
+    def joined(self, value: Callable[[Motion], Array]) -> Array:
+        """Values (F, ...) that a function gives for each part."""
+        return self._join(value)
+
+    def _relation(self, pair: str) -> Any:
+        """The pair as a relation; None where it is a joint."""
+        return None if pair in self.model.joint_index else next(r for r in self.model.relations if r.name == pair)
+
     def pose(self, link: str) -> Array:
         """x, y [m] and angle [rad], continuous over the frames (F, 3)."""
         out = self._join(lambda m: m.pose(link))
@@ -100,14 +111,22 @@ class JoinedMotion:
         """Relative coordinate of a pair and its first two derivatives (F, 3)."""
         if pair in self._coordinates:
             return self._coordinates[pair]
-        out = self._join(lambda m: m.coordinate(pair))
+        relation = self._relation(pair)
+        if relation is None:
+            out = self._join(lambda m: m.coordinate(pair))
+        else:
+            first, second = (self.model.index[k] for k in relation.links)
+            out = self._join(lambda m: m.relative_angle(first, second))
         joint = self.model.joints[self.model.joint_index[pair]] if pair in self.model.joint_index else None
         if joint is None or joint.coordinate == "angle":
             out[:, 0] = self._continuous(out[:, 0], out[:, 1])
         return out
 
     def pair_position(self, pair: str) -> Array:
-        return self._join(lambda m: m.pair_position(pair))
+        relation = self._relation(pair)
+        if relation is None:
+            return self._join(lambda m: m.pair_position(pair))
+        return self._join(lambda m: m._rows(relation.contact(m, 1.0)[0]))
 
     @cached_property
     def closure(self) -> Array:
@@ -154,11 +173,13 @@ class JoinedForces:
         return out
 
     def reaction(self, pair: str) -> Array:
-        """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do."""
-        return self._join(lambda f: f.reaction(pair))
+        """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
+        follower has left its cam."""
+        return self._join(lambda f: f.reaction(pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
 
     def position(self, pair: str) -> Array:
-        return self._join(lambda f: f.position(pair))
+        relation = self.motion._relation(pair)
+        return self._join(lambda f: f.position(pair) if _has(f, pair) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
     def effort(self, pair: str) -> Array:
         """What the drive of a pair exerts, zero where the pair is not led (F,)."""
@@ -269,6 +290,11 @@ class JoinedFriction:
         time = self._forces.motion.time
         span = float(np.ptp(time)) or 1.0
         return {p: float(np.trapezoid(self.losses(p), time)) / span for p in self.pairs}
+
+
+def _has(forces: Forces, pair: str) -> bool:
+    model = forces.motion.model
+    return pair in model.joint_index or any(r.name == pair for r in model.relations)
 
 
 def _leads(forces: Forces, pair: str) -> bool:

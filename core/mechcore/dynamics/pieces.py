@@ -1,0 +1,52 @@
+"""Stretches of a motion in each of which one system of equations holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kinetostatics import Forces
+from ..motion import Motion
+from ..solve import Compiled
+from .chart import Chart
+from .curve import Curve
+from .happenings import Stop
+from .reactions import piece_forces
+from .reduced import motion_at
+
+__all__ = ["Piece"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of the motion on which the same system holds: ``way(t)`` gives q, v, a (n, f) in the chart of ``compiled``."""
+
+    start: float
+    end: float
+    compiled: Compiled
+    way: Any
+    system: Any
+    resting: tuple[tuple[int, Stop], ...] = ()  # coordinates that stand still, with the stops that they rest on
+    lifted: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
+        q, v, _ = self.way(t)
+        return q, v, self.system(q, v, t)
+
+    def motion(self, t: Array) -> Motion:
+        """The mechanism's motion at times (n,) within the piece; accelerations not from a table, so that links are in balance to
+        the last digits."""
+        q, v, _ = self.way(t)
+        system = Chart(self.compiled) if isinstance(self.system, Curve) else self.system
+        return motion_at(self.compiled, q, v, t, system(q, v, t))
+
+    def forces(self, t: Array, motion: Motion) -> Forces:
+        """All reactions of the piece's motion at times (n,)."""
+        q, v, _ = self.way(t)
+        return piece_forces(motion, self.system, q, v, self.resting)

@@ -1,0 +1,390 @@
+"""A motion under forces found piece by piece: in each the same equations hold; what happens ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Fault, MechanismError
+from ..solve import Compiled
+from .bends import bend_finder
+from .chart import Chart
+from .charts import Lead, best_chart
+from .collocation import Window
+from .curve import Curve
+from .dry import Phases, braking_elements
+from .free import Free
+from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
+from .integrate import integrate
+from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond
+from .pieces import Piece
+from .reduced import motion_at, reduce
+from .simulation import Simulation
+
+__all__ = ["Method", "Progress", "table_tolerance"]
+
+Array = NDArray[np.float64]
+Method = Literal["auto", "energy", "gauss", "radau"]
+MOST_HAPPENINGS = 100_000
+TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
+LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+
+
+def table_tolerance(tolerance: float) -> float:
+    """How exact tables of a motion are: their errors add up over turns, and digits there cost little."""
+    return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
+
+
+class Progress:
+    """Pieces one after the other: in each the same stops hold; what happens ends it."""
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        system: tuple[Any, tuple[float, float] | None],
+        duration: float,
+        tolerance: float,
+        method: Method,
+        stops: Sequence[Stop],
+        watches: Sequence[Watch],
+        liftoffs: Sequence[Liftoff],
+        progress: Callable[[float], None] | None,
+    ):
+        self.duration, self.tolerance, self.method = duration, tolerance, method
+        self.stops, self.watches, self.progress = stops, watches, progress
+        self.original = compiled
+        self.liftoffs = tuple(liftoffs)
+        self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
+        self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
+        self.pushed: list[tuple[float, float]] = []
+        self._lead(compiled, *system)
+        self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
+        self.pieces: list[Piece] = []
+        self.happenings: list[Happening] = []
+        self.lost: list[tuple[float, float]] = []
+        self.evaluations = 0
+        self.phases: Phases | None = None  # of dry friction
+        self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
+
+    def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
+        """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
+        self.compiled, self.system = compiled, system
+        drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+        model = compiled.model
+        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
+        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
+        self.scale = np.array([1.0 if a else model.size for a in angle])
+        at = partial(motion_at, compiled)
+        self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in self.stops]
+        self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in self.watches]
+        self.borders: list[Gauge] = []
+        if leads is not None:
+            low, high = leads
+            self.borders = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
+
+    def go(self, q: Array, v: Array) -> Simulation:
+        """Run from q, v to the end."""
+        for s, gauge, upper in self.limits:
+            beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
+            if beyond > 1e-12:
+                raise MechanismError(
+                    Fault(
+                        f"stops.{s.name}",
+                        f"the motion starts {beyond:.6g} beyond it.",
+                        "Start on the other side, or move the stop.",
+                    )
+                )
+        elements = braking_elements(self.compiled, q, v)
+        if elements:
+            self.phases = Phases(self.compiled, elements)
+            self._settle(0.0, q, v)
+        q, v = self._let_go(0.0, q, v)
+        t = 0.0
+        while t < self.duration * (1.0 - 1e-13):
+            t, q, v, ended = self._piece(t, q, v)
+            if ended:
+                break
+            if len(self.happenings) > MOST_HAPPENINGS:
+                raise MechanismError(
+                    Fault(
+                        "dynamics",
+                        f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.",
+                        "Simulate a shorter time.",
+                    )
+                )
+        return Simulation(
+            self.original,
+            tuple(self.pieces),
+            tuple(self.happenings),
+            "radau" if self.method == "radau" else "gauss",
+            self.tolerance,
+            self.evaluations,
+            tuple(self.lost),
+            tuple(self.stops),
+            tuple(self.pushed),
+            self.liftoffs,
+        )
+
+    def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
+        """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
+        v = self._touching(t, q, v)
+        system = self._system()
+        dry = [] if self.phases is None or self.resting else self.phases.gauges()
+        cams = self._contacts()
+        first: list[tuple[float, Any]] = []
+
+        def after(window: Window) -> float | None:
+            first.clear()
+            for k, (s, gauge, upper) in enumerate(self.limits):
+                if s not in self.resting.values():
+                    at = first_zero(gauge, window, t, upper)
+                    if at is not None:
+                        first.append((at, ("stop", k)))
+            for k, (w, gauge) in enumerate(self.looks):
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, w.rising)
+                if at is not None:
+                    first.append((at, ("watch", k)))
+            for i, s in self.resting.items():
+                pull = self._pull(system, i, s)
+                at = first_zero(pull, window, t + 1e-12 * self.duration, None)
+                if at is not None:
+                    first.append((at, ("release", i)))
+            for gauge, rising, loose in dry:
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
+                if at is not None:
+                    first.append((at, ("dry", loose)))
+            for border in self.borders:
+                at = first_zero(border, window, t, True)
+                if at is not None:
+                    first.append((at, ("border", 0)))
+            for name, gauge, limit in cams:
+                at = first_beyond(gauge, window, t, limit, self._samples(window), again=name in self.lifted)
+                if at is not None:
+                    first.append((at, ("cam", name)))
+            first.sort(key=lambda e: e[0])
+            if self.progress is not None:
+                self.progress(min(window.start + window.length, self.duration))
+            return first[0][0] if first else None
+
+        bends = bend_finder(self.compiled)
+        if len(q):
+            solution = integrate(
+                system,
+                q,
+                v,
+                t,
+                self.duration,
+                tolerance=self.tolerance,
+                scale=self.scale,
+                stiff=self.method == "radau",
+                after=after,
+                bends=bends,
+            )
+        else:
+            solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)
+        self.evaluations += solution.evaluations
+        end = first[0][0] if first else self.duration
+        resting = tuple(sorted(self.resting.items(), key=lambda e: e[0]))
+        self.pieces.append(Piece(t, end, self.compiled, solution, system, resting, tuple(sorted(self.lifted))))
+        end_q, end_v, _ = solution(np.array([end]))
+        q, v = end_q[0], end_v[0]
+        ended = False
+        for time, (kind, k) in list(first):
+            if time > end + 1e-14 * self.duration:
+                break
+            if kind == "stop":
+                v = self._impact(time, q, v, k)
+            elif kind == "border":
+                lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
+                if lead not in self.known:
+                    self.known.append(lead)
+                self._lead(lead.compiled, lead.curve, lead.well)
+                q, v = np.array([place]), np.array([rate])
+            elif kind == "dry":
+                v = self._settle(time, q, v, k)
+            elif kind == "cam":
+                q, v = self._land(time, q, v, k) if k in self.lifted else self._let_go(time, q, v, k)
+            elif kind == "release":
+                stop = self.resting.pop(k)
+                self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+            else:
+                watch = self.looks[k][0]
+                self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
+                ended = ended or watch.ends
+        return end, q, v, ended
+
+    def _touching(self, t: float, q: Array, v: Array) -> Array:
+        """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
+        for k, (stop, gauge, upper) in enumerate(self.limits):
+            if stop in self.resting.values():
+                continue
+            sign = 1.0 if upper else -1.0
+            i = self.coordinates.get(stop.pair, 0)
+            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * self.scale[i]:
+                continue
+            gradient = self._gradient(stop, q, np.array([t]))
+            speed = sign * float(gradient @ v)
+            tiny = TOUCH * max(1.0, float(np.abs(v).max()))
+            if speed > tiny:
+                v = self._impact(t, q, v, k)
+            elif speed > -tiny:
+                push = sign * float(gradient @ self._free_acceleration(q, v, t))
+                if abs(push) <= TOUCH:  # it decides in the next instant
+                    push = sign * float(gradient @ self._free_acceleration(q, v, t + 1e-6 * self.duration))
+                if push > 0.0:
+                    v = self._rest(t, stop, v)
+        return v
+
+    def _system(self) -> Any:
+        """The equations of motion of the present piece."""
+        if self.resting:
+            return Chart(self.compiled, frozenset(self.resting))
+        return self.system if self.phases is None else self.phases.system()
+
+    def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
+        """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
+        assert self.phases is not None
+        for i, word in self.phases.decide(t, q, v, loose):
+            pair = self.phases.names[i]
+            kind = "stick" if word == "stick" else "slip"
+            text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
+            found = Happening(t, kind, pair, text)
+            if found not in self.happenings[-4:]:  # a pair may have friction of several kinds
+                self.happenings.append(found)
+        return self.phases.at_rest(t, q, v)
+
+    # -- cams that only press -----------------------------------------------------------------------------------------
+    def _contacts(self) -> list[tuple[str, Gauge, float]]:
+        """What ends the contact of every cam and follower, or their flight: a gauge and the value that it then exceeds."""
+        out: list[tuple[str, Gauge, float]] = []
+        if self.lifting is None:
+            return out
+        for name, contact in self.lifting.contacts.items():
+            if name in self.lifted:
+                noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.size)
+                out.append((name, self.lifting.overlap(name, self.lifted), noise))
+            else:
+                out.append((name, self.lifting.parting(name, self.lifted), 0.0))
+        return out
+
+    def _samples(self, window: Window) -> int:
+        """Places at which contacts are looked at in a window."""
+        assert self.lifting is not None
+        q, v, _ = window(np.array([window.start]))
+        turned = self.lifting.pace(self.compiled, q[0], v[0], window.start) * window.length
+        return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
+
+    def _share(self, q: Array, v: Array, t: float) -> float:
+        """Length of a window from ``t`` on in which all is prescribed [s]."""
+        assert self.lifting is not None
+        pace = self.lifting.pace(self.compiled, q, v, t)
+        return float(np.clip(SHARE / max(pace, 1e-300), self.duration / 20_000, self.duration / 8.0))
+
+    def _let_go(self, t: float, q: Array, v: Array, loose: str | None = None) -> tuple[Array, Array]:
+        """Followers that would have to be pulled leave their cams, ``loose`` is known to; coordinates and rates after it."""
+        if self.lifting is None:
+            return q, v
+        for name in self.lifting.contacts:
+            if name in self.lifted:
+                continue
+            if name != loose and not float(self.lifting.parting(name, self.lifted)(q[None], v[None], np.array([t]))[0]) > 0.0:
+                continue
+            where = self.lifting.where(name, self.compiled, q, v, t)
+            more = self.lifted | {name}
+            compiled, q, v = self.lifting.compiled(more, q, v, t, name)
+            self.lifted = more
+            self._lead(compiled, Chart(compiled), None)
+            self.happenings.append(Happening(t, "lost", name, f"contact lost at {where}"))
+        return q, v
+
+    def _land(self, t: float, q: Array, v: Array, name: str) -> tuple[Array, Array]:
+        """A follower comes back to its cam: an impact, after which it bounces or stays."""
+        assert self.lifting is not None
+        e = self.lifting.contacts[name].restitution
+        k, fewer = self.lifting.place(name, self.lifted), self.lifted - {name}
+        rebound, hit, lost, work = self.lifting.landing(name, self.lifted, t, q, v, 1.0 + e)
+        held = np.delete(q, k)
+        stay, _, all_lost, all_work = self.lifting.landing(name, self.lifted, t, q, v, 1.0)
+        pull = float(self.lifting.parting(name, fewer)(held[None], np.delete(stay, k)[None], np.array([t]))[0])
+        stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
+        self.lost.append((t, all_lost if stays else lost))
+        self.pushed.append((t, all_work if stays else work))
+        where = self.lifting.where(name, self.compiled, q, v, t)
+        unit = "rad/s" if self.lifting.contacts[name].rotary else "m/s"
+        what = "contact regained" if stays else "bounces"
+        kind = "regained" if stays else "impact"
+        self.happenings.append(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
+        if not stays:
+            return q, rebound
+        self.lifted = fewer
+        compiled = self.lifting.known[fewer]
+        self._lead(compiled, Chart(compiled), None)
+        return held, np.delete(stay, k)
+
+    def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:
+        return np.asarray(self._system()(q[None], v[None], np.array([t]))[0])
+
+    def _rest(self, t: float, stop: Stop, v: Array) -> Array:
+        i = self.coordinates.get(stop.pair, 0)
+        self.resting[i] = stop
+        self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        return np.where(np.arange(len(v)) == i, 0.0, v)
+
+    def _pull(self, system: Chart, i: int, stop: Stop) -> Gauge:
+        """What the stop has to hold: positive while the coordinate presses on it."""
+        place = int(np.searchsorted(system.held, i))
+        sign = -1.0 if stop.side == "upper" else 1.0
+        return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
+
+    def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:
+        """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
+        stop, _, upper = self.limits[k]
+        row = np.array([t])
+        r = reduce(self.compiled, q[None], v[None], row)
+        gradient = self._gradient(stop, q, row)
+        hit = float(gradient @ v)
+        mobility = np.linalg.solve(r.inertia[0], gradient)
+        free = [i for i in range(len(q)) if i not in self.resting]
+        if len(free) < len(q):  # what rests on other stops takes no part
+            mobility = np.zeros(len(q))
+            mobility[free] = np.linalg.solve(r.inertia[0][np.ix_(free, free)], gradient[free])
+        e = stop.restitution
+        before = 0.5 * float(v @ r.inertia[0] @ v)
+        a = float(gradient @ r.acceleration()[0])  # how fast it falls back onto the stop
+        towards = a if upper else -a
+        rebound = e * abs(hit)
+        self.lost.append((t, 0.0))
+        rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
+        factor = 1.0 if rests else 1.0 + e
+        v = v - mobility * (factor * hit / float(gradient @ mobility))
+        self.lost[-1] = (t, before - 0.5 * float(v @ r.inertia[0] @ v))
+        words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
+        self.happenings.append(Happening(t, "impact", stop.name, words))
+        if rests and towards > 0:
+            v = self._rest(t, stop, v)
+        return v
+
+    def _gradient(self, stop: Stop, q: Array, t: Array) -> Array:
+        """Rate of a stop's coordinate per unit rate of each free coordinate (f,)."""
+        out = np.zeros(len(q))
+        if stop.pair in self.coordinates:
+            out[self.coordinates[stop.pair]] = 1.0
+            return out
+        for i in range(len(q)):
+            unit = np.zeros((1, len(q)))
+            unit[0, i] = 1.0
+            out[i] = motion_at(self.compiled, q[None], unit, t).coordinate(stop.pair)[0, 1]
+        return out
+
+    def _rotary(self, pair: str) -> bool:
+        model = self.compiled.model
+        return pair not in model.joint_index or model.joints[model.joint_index[pair]].coordinate == "angle"
+
+
+def _passed(watch: Watch) -> str:
+    what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
+    return f"{watch.of} of {what} passes {watch.at:.6g}"

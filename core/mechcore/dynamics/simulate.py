@@ -1,0 +1,114 @@
+"""Forward dynamics: the motion of a mechanism under its forces, with what happens on the way.
+
+One freedom that can turn fully is tabulated on its configuration curve; if all its forces depend on the position alone, its energy
+gives the motion without a single step in time. All else is collocation in windows, in a chart of the configurations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Fault, MechanismError
+from ..solve import Compiled, compile_mechanism
+from ..spec import Mechanism
+from .chart import Chart
+from .charts import curve_around
+from .curve import Curve
+from .dry import braking_elements
+from .energy import by_energy
+from .free import Free
+from .happenings import Stop, Watch
+from .liftoff import Liftoff
+from .pieces import Piece
+from .progress import Method, Progress, table_tolerance
+from .reduced import reduce
+from .simulation import Simulation
+
+__all__ = ["simulate"]
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    mechanism: Mechanism | Compiled,
+    duration: float,
+    *,
+    tolerance: float = 1e-9,
+    method: Method = "auto",
+    stops: Sequence[Stop] = (),
+    watches: Sequence[Watch] = (),
+    liftoffs: Sequence[Liftoff] = (),
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
+
+    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
+    freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
+    press on their followers: with them, all drives may be prescribed. Raises `MechanismError`.
+    """
+    compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    _validate(compiled, duration, tolerance, liftoffs)
+    drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+    q = np.array([float(d.law(0.0)[0]) for d in drives])
+    v = np.array([float(d.law(0.0)[1]) for d in drives])
+    system: Any = Chart(compiled)
+    leads: tuple[float, float] | None = None
+    if len(q) == len(compiled.mechanism.drives) == 1 and not liftoffs and not braking_elements(compiled, q, v):
+        system, leads = curve_around(compiled, q[0], table_tolerance(tolerance))
+    if len(q):
+        _weigh(compiled, q, system)
+    if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
+        found = by_energy(system, q[0], v[0], duration, tolerance=table_tolerance(tolerance))
+        if found is not None:
+            return Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
+    if method == "energy":
+        raise MechanismError(
+            Fault(
+                "dynamics.method",
+                '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
+                "the position alone, no stops and no watches.",
+                'Choose "auto", "gauss" or "radau".',
+            )
+        )
+    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress).go(q, v)
+
+
+def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
+    faults = []
+    if not (np.isfinite(duration) and duration > 0):
+        faults.append(Fault("dynamics.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
+    if not 1e-15 <= tolerance <= 0.1:
+        faults.append(Fault("dynamics.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
+    mechanism = compiled.mechanism
+    if "inertia" not in mechanism.effects:
+        faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
+    free = [d for d in mechanism.drives if isinstance(d.law, Free)]
+    if not free and not liftoffs:
+        faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
+    if liftoffs and "friction" in mechanism.effects:
+        why = "followers that may leave their cams beside dry friction: what then sticks is not found."
+        faults.append(Fault("effects", why, "Leave out friction, or liftoff."))
+    if faults:
+        raise MechanismError(faults)
+
+
+def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
+    """Refuse a start (f,) at which a free coordinate moves no mass."""
+    inertia = (
+        system.table(q)[:1, :1]
+        if isinstance(system, Curve)
+        else reduce(compiled, q[None], np.zeros_like(q)[None], np.zeros(1)).inertia[0]
+    )
+    values = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.array([-1.0])
+    if values[0] <= 1e-14 * values[-1]:
+        raise MechanismError(
+            Fault(
+                "links",
+                "a free coordinate moves no mass: its acceleration has no bound.",
+                "Give a mass or a moment of inertia to the links that it moves.",
+            )
+        )

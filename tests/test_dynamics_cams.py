@@ -1,0 +1,198 @@
+"""Followers that may leave their cams: onset against the closed form, flight, landing, recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cam_mechanisms import oscillating, translating
+
+import mechviz
+from mechcore import compile_mechanism, solve_forces, solve_motion
+from mechcore.cams import Flat, Roller
+from mechcore.cams.forces import Closure, first_separation
+from mechcore.cams.happenings import contact_force, placed_cams
+from mechcore.dynamics import Free, Liftoff, simulate
+from mechcore.errors import MechanismError
+from mechcore.laws import ConstantSpeed
+from mechcore.spec import CamPair, Drive, Force, Mechanism, Torque
+from mechviz.record import Recording, write_recording
+from mechviz.run import run_scene
+
+MASS, STIFFNESS, CLOSED = 0.4, 4e3, 0.06 + 0.05  # of `translating` with a roller of 10 mm; spring's deflection at zero lift
+G = 9.81
+
+
+def at_speed(mechanism: Mechanism, speed: float) -> Mechanism:
+    return replace(mechanism, drives=(Drive(pair="O", law=ConstantSpeed(start=0.0, speed=speed)),))
+
+
+def lift_of(mechanism: Mechanism):
+    return next(p.lift for p in mechanism.pairs if isinstance(p, CamPair))
+
+
+def onset() -> tuple[Mechanism, float, float]:
+    mechanism = translating(Roller(0.01))
+    found = first_separation(Closure(MASS, STIFFNESS, CLOSED, G), lift_of(mechanism))
+    assert found is not None
+    return mechanism, found.speed, found.angle
+
+
+def contact_at(mechanism: Mechanism, speed: float) -> np.ndarray:
+    """Contact force over a turn by kinetostatics of the mechanism held on its cam."""
+    motion = solve_motion(compile_mechanism(at_speed(mechanism, speed)), np.linspace(0.0, 2 * np.pi / speed, 721))
+    return contact_force(solve_forces(motion), placed_cams(motion)[0])
+
+
+def turns(mechanism: Mechanism, speed: float, count: float = 1.0, e: float = 0.3):
+    return simulate(at_speed(mechanism, speed), count * 2 * np.pi / speed, liftoffs=[Liftoff(pair="K", restitution=e)])
+
+
+def test_onset_speed_and_place_agree_with_the_closed_form():
+    mechanism, speed, angle = onset()
+    assert not turns(mechanism, speed * (1 - 1e-7)).happenings
+    first = turns(mechanism, speed * (1 + 1e-7)).happenings[0]
+    assert first.kind == "lost" and first.item == "K"
+    assert first.time * speed == pytest.approx(angle, abs=2e-3)  # it only just begins there
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        oscillating(Flat(left=0.1, right=0.1), pivot=(-0.1, 0.0), base=0.03, stroke=0.15),
+        oscillating(Roller(0.012), side="right", sense=-1),
+    ],
+)
+def test_an_oscillating_follower_is_lost_where_kinetostatics_would_have_to_pull(mechanism: Mechanism):
+    push = 60.0 if contact_at(mechanism, 1.0).max() < 0.0 else -60.0
+    mechanism = replace(mechanism, loads=(Force(name="push", link="follower", point="E", vector=(0.0, push)),))
+
+    low, high = 10.0, 2000.0
+    assert contact_at(mechanism, low).min() > 0.0 > contact_at(mechanism, high).min()
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if contact_at(mechanism, middle).min() > 0.0 else (low, middle)
+    assert not turns(mechanism, 0.999 * low).happenings
+    found = turns(mechanism, 1.001 * low, e=0.0)
+    assert [h.kind for h in found.happenings[:2]] == ["lost", "regained"]
+
+
+def test_flight_is_that_of_a_mass_on_its_spring():
+    mechanism, speed, _ = onset()
+    found = turns(mechanism, 1.3 * speed, e=0.5)
+    lost, hit = found.happenings[0].time, found.happenings[1].time
+    t = np.linspace(lost, hit, 40)
+    y = found.view(t).coordinate("S")
+    w = np.sqrt(STIFFNESS / MASS)
+    rest = 0.14 - 0.2 - MASS * G / STIFFNESS  # height of the point at which spring and weight are balanced
+    a, b = y[0, 0] - rest, y[0, 1] / w
+    expected = rest + a * np.cos(w * (t - lost)) + b * np.sin(w * (t - lost))
+    assert y[:, 0] == pytest.approx(expected, abs=1e-9)
+    assert y[1:-1, 2] == pytest.approx(-(w**2) * (expected - rest)[1:-1], rel=1e-7)
+
+
+def test_contact_presses_or_is_open_and_energy_closes_through_every_impact():
+    mechanism, speed, _ = onset()
+    found = turns(mechanism, 1.3 * speed, count=2.0, e=0.4)
+    t = np.linspace(0.0, found.duration, 501)
+    view = found.view(t)
+    forces, gap = found.forces(view), found.gap("K", view)
+    force = contact_force(forces, placed_cams(view)[0])
+    size = np.abs(force).max()
+    assert gap.min() > -1e-12 and force.min() > -1e-9 * size
+    assert np.all((gap < 1e-12) | (np.abs(force) < 1e-12 * size))  # complementarity
+    assert gap.max() > 1e-3 and (force > 0.1 * size).any()
+    assert np.abs(found.drift(t)).max() < 1e-9
+    assert np.abs(forces.power_balance).max() < 1e-10
+    energies = found.energies(t)
+    assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-9 * np.abs(energies).max()
+    assert energies[-1, 3] > 0.0 and np.all(np.diff(energies[:, 3]) >= -1e-12)
+
+
+def test_the_impact_has_the_stated_restitution():
+    mechanism, speed, _ = onset()
+    e = 0.4
+    found = turns(mechanism, 1.3 * speed, e=e)
+    hits = [h for h in found.happenings if h.kind == "impact"]
+    assert len(hits) >= 2
+    eps = 1e-9
+
+    def rate(t: float) -> float:
+        """Of the gap, by its difference over a short time."""
+        view = found.view(np.array([t, t + 1e-8]))
+        return float(np.diff(found.gap("K", view))[0] / 1e-8)
+
+    for h in hits[:2]:
+        before, after = rate(h.time - 2e-8), rate(h.time + eps)
+        assert before < 0 < after
+        assert after == pytest.approx(-e * before, rel=1e-3)
+
+
+def test_a_free_camshaft_feels_the_impact():
+    """Camshaft with a motor's torque: angular momentum of the shaft and energy change together, the drift stays small."""
+    mechanism, speed, _ = onset()
+    free = replace(
+        mechanism,
+        drives=(Drive(pair="O", law=Free(0.0, 1.12 * speed)),),
+        loads=(*mechanism.loads, Torque(name="motor", link="cam", moment=5.0)),
+    )
+    found = simulate(free, 0.03, liftoffs=[Liftoff(pair="K", restitution=0.5)])
+    hits = np.array([h.time for h in found.happenings if h.kind == "impact"])
+    knocks = found(hits + 1e-7)[1] - found(hits - 1e-7)[1]
+    assert np.abs(knocks).max() > 1e-3 * speed
+    t = np.linspace(0.0, found.duration, 101)
+    assert np.abs(found.drift(t)).max() < 1e-7
+    assert found.gap("K", found.view(t)).min() > -1e-11
+
+
+def test_what_is_not_named_is_not_looked_at(monkeypatch):
+    from mechcore.dynamics import liftoff, progress
+
+    def never(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr(liftoff.Lifting, "__init__", never)
+    monkeypatch.setattr(progress, "first_beyond", never)
+    from test_dynamics_scenes import STOPPED
+
+    run_scene(mechviz.loads(STOPPED))
+
+
+def test_bad_input_is_refused_in_words():
+    mechanism, speed, _ = onset()
+    with pytest.raises(MechanismError, match="no cam that its follower could leave"):
+        simulate(at_speed(mechanism, speed), 0.1, liftoffs=[Liftoff(pair="S")])
+    text = mechviz.load("valve-float").text
+    for old, new, words in (
+        ('frames = 960\nduration = "180 ms"', "frames = 960", "'duration' is missing"),
+        ("restitution = 0.25", "restitution = 2", "no coefficient of restitution"),
+        ("restitution = 0.25", "restitutoin = 0.25", "Did you mean 'restitution'?"),
+        ('effects = ["inertia"]', 'effects = ["gravity"]', "inertia is not named"),
+        ("liftoff =", 'closure = "form"\nliftoff =', "cannot leave its cam"),
+    ):
+        assert old in text
+        with pytest.raises(mechviz.SceneError) as error:
+            mechviz.loads(text.replace(old, new))
+        assert words in " ".join(str(error.value).split())
+
+
+def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
+    scene = mechviz.load("valve-float")
+    assert mechviz.loads(scene.to_toml()) == scene
+    run = run_scene(scene, frames=300)
+    write_recording(run, tmp_path / "x.rrd")
+    found = Recording(tmp_path / "x.rrd")
+    texts = [e.text for e in found.events]
+    lost = [t for t in texts if "contact lost" in t]
+    assert len(lost) >= 5 and any("contact regained" in t for t in texts)
+    assert "/state/K" in {e.replace("\\", "") for e in found.entities}
+    gap = found.scalars("data", "cams", "K", "gap")[1]
+    assert gap.max() > 2e-3 and gap.min() > -1e-12
+    # held by the closed form: not before the speed at which the spring is too weak
+    pair = next(p for p in scene.mechanism.pairs if isinstance(p, CamPair))
+    slow = first_separation(Closure(0.11, 24e3, 0.046 - (0.066 - 0.025 - 0.012), 0.0), pair.lift)
+    assert slow is not None
+    speed = np.interp(run.simulation.happenings[0].time, run.motion.time, run.motion.coordinate("O")[:, 1])
+    assert slow.speed < speed < 1.05 * slow.speed
