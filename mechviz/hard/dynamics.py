@@ -9,8 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk, ellipkinc, ellipkm1
 
-from mechcore.dynamics import Free, Stop, Watch, simulate
-from mechcore.dynamics.simulation import Method, Simulation
+from mechcore.dynamics import Free, Method, Simulation, Stop, Watch, simulate
 from mechcore.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec import Drive, Link, Mechanism
 

@@ -221,7 +221,7 @@ class PlacedCam:
         law = self.cam.law
         x = self.argument(motion) * self.ahead
         local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-        return np.asarray(np.searchsorted(np.asarray(law.knots), local, side="right"), float)
+        return np.asarray(np.searchsorted(self.knots, local, side="right"), float)
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""

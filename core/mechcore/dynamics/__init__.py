@@ -9,7 +9,8 @@ forces = simulation.forces(motion)
 from .free import Free
 from .happenings import Happening, Stop, Watch
 from .liftoff import Liftoff
+from .progress import Method
 from .simulate import simulate
 from .simulation import Simulation
 
-__all__ = ["Free", "Happening", "Liftoff", "Simulation", "Stop", "Watch", "simulate"]
+__all__ = ["Free", "Happening", "Liftoff", "Method", "Simulation", "Stop", "Watch", "simulate"]
