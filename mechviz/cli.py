@@ -204,6 +204,12 @@ def forces(
         typer.Option("--flywheel", metavar="DELTA", help="flywheel for a coefficient of fluctuation such as 0.02"),
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots of shaking force and moment (.svg)")] = None,
+    steady: Annotated[
+        int | None,
+        typer.Option(
+            "--steady", metavar="TURNS", min=1, help="free crank: steady run whose cycle is this many turns; sizes its flywheel"
+        ),
+    ] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
 ) -> None:
@@ -218,6 +224,9 @@ def forces(
     from .files import OutputError
     from .power_report import flywheel_lines, force_lines, power_csv
 
+    if steady is not None:
+        _print_steady(scene, steady, fluctuation)
+        return
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         if run.forces is None:
@@ -239,6 +248,20 @@ def forces(
             except OutputError as e:
                 fail(str(e), 1)
             print(plot)
+
+
+def _print_steady(source: str, turns: int, fluctuation: float | None) -> None:
+    """The steady run of a scene's machine, and its flywheel where a coefficient of fluctuation is wanted."""
+    from mechcore.dynamics.steady import size_flywheel, steady_run
+
+    from .power_report import sized_lines, steady_lines
+
+    with clear_errors(source):
+        loaded = load_scene(source)
+        print(loaded.title)
+        print("\n".join(steady_lines(steady_run(loaded.mechanism, turns=turns))))
+        if fluctuation is not None:
+            print("\n".join(sized_lines(size_flywheel(loaded.mechanism, fluctuation, turns=turns))))
 
 
 @app.command()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,10 @@ from mechcore.powers import PowerTable, drive_shares, power_table
 
 from .files import replacing
 
-__all__ = ["flywheel_lines", "force_lines", "power_csv", "power_markdown"]
+if TYPE_CHECKING:
+    from mechcore.dynamics.steady import SizedFlywheel, SteadyRun
+
+__all__ = ["flywheel_lines", "force_lines", "power_csv", "power_markdown", "sized_lines", "steady_lines"]
 
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
 
@@ -73,6 +77,28 @@ def flywheel_lines(wheel: Flywheel) -> list[str]:
         f"  mean torque {wheel.mean:.5g} N m; excess work {wheel.excess:.5g} J between the slowest place, "
         f"{np.degrees(wheel.slowest):.5g}°, and the fastest, {np.degrees(wheel.fastest):.5g}°",
     ]
+
+
+def steady_lines(run: SteadyRun) -> list[str]:
+    """A steady run in words."""
+    turns = f"{run.turns} turn{'s' * (run.turns > 1)}"
+    multiplier = abs(run.multiplier)
+    fate = (
+        "stays" if abs(multiplier - 1.0) < 1e-9 else f"{'shrinks' if multiplier < 1 else 'grows'} to {multiplier:.3g} of it a cycle"
+    )
+    mean, least, greatest = (x * 30.0 / np.pi for x in (run.sense * run.mean, run.least, run.greatest))
+    return [
+        f"steady run over {turns}: mean speed {mean:.6g} rpm, from {least:.6g} to {greatest:.6g} rpm, coefficient of fluctuation "
+        f"{run.fluctuation:.4g}",
+        f"a cycle takes {run.period:.6g} s; a disturbance of the energy {fate}",
+    ]
+
+
+def sized_lines(wheel: SizedFlywheel) -> list[str]:
+    """The flywheel that the steady run needs."""
+    if wheel.inertia == 0.0:
+        return [f"flywheel: none needed, {wheel.link} keeps the speed within {100 * wheel.run.fluctuation:.4g} % of its mean"]
+    return [f"flywheel: {wheel.inertia:.5g} kg m^2 more on {wheel.link}; with it: {steady_lines(wheel.run)[0]}"]
 
 
 def power_markdown(table: PowerTable) -> list[str]:

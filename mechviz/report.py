@@ -47,7 +47,10 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     if scene.simulation is not None:
         lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
         moved = [f"the motion of {', '.join(free)}"] if free else []
-        lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {scene.simulation.duration:g} s")
+        duration, turns = scene.simulation.duration, scene.simulation.steady
+        span = f"{duration:g} s" if duration == duration else "one cycle"
+        begin = f", from the steady state whose cycle is {turns} turn{'s' * (turns > 1)}" if turns else ""
+        lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {span}{begin}")
         for s in scene.simulation.stops:
             lines.append(f"           stop {s.name} of {s.pair}, restitution {s.restitution:g}")
         for look in scene.simulation.watches:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
+    from mechcore.dynamics.steady import SteadyRun
 
     from .scene import Scene
 
@@ -35,7 +36,8 @@ class Stage:
 class Run:
     """A solved scene. ``forces`` is None where the scene names no effects and no loads.
 
-    ``simulation`` is there where forces decide the motion; motion and forces then are what it gives at the frames.
+    ``simulation`` is there where forces decide the motion; motion and forces then are what it gives at the frames. ``steady``: the
+    steady run in which it starts, where the scene asks for that.
     """
 
     scene: Scene
@@ -46,6 +48,7 @@ class Run:
     stages: tuple[Stage, ...]
     studies: StudyResults = field(default_factory=StudyResults)
     simulation: Simulation | None = None
+    steady: SteadyRun | None = None
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a run shows itself: solids, plots and events on one timeline."""
@@ -101,10 +104,13 @@ def run_scene(
 
     with stage("compile"):
         compiled = compile_mechanism(mechanism)
-    simulation = None
+    simulation, steady = None, None
     if scene.simulation is not None:
+        if scene.simulation.steady is not None:
+            with stage("steady run"):
+                steady, compiled = _steady(scene.simulation.steady, compiled)
         with stage("motion under forces"):
-            simulation = _simulate(scene, compiled, advance)
+            simulation = _simulate(scene, compiled, advance, steady)
     with stage("positions"):
         motion = _motion(scene, compiled, simulation)
         _read(motion, "origins")
@@ -137,24 +143,37 @@ def run_scene(
         stages=tuple(stages),
         studies=studies,
         simulation=simulation,
+        steady=steady,
     )
 
 
-def _simulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None]) -> Simulation:
+def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
+    """The steady run of a scene's machine, and the machine with its speed at the start."""
+    from mechcore.dynamics import Free
+    from mechcore.dynamics.steady import steady_run
+
+    found = steady_run(compiled, turns=turns)
+    mechanism = compiled.mechanism
+    (drive,) = mechanism.drives
+    return found, compile_mechanism(replace(mechanism, drives=(replace(drive, law=Free(found.start, found.speed)),)))
+
+
+def _simulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None], steady: SteadyRun | None) -> Simulation:
     """The motion that forces make of a scene's free coordinates."""
     from mechcore.dynamics import simulate
 
     spec = scene.simulation
     assert spec is not None
+    duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
     return simulate(
         compiled,
-        spec.duration,
+        duration,
         tolerance=spec.tolerance,
         method=spec.method,
         stops=spec.stops,
         watches=spec.watches,
         liftoffs=spec.liftoffs,
-        progress=lambda t: advance(t, spec.duration),
+        progress=lambda t: advance(t, duration),
     )
 
 

@@ -233,3 +233,19 @@ def test_jam_in_motion_is_refused_in_words():
     )
     with pytest.raises(MechanismError, match=r"pairs\.S\.friction"):
         simulate(mechanism, 1.0)
+
+
+def test_the_only_pair_that_rubs_turns_back_at_dead_points_while_the_crank_goes_on():
+    """There its relative speed is zero, but nothing rests: friction has to change its sense, and it never drives."""
+    import mechviz
+
+    text = mechviz.load("crushing-press").text.replace('effects = ["inertia"', 'effects = ["friction", "inertia"')
+    text = text.replace('branch = "ahead" }', 'branch = "ahead", friction = { coefficient = 0.1 } }')
+    mechanism = mechviz.loads(text.replace("free = { position = 90 }", 'free = { position = 97, speed = "110 rpm" }')).mechanism
+    found = simulate(mechanism, 0.6, tolerance=1e-8)
+    assert [h.kind for h in found.happenings] == ["slip"] * len(found.happenings)
+    words = [h.text[-11:-10] for h in found.happenings]
+    assert words[:3] == ["+", "-", "+"]
+    t = np.linspace(0.0, 0.6, 300)
+    losses = found.forces(found.motion(t)).friction.losses("S")
+    assert losses.min() > -1e-9 * losses.max()

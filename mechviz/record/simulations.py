@@ -9,6 +9,7 @@ import numpy as np
 
 from mechcore.events import Event, find_events
 
+from ..power_report import steady_lines
 from .paths import entity
 from .streams import Static, Timelines
 
@@ -37,6 +38,8 @@ def simulation_events(run: Run) -> list[Event]:
     assert simulation is not None
     found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.happenings]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
+    if run.steady is not None:
+        found.insert(0, Event(0.0, "INFO", run.steady.pair, steady_lines(run.steady)[0]))
     others = [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
     return found + [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
 
@@ -106,6 +109,8 @@ def simulation_notes(run: Run) -> list[str]:
     lines = ["", "## Motion under forces", ""]
     lines.append(f"- found {how.get(s.method, s.method)}, tolerance {s.tolerance:.1e}, {s.evaluations} evaluations of windows")
     lines.append(f"- energy balance of the whole run: drift at most {drift:.1e} of the largest energy or work")
+    if run.steady is not None:
+        lines += [f"- {line}" for line in steady_lines(run.steady)]
     kinds: dict[str, int] = {}
     for h in s.happenings:
         kinds[h.kind] = kinds.get(h.kind, 0) + 1

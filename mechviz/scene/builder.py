@@ -376,11 +376,12 @@ class SceneBuilder:
         frames: int = 360,
         cycles: int = 1,
         duration: Value | None = None,
+        steady: int | None = None,
         tolerance: float | None = None,
         method: str | None = None,
     ) -> SceneBuilder:
-        """Frames and drive cycles of a run; duration, tolerance and method where forces decide the motion."""
-        run = {"frames": frames, "cycles": cycles, "duration": duration, "tolerance": tolerance, "method": method}
+        """Frames and drive cycles of a run; duration, steady, tolerance and method where forces decide the motion."""
+        run = {"frames": frames, "cycles": cycles, "duration": duration, "steady": steady, "tolerance": tolerance, "method": method}
         self._data["run"] = {key: value for key, value in run.items() if value is not None}
         return self
 

@@ -70,6 +70,8 @@ class RunDocument(Table):
     """Number of cycles of the drive."""
     duration: Duration | None = None
     """Free coordinates: how long the motion is followed."""
+    steady: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
+    """One free crank: the run starts in the steady state whose cycle is this many turns; without a duration it lasts one cycle."""
     tolerance: Tolerance | None = None
     """Free coordinates: local error of the motion, relative to one radian or the mechanism's size. Default 1e-9."""
     method: Method | None = None

@@ -131,6 +131,7 @@ class SimulationSpec:
     stops: tuple[Stop, ...]
     watches: tuple[Watch, ...]
     liftoffs: tuple[Liftoff, ...] = ()
+    steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
 
 
 def stop_name(pair: str, stop: StopDocument) -> str:
@@ -192,7 +193,7 @@ def simulation_spec(
     run = document.run
     duration = math.nan if run.duration is None else convert.si(run.duration, "time", "run.duration")
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
-    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs)
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs, run.steady)
 
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
@@ -211,7 +212,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
             yield from _idle(document)
         return
     what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff"
-    if run.duration is None and run.sound("duration"):
+    if run.duration is None and run.steady is None and run.sound("duration") and run.sound("steady"):
         yield Fault("run", f"'duration' is missing: how long does {(free or lifting)[0]} move?", 'Add duration = "5 s" to [run].')
     if run.cycles != 1:
         remedy = 'Leave out cycles and write duration = "5 s".'
@@ -241,7 +242,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
     """Keys that only a motion under forces has."""
-    for key in ("duration", "tolerance", "method"):
+    for key in ("duration", "steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
             yield Fault(f"run.{key}", "nothing is free: the drive decides the motion.", _ADD_FREE)
     for name, pair in document.pairs.items():

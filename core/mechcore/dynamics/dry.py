@@ -111,11 +111,12 @@ class Phases:
         rate = found.rate[0]
         still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
         self.signs = np.where(still, 0.0, np.sign(rate))
-        if len(q) == 1 and still.all():
+        if len(q) == 1 and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
         elif len(q) == 1 and still.any():  # the mechanism moves: a pair that turns back there does not stick
             self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
-            self.signs = np.where(still, np.sign(self.system().solve(*row).second[0]), self.signs)
+            second = np.sign(self.system().solve(*row).second[0])
+            self.signs = np.where(still & (second != 0.0), second, self.signs)
         elif still.any():
             if loose is not None and still[loose[0]]:
                 self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
