@@ -12,12 +12,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from .many_layers import Costs, improve
+
 __all__ = ["Order", "Post", "order_layers"]
 
 _CLASH = 1000.0
 _FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
 _HEIGHT = 8.0
 _SPAN = 3.0  # a pin that is one layer longer than it needs to be
+_MANY = 24  # groups above which moves are tried many at a time
 
 
 @dataclass(frozen=True)
@@ -55,10 +58,11 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mappin
     rng = random.Random(0)
     best: list[int] | None = None
     best_cost = float("inf")
-    starts = 14 if n <= 12 else 5 if n <= 20 else 3
+    starts = 14 if n <= 12 else 5 if n <= 20 else 3 if n <= _MANY else 2
     for attempt in range(starts):
         ranks = search.natural_ranks() if attempt == 0 else rng.sample(range(n), n)
-        layers = search.improve(search.greedy(ranks))
+        layers = search.greedy(ranks)
+        layers = search.improve(layers) if n <= _MANY else improve(search.costs, layers)
         cost = search.cost(layers)
         if cost < best_cost - 1e-9:
             best, best_cost = layers, cost
@@ -72,6 +76,7 @@ class _Search:
         self.conflicts = conflicts
         self.posts = posts
         self.behind = behind
+        self.costs = Costs(conflicts, posts, behind, (_CLASH, _FRONT, _HEIGHT, _SPAN))
         self.near = [(i, j) for i, post in enumerate(posts) for j in post.near if j < i]
 
     def natural_ranks(self) -> list[int]:

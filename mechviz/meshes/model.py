@@ -17,6 +17,7 @@ from .wheels import Wheels, find_wheels
 __all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Weldment", "build_model"]
 
 _SAME = 1e-6  # points closer than this share one axle
+_WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
 _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
 
 
@@ -296,14 +297,21 @@ def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Mar
 
 
 def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Cluster], wheels: Wheels) -> Proportions:
-    """Plate sizes from the mechanism's size (1), narrower where short links need it, but never as thin as wire."""
+    """Plate sizes from the mechanism's size (1), narrower where short links need it, but never as thin as wire.
+
+    How thin that is follows from the links where they are all much shorter than the mechanism, as in a long train.
+    """
     shortest = min([1.0, *(1.3 * wheel.radius for wheel in wheels.wheels)])
+    lengths = []
     for link in links:
         if link.name == mechanism.frame:
             continue
         pins = [centres[link.name] for centres, _ in clusters if link.name in centres]
-        shortest = min([shortest, *(_distance(a, b) for i, a in enumerate(pins) for b in pins[:i])])
-    r = float(np.clip(0.36 * shortest, 0.015, 0.033))
+        apart = [_distance(a, b) for i, a in enumerate(pins) for b in pins[:i]]
+        shortest = min([shortest, *apart])
+        lengths += [max(apart)] if apart else []
+    wire = min(_WIRE, _WIRE * 8.0 * float(np.median(lengths))) if lengths else _WIRE
+    r = float(np.clip(0.36 * shortest, wire, 0.033))
     t = 0.75 * r
     return Proportions(r=r, t=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
 
