@@ -40,6 +40,12 @@ FramesOpt = Annotated[
 CyclesOpt = Annotated[
     int | None, typer.Option("--cycles", min=1, max=1_000_000, help="cycles of the first drive [default: the scene's]")
 ]
+AccuracyOpt = Annotated[
+    float | None,
+    typer.Option(
+        "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all dials follow [default: the scene's]"
+    ),
+]
 
 
 def say(text: str) -> None:
@@ -111,13 +117,15 @@ def load_scene(source: str) -> Scene:
     return load(source)
 
 
-def solve(scene: Scene, frames: int | None, cycles: int | None) -> Run:
+def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
     from .run import run_scene
 
     if scene.simulation is None:
-        return run_scene(scene, frames=frames, cycles=cycles)
+        return run_scene(scene, frames=frames, cycles=cycles, accuracy=accuracy)
     with progress_bar("simulating") as bar:
-        return run_scene(scene, frames=frames, cycles=cycles, advance=lambda t, end: bar(round(1e3 * t / end), 1000))
+        return run_scene(
+            scene, frames=frames, cycles=cycles, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000)
+        )
 
 
 @contextmanager
@@ -212,6 +220,7 @@ def forces(
     ] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
 ) -> None:
     """Print who supplies power and who absorbs it: every force with its classes and its work over the run.
 
@@ -228,7 +237,7 @@ def forces(
         _print_steady(scene, steady, fluctuation)
         return
     with clear_errors(scene):
-        run = solve(load_scene(scene), frames, cycles)
+        run = solve(load_scene(scene), frames, cycles, accuracy)
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
         print(run.scene.title)
@@ -272,6 +281,7 @@ def record(
     ] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
 ) -> None:
     """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
     from .record import RecordingError, write_recording
@@ -282,7 +292,7 @@ def record(
         if path is None:
             Path("recordings").mkdir(exist_ok=True)
             path = Path("recordings") / f"{loaded.name}.rrd"
-        run = solve(loaded, frames, cycles)
+        run = solve(loaded, frames, cycles, accuracy)
         try:
             import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
             with interruptible(), progress_bar("recording") as bar:
@@ -415,12 +425,13 @@ def view(
     port: Annotated[int, typer.Option("--port", "-p", min=0, max=65535, help="port on 127.0.0.1; 0 takes a free one")] = 8080,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
 ) -> None:
     """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C."""
     from .viewer import ViewerError, serve
 
     with clear_errors(scene):
-        run = solve(load_scene(scene), frames, cycles)
+        run = solve(load_scene(scene), frames, cycles, accuracy)
         try:
             serve(run, port=port, folder=Path(scene).parent.resolve() if Path(scene).is_file() else None)
         except ViewerError as e:

@@ -6,20 +6,27 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.accuracy import DEFAULT, Accuracy, accuracy_for
 from mechcore.plan import OUTPUTS, Plan, make_plan
 from mechcore.studies import StudyResults
 from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
+    from mechcore.dynamics.progress import Method
     from mechcore.dynamics.steady import SteadyRun
 
+    from .accuracy.estimate import ErrorEstimate
+    from .accuracy.fit import Fit
     from .scene import Scene
+
+    Resimulate = Callable[..., Simulation]  # of a tolerance and perhaps a method
 
 __all__ = ["Run", "Stage", "run_scene", "stopwatch", "with_run"]
 
@@ -49,6 +56,16 @@ class Run:
     studies: StudyResults = field(default_factory=StudyResults)
     simulation: Simulation | None = None
     steady: SteadyRun | None = None
+    accuracy: Accuracy = DEFAULT
+    fit: Fit | None = None  # of the frames, where an accuracy decided them
+    again: Resimulate | None = None  # the motion under forces once more, with another tolerance
+
+    @cached_property
+    def errors(self) -> ErrorEstimate:
+        """What the run says of its own errors."""
+        from .accuracy.estimate import estimate_errors
+
+        return estimate_errors(self)
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a run shows itself: solids, plots and events on one timeline."""
@@ -82,6 +99,7 @@ def run_scene(
     progress: Callable[[str], None] = lambda _: None,
     outputs: Iterable[str] = OUTPUTS,
     advance: Callable[[float, float], None] = lambda *_: None,
+    accuracy: Accuracy | float | None = None,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
@@ -90,10 +108,15 @@ def run_scene(
 
     Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
+    ``accuracy``: the wanted relative error or the dials, instead of the scene's. A wanted error decides the number of frames, too,
+    unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
+
     The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
     """
     stages: list[Stage] = []
-    scene = with_run(scene, frames, cycles)
+    dials = _dials(scene, accuracy)
+    counted = frames is not None or (accuracy is None and "frames" in scene.document.run.model_fields_set)
+    scene = with_run(scene, frames or dials.frames, cycles)
     mechanism = scene.mechanism
     wanted = set(outputs)
     plan = make_plan(mechanism, wanted)
@@ -103,14 +126,20 @@ def run_scene(
         return stopwatch(stages, name)
 
     with stage("compile"):
-        compiled = compile_mechanism(mechanism)
-    simulation, steady = None, None
+        compiled = compile_mechanism(mechanism, dials)
+    simulation, steady, again = None, None, None
     if scene.simulation is not None:
         if scene.simulation.steady is not None:
             with stage("steady run"):
                 steady, compiled = _steady(scene.simulation.steady, compiled)
         with stage("motion under forces"):
-            simulation = _simulate(scene, compiled, advance, steady)
+            again = _resimulate(scene, compiled, advance, steady)
+            simulation = _simulate(scene, dials, again, asked=accuracy is not None)
+    fit = None
+    if dials.target is not None and not counted and dials.frames is None:
+        with stage("frames for the accuracy"):
+            fit = _fit(scene, dials, simulation)
+        scene = with_run(scene, fit.frames, None)
     with stage("positions"):
         motion = _motion(scene, compiled, simulation)
         _read(motion, "origins")
@@ -144,6 +173,9 @@ def run_scene(
         studies=studies,
         simulation=simulation,
         steady=steady,
+        accuracy=dials,
+        fit=fit,
+        again=again,
     )
 
 
@@ -155,26 +187,55 @@ def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     found = steady_run(compiled, turns=turns)
     mechanism = compiled.mechanism
     (drive,) = mechanism.drives
-    return found, compile_mechanism(replace(mechanism, drives=(replace(drive, law=Free(found.start, found.speed)),)))
+    started = replace(mechanism, drives=(replace(drive, law=Free(found.start, found.speed)),))
+    return found, compile_mechanism(started, compiled.accuracy)
 
 
-def _simulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None], steady: SteadyRun | None) -> Simulation:
-    """The motion that forces make of a scene's free coordinates."""
+def _resimulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None], steady: SteadyRun | None) -> Resimulate:
+    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method."""
     from mechcore.dynamics import simulate
 
     spec = scene.simulation
     assert spec is not None
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
-    return simulate(
-        compiled,
-        duration,
-        tolerance=spec.tolerance,
-        method=spec.method,
-        stops=spec.stops,
-        watches=spec.watches,
-        liftoffs=spec.liftoffs,
-        progress=lambda t: advance(t, duration),
-    )
+
+    def found(tolerance: float, method: Method | None = None) -> Simulation:
+        return simulate(
+            compiled,
+            duration,
+            tolerance=tolerance,
+            method=method or compiled.accuracy.method or spec.method,
+            stops=spec.stops,
+            watches=spec.watches,
+            liftoffs=spec.liftoffs,
+            progress=lambda t: advance(t, duration),
+        )
+
+    return found
+
+
+def _simulate(scene: Scene, dials: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
+    """The motion under forces; ``asked``: its accuracy goes before the scene's own."""
+    assert scene.simulation is not None
+    if dials.target is not None and (asked or scene.document.run.tolerance is None):
+        from .accuracy.fit import simulated
+
+        return simulated(dials, again)
+    return again(dials.integrator if asked and dials.integrator is not None else scene.simulation.tolerance)
+
+
+def _dials(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
+    """The dials of a run: those that are asked for, else the scene's."""
+    if accuracy is None:
+        return scene.accuracy
+    return accuracy if isinstance(accuracy, Accuracy) else accuracy_for(accuracy)
+
+
+def _fit(scene: Scene, dials: Accuracy, simulation: Simulation | None) -> Fit:
+    """The frames that an accuracy needs."""
+    from .accuracy.fit import fit_frames
+
+    return fit_frames(scene, dials, simulation)
 
 
 def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> Any:

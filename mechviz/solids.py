@@ -22,4 +22,6 @@ def solids_of(run: Run) -> Solids:
 
     motion = run.motion
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
-    return build_solids(motion.mechanism, {link: motion.pose(link)[frames] for link in motion.model.links})
+    dials = run.accuracy
+    poses = {link: motion.pose(link)[frames] for link in motion.model.links}
+    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile)

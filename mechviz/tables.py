@@ -228,5 +228,8 @@ def _health(run: Run) -> Iterator[Table]:
         values["power_balance", "1"] = run.forces.power_balance
     if run.simulation is not None:
         values["energy_drift", "1"] = run.simulation.drift(motion.time)
+    from .accuracy.estimate import COLUMNS
+
+    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in COLUMNS), run.errors.table())
     for column, value in values.items():
         yield Table(("health", column[0]), "health", (column,), np.reshape(value, (-1, 1)))

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import closed_forms as cf
+from .accuracy import DEFAULT
 from .frames import added, imaginary
 from .model import Block, CurveSum, Model
 from .newton import newton, solve_many
@@ -60,6 +61,7 @@ class State:
     constants: Sequence[float] = ()  # of the relations
     angle: dict[int, Array] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
     near: Mapping[str, Array] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
+    tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in sizes of the mechanism
     bends: dict[int, Array] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
 
     def copy(self) -> State:
@@ -385,8 +387,8 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
     n_angles = len(block.angles)
     residual = equations(model, block, state)
     scale = np.concatenate([np.ones(n_angles), np.full(len(block.slides), size)])
-    x, miss, first = newton(residual, start / scale)
-    x = np.where((miss < 1e-9)[..., None], x, np.nan)
+    x, miss, first = newton(residual, start / scale, tolerance=state.tolerance)
+    x = np.where((miss < max(1e-9, 10.0 * state.tolerance))[..., None], x, np.nan)
     for i, g in enumerate(block.angles):
         state.angle[g] = x[..., i]
         _turn(model, state, g, np.exp(1j * x[..., i]))

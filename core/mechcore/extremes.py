@@ -86,6 +86,6 @@ def zeros(motion: Motion, rows: Callable[[Motion], Array], times: Array) -> Arra
             move = -value[:, 0] / value[:, 1]
         move = np.where(np.isfinite(move) & (np.abs(found + move - times) < 0.5 * step), move, 0.0)
         found = found + move
-        if np.abs(move).max(initial=0.0) <= 1e-9 * step:
+        if np.abs(move).max(initial=0.0) <= motion.accuracy.event * step:
             break
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import blocks as bl
+from .accuracy import DEFAULT, Accuracy
 from .blocks import Columns, Patch, State, Vectors
 from .changes import Change
 from .frames import added, lazy, nothing
@@ -43,6 +44,7 @@ class Motion:
         patches: Mapping[int, Sequence[Patch]] | None = None,
         changes: Sequence[Change] = (),
         again: Callable[[Real], Motion] | None = None,
+        accuracy: Accuracy = DEFAULT,
     ):
         self.model = model
         self.time = time
@@ -50,6 +52,7 @@ class Motion:
         self.state = state
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
+        self.accuracy = accuracy
         self.changes = tuple(changes)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Array] = {}
@@ -159,6 +162,8 @@ class Motion:
     @lazy
     def speeds(self) -> Rates:
         """Speeds of all spins and slides."""
+        if self.accuracy.differentiation != "exact":
+            return self._by_differences(1)
         with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
             if "columns" not in self.__dict__:  # found here, they need no quiet of their own
                 self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
@@ -168,10 +173,17 @@ class Motion:
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
+        if self.accuracy.differentiation != "exact":
+            return self._by_differences(2)
         speeds, cols = self.speeds, self.columns
         with np.errstate(**CALM):
             rates = [d[2] for d in self._drives]
             return accelerations(self.model, self.contours, cols, speeds, rates, self.patches)
+
+    def _by_differences(self, derivative: int) -> Rates:
+        from .differences import numerical_rates  # here: nobody needs it who does not ask for it
+
+        return numerical_rates(self, derivative)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Array:
@@ -249,9 +261,10 @@ class Motion:
         for d, sign in turning.spin_drives[spin]:
             total = total + sign * self.drives[d][0]
         group = turning.spin_group[spin]
-        return total if group == 0 else total + self._group_angle(group)
+        return total if group == 0 else total + self.group_angle(group)
 
-    def _group_angle(self, group: int) -> Array:
+    def group_angle(self, group: int) -> Array:
+        """Angle of a group of links that turn together [rad], continuous over the frames."""
         if group not in self._group_angles:
             if group in self.state.angle:  # relations and general blocks know the whole angle
                 self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.shape)
@@ -270,7 +283,7 @@ class Motion:
         """The angle made continuous. Where the drives go far between two frames the way between them is computed too."""
         far = self.stride
         if far <= 1.0 or self.again is None:
-            if far <= 1.0:
+            if far <= 1.0 or self.accuracy.differentiation != "exact":
                 return np.unwrap(raw)
             # given drive positions: the speeds at both ends say how far it went in between
             turning = self.model.angles

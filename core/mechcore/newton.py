@@ -42,7 +42,7 @@ def newton(residual: Residual, x: Any, *, tolerance: float = 2e-15, iterations: 
         best_x = np.where(better[..., None], x, best_x)
         gain = size < 0.5 * best
         best = np.where(better, size, best)
-        if not (gain & (size > tolerance)).any() and (k >= 12 or not (best > 1e-8).any()):
+        if not (gain & (size > tolerance)).any() and (k >= 12 or not (best > max(1e-8, tolerance)).any()):
             break  # nothing improves any more; far from a solution the first steps may go uphill
         step = solve_many(j, r)
         if first is None:

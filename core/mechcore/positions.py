@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .accuracy import DEFAULT
 from .blocks import Patch, State, apply, place
 from .frames import rotation_of
 from .model import Model
@@ -17,7 +18,11 @@ Array = Any
 
 
 def initial_state(
-    model: Model, drives: Sequence[Array], constants: Sequence[float] = (), near: Mapping[str, Array] | None = None
+    model: Model,
+    drives: Sequence[Array],
+    constants: Sequence[float] = (),
+    near: Mapping[str, Array] | None = None,
+    tolerance: float = DEFAULT.position,
 ) -> State:
     """State with everything that the drives' positions alone decide: spins of the frame's group, driven slides.
 
@@ -35,7 +40,7 @@ def initial_state(
         delta[spin] = total
     rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
     slide = {j: drives[d] for j, d in model.driven_slides}
-    return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {})
+    return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
 
 
 def place_all(
@@ -45,10 +50,11 @@ def place_all(
     starts: Mapping[str, Array] | None = None,
     patches: Mapping[int, Sequence[Patch]] | None = None,
     constants: Sequence[float] = (),
+    tolerance: float = DEFAULT.position,
 ) -> State:
     """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
-    a block's positions are given."""
-    state = initial_state(model, drives, constants, starts)
+    a block's positions are given. ``tolerance``: residual at which Newton's method stops, in sizes of the mechanism."""
+    state = initial_state(model, drives, constants, starts, tolerance)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # NaN, "out of reach", is an answer here
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place(model, block, state, mode, None if starts is None else starts.get(block.name))

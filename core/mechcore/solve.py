@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import blocks as bl
+from .accuracy import DEFAULT, Accuracy
 from .assembly import Assembly, assemble
 from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
 from .errors import Fault, MechanismError
@@ -41,6 +42,7 @@ class Compiled:
     start: tuple[float, ...]  # drive positions for which the assembly was made
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
     courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
+    accuracy: Accuracy = DEFAULT
 
     @property
     def followed(self) -> bool:
@@ -52,8 +54,11 @@ class Compiled:
         return self.model.mechanism
 
 
-def compile_mechanism(mechanism: Mechanism) -> Compiled:
-    """Compile and assemble a mechanism. Raises `MechanismError` with every fault that can be seen."""
+def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Compiled:
+    """Compile and assemble a mechanism; ``accuracy``: the dials of all that is solved with it.
+
+    Raises `MechanismError` with every fault that can be seen.
+    """
     keep_freed_memory()
     model = build_model(mechanism)
     if model.free:
@@ -71,7 +76,7 @@ def compile_mechanism(mechanism: Mechanism) -> Compiled:
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
     assembly = assemble(model, start)
     changes = find_changes(model, assembly.modes, assembly.starts)
-    return Compiled(model=model, assembly=assembly, start=start, changes=changes)
+    return Compiled(model=model, assembly=assembly, start=start, changes=changes, accuracy=accuracy)
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
@@ -132,9 +137,10 @@ def solve_motion(
                 passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
             elif drives is None:
                 passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
-    state = place_all(solved, positions, modes, starts, patches, constants)
-    again = None if drives is not None else lambda t: solve_motion(compiled, t, strict=False)
-    motion = Motion(model, time, values, state, patches, passed, again)
+    state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
+    led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
+    again = None if drives is not None else lambda t: solve_motion(led, t, strict=False)
+    motion = Motion(model, time, values, state, patches, passed, again, compiled.accuracy)
     if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, course, parameter)
         if faults:
@@ -234,7 +240,7 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
             miss = np.zeros(motion.frames)
             for c in block.contours:
                 miss = np.maximum(miss, np.abs(motion.contours[c].total()))
-            bad = ~(miss <= 1e-9 * model.size) & ~failed
+            bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.size) & ~failed
         else:
             bad = ~_placed(model, block, motion) & ~failed
             if block.name in followed and course is not None and parameter is not None:

@@ -102,4 +102,4 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
         sums.append(SpinContour(closing=c.closing, arms=kept, slides=slides))
     variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums), varied=place)
     state = place_all(variant, [v[0] for v in values], compiled.assembly.modes)
-    return Motion(variant, time, values, state)
+    return Motion(variant, time, values, state, accuracy=compiled.accuracy)

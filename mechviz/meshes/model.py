@@ -14,7 +14,7 @@ from .profiles import CamDrawing, cam_extents, find_cams
 from .telescopes import Telescope, find_telescopes
 from .wheels import Wheels, find_wheels
 
-__all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Weldment", "build_model"]
+__all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Weldment", "build_model", "largest_circle"]
 
 _SAME = 1e-6  # points closer than this share one axle
 _WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
@@ -146,8 +146,11 @@ class Model:
         return [axle.centres[link] for axle in self.axles if link in axle.centres]
 
 
-def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, segments: int) -> Model:
-    """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels."""
+def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, segments: int, profile: int = 1080) -> Model:
+    """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels.
+
+    ``segments``: sides of a full circle; ``profile``: points of a cam's profile.
+    """
     parts = build_pairs(mechanism)
     links = tuple(parts.links.values())
     moving = _usable_poses(mechanism.frame, links, poses)
@@ -158,7 +161,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     joints = [_scaled(joint, size) for joint in parts.joints]
     wheels = find_wheels(mechanism, parts, size, scaled)
     racks = {bar.slider for bar in wheels.racks}
-    cams = find_cams(mechanism, parts, size)
+    cams = find_cams(mechanism, parts, size, profile)
     drawn = {name for cam in cams for name in cam.own_guides}
     clusters = _clusters(mechanism, joints)
     marks = _marks(mechanism, points, clusters)
@@ -186,6 +189,15 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
         cams=cams,
         guide_points=_ground_points(mechanism.frame, joints),
     )
+
+
+def largest_circle(model: Model) -> float:
+    """Radius of the largest round shape, in sizes of the mechanism: wheels, the rims of grooved cams, rounded ends of links."""
+    radii = [model.proportions.r, *(w.radius for w in model.wheels.wheels)]
+    for cam in model.cams:
+        rim = np.hypot(*(np.asarray(cam.profile.exterior.coords)[:, :2] - cam.bore).T)
+        radii.append(float(rim.max()) + 1.4 * model.proportions.r)
+    return max(radii)
 
 
 def _ground_points(frame: str, joints: Sequence[Joint]) -> dict[str, Vec2]:

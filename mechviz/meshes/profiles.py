@@ -59,16 +59,16 @@ def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
     return z
 
 
-def find_cams(mechanism: Mechanism, parts: Builder, size: float) -> tuple[CamDrawing, ...]:
-    """All cams of a mechanism."""
+def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _SAMPLES) -> tuple[CamDrawing, ...]:
+    """All cams of a mechanism; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
-    return tuple(_drawing(mechanism, parts, p, by_name[p.name], size) for p in mechanism.pairs if isinstance(p, CamPair))
+    return tuple(_drawing(mechanism, parts, p, by_name[p.name], size, samples) for p in mechanism.pairs if isinstance(p, CamPair))
 
 
-def _drawing(mechanism: Mechanism, parts: Builder, pair: CamPair, placed: PlacedCam, size: float) -> CamDrawing:
+def _drawing(mechanism: Mechanism, parts: Builder, pair: CamPair, placed: PlacedCam, size: float, samples: int) -> CamDrawing:
     from mechcore.cams import Oscillating
 
-    z = profile_points(placed)
+    z = profile_points(placed, samples)
     if placed.bed is not None:
         deep = -0.25 * float(np.ptp(z.real))
         z = np.concatenate([[complex(z[0].real, deep), complex(z[-1].real, deep)], z[::-1]])

@@ -12,7 +12,7 @@ from shapely.geometry import MultiPoint
 from mechcore.spec import Mechanism
 
 from .heights import Heights, find_heights
-from .model import Model, build_model, place
+from .model import Model, build_model, largest_circle, place
 from .palette import Color, link_colors
 from .parts import Part, make_parts
 from .shading import crisp, face_normals
@@ -59,15 +59,24 @@ class Solids:
     heights: Heights  # where marks lie in z
 
 
-def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = None, *, tolerance: float = 0.005) -> Solids:
+def build_solids(
+    mechanism: Mechanism,
+    poses: Mapping[str, np.ndarray] | None = None,
+    *,
+    tolerance: float = 0.005,
+    chord: float | None = None,
+    profile: int = 1080,
+) -> Solids:
     """Solid parts for every link of a mechanism.
 
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
     these frames. Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle
-    and its chords, in radii of the circle.
+    and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
+    needs, at most 2048. `profile`: points of a cam's profile.
     """
-    segments = 4 * int(np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.1)) / 4.0), 6, 128))
-    model = build_model(mechanism, poses, segments)
+    model = build_model(mechanism, poses, _sides(tolerance, 128), profile)
+    if chord is not None:
+        model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
     if (levels.top + 1) * model.proportions.pitch > DEEPEST and not model.telescopes:  # thin barrels would look like wires
@@ -84,6 +93,13 @@ def build_solids(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None = 
     top = float(bounds[1, 2]) + 0.01 * model.size
     heights = find_heights(mechanism, model, parts, poses, top)
     return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights)
+
+
+def _sides(tolerance: float, most: int) -> int:
+    """Sides of a circle, a multiple of four up to four times ``most``, for a distance of chords in radii."""
+    return 4 * int(
+        np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.5)) / 4.0), 3 if tolerance > 0.1 else 6, most)
+    )
 
 
 def stl_bytes(solid: Solid) -> bytes:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..meshes import Solids
     from ..run import Run, Stage
 
-__all__ = ["SCHEMA", "model_json", "notes", "package_version", "properties", "scene_text"]
+__all__ = ["SCHEMA", "accuracy_words", "model_json", "notes", "package_version", "properties", "recorded_frames", "scene_text"]
 
 SCHEMA = 1
 """Version of the recording contract; a change of meaning raises it."""
@@ -63,8 +63,8 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "version": package_version(),
         "scene": run.scene.name,
         "title": run.scene.title or run.scene.name,
-        "frames": run.motion.frames,
-        "tolerance": TOLERANCE * run.motion.model.size,
+        "frames": recorded_frames(run),
+        "tolerance": max(TOLERANCE, run.accuracy.position) * run.motion.model.size,
         "model": model_json(run),
         "effects": pa.array(list(run.plan.effects), pa.string()),
         "skipped": pa.array([s.name for s in run.plan.skipped], pa.string()),
@@ -74,9 +74,30 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "mps2_per_metre": scales.mps2_per_metre,
         "wall_seconds": wall_seconds,
         **_simulated(run),
+        "accuracy": json.dumps(run.accuracy.changed),
+        "interpolation": run.accuracy.interpolation,
         "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
         "complete": complete,
     }
+
+
+def recorded_frames(run: Run) -> int:
+    """Frames that a recording holds."""
+    return (run.motion.frames - 1) // run.accuracy.decimation + 1
+
+
+def accuracy_words(run: Run) -> tuple[str, ...]:
+    """What the run says of its own errors, in lines."""
+    worst = run.errors.worst()
+    words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
+    lines = [f"estimated errors, relative: {words}"]
+    target, fit = run.accuracy.target, run.fit
+    if target is not None and fit is not None:
+        met = "reached" if fit.error <= target else f"not reached: {fit.error:.1e} is left between frames"
+        jumps = f"; {fit.jumps} intervals hold a jump or a bend, where interpolation is not exact" if fit.jumps else ""
+        order = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}[run.accuracy.interpolation]
+        lines.append(f"accuracy {target:g} with {fit.frames} frames joined by {order}: {met}{jumps}")
+    return tuple(lines)
 
 
 def _simulated(run: Run) -> dict[str, Any]:
@@ -107,6 +128,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     if run.forces is not None:
         lines += ["", *power_markdown(power_table(run.forces))]
     lines += simulation_notes(run)
+    lines += ["", "## Accuracy", "", *(f"- {line}" for line in accuracy_words(run))]
     lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
     lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
     if every > 1:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..accuracy.estimate import COLUMNS
 from .errors import RecordingError
 from .reader import LoggedEvent, Recording, Rows
 
@@ -152,6 +153,8 @@ def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, floa
 
 def _health(recording: Recording) -> list[Peak]:
     found = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
+    path = ("health", "error_estimate")
+    found += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(COLUMNS)]
     return [p for p in found if p is not None]
 
 

@@ -120,12 +120,14 @@ def picture_stride(run: Run) -> int:
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 
-def table_streams(all_tables: list[Table]) -> Iterator[Stream]:
-    """The float64 numbers."""
+def table_streams(all_tables: list[Table], numbers: str = "float64") -> Iterator[Stream]:
+    """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
     import rerun as rr
 
     for table in all_tables:
         values = np.ascontiguousarray(table.values)
+        if numbers == "float32":
+            values = values.astype(np.float32).astype(float)
 
         def columns(frames: Index, values: Real = values) -> Any:
             chosen = values[frames]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -24,7 +24,7 @@ from ..vectors import Scales
 from . import simulations
 from .arrows import LEGEND_ROOM, extent, shapes
 from .blueprint import make_blueprint
-from .describe import notes, properties, scene_text
+from .describe import accuracy_words, notes, properties, recorded_frames, scene_text
 from .events import peak_events
 from .families import Content, find_statics, find_streams, find_views
 from .frictions import send_lanes
@@ -59,6 +59,7 @@ class RecordingSummary:
     skipped: tuple[str, ...]
     stages: tuple[Stage, ...]  # the solver's first
     events: tuple[Event, ...]
+    errors: tuple[str, ...]  # what the run says of its own errors
     clashes: tuple[tuple[str, str], ...]  # links whose solids pass through each other
 
     @property
@@ -74,6 +75,7 @@ class RecordingSummary:
             f"left out: {', '.join(self.skipped) or 'nothing'}",
             "cost: " + ", ".join(f"{s.name} {1e3 * s.seconds:.1f} ms" for s in self.stages),
         ]
+        lines += self.errors
         lines += [f"the solids of {a} and {b} pass through each other in every order of layers" for a, b in self.clashes]
         warnings = [e for e in self.events if e.level == "WARN"]
         lines += [f"warning: {e.item}: {e.text} (t = {e.time:.6g} s)" for e in warnings[:MOST_WARNINGS]]
@@ -118,7 +120,8 @@ def write_recording(
             list(find_linkers(run, solids.size)),
             every,
         )
-        streams = find_streams(content)
+        thin = run.accuracy.decimation
+        streams = [s if thin == 1 else replace(s, every=s.every * thin) for s in find_streams(content)]
     with stopwatch(stages, "blueprint"):
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
@@ -150,13 +153,14 @@ def write_recording(
     return RecordingSummary(
         path=path,
         recording_id=recording_id,
-        frames=run.motion.frames,
+        frames=recorded_frames(run),
         entities=len({s.path for s in streams} | {s.path for s in statics}),
         bytes=path.stat().st_size,
         computed=tuple(s.name for s in run.plan.computed),
         skipped=tuple(s.name for s in run.plan.skipped),
         stages=(*run.stages, *stages),
         events=tuple(events),
+        errors=accuracy_words(run),
         clashes=tuple(solids.clashes),
     )
 

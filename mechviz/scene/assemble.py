@@ -10,6 +10,7 @@ from mechcore.laws.free import Free
 from mechcore.reduction import Body
 from mechcore.spec import Drive, Link, Mechanism, friction_of
 
+from .accuracies import accuracy_faults
 from .convert import Converter
 from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
@@ -110,6 +111,7 @@ def assemble(
     loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
+    faults += accuracy_faults(document, starts, convert)
     faults += convert.faults
     if faults or reading.faults:
         return None, None, faults

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mechcore.spec import ANSWERS, EFFECTS
 
+from .accuracies import AccuracyEntry
 from .bodies import LumpDocument, MassDocument, MassEntry
 from .fields import (
     Angle,
@@ -190,6 +191,8 @@ class SceneDocument(Table):
     """Friction of all pairs that do not say otherwise, used only where effects names friction."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
+    accuracy: AccuracyEntry | None = None
+    """Wanted relative error, such as 1e-6, from which all dials of accuracy follow; or a table of dials."""
     links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
     pairs: dict[Name, PairDocument] = Field(default={})

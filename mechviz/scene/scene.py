@@ -7,11 +7,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from mechcore.accuracy import Accuracy
 from mechcore.errors import Fault
 from mechcore.spec import Mechanism
 
+from .accuracies import accuracy_of
 from .assemble import assemble
 from .bodies import FOLDER
+from .convert import Converter
 from .document import SceneDocument
 from .faults import SceneError, in_file_order
 from .free_motion import SimulationSpec
@@ -63,6 +66,11 @@ class Scene:
     def cycles(self) -> int:
         """Number of drive cycles of a run."""
         return self.document.run.cycles
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How exact the run is to be."""
+        return accuracy_of(self.document.accuracy, Converter.of(self.document.units))
 
     @property
     def effects(self) -> tuple[str, ...]:

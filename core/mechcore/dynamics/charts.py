@@ -130,7 +130,7 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
     mechanism = replace(
         compiled.mechanism, drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
     )
-    found = compile_mechanism(mechanism)
+    found = compile_mechanism(mechanism, compiled.accuracy)
     if not _is_at(found, coordinate, poses):
         raise MechanismError(
             Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")

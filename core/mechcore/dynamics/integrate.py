@@ -72,6 +72,7 @@ def integrate(
     stiff: bool = False,
     first: float | None = None,
     nodes: int | None = None,
+    most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
     bends: Callable[[Window, float], float | None] | None = None,
 ) -> Solution:
@@ -79,8 +80,8 @@ def integrate(
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
     with every accepted window; a time that it returns ends the integration there. ``bends`` finds the first time in a window, later
-    than a given one, at which the equations change their form: windows end there. Raises `MechanismError` where no window
-    however short succeeds.
+    than a given one, at which the equations change their form: windows end there. ``nodes``: of a window,
+    ``most``: longest window [s]. Raises `MechanismError` where no window however short succeeds.
     """
     s = nodes or nodes_for(tolerance)
     rule: Rule = radau(s) if stiff else gauss(s)
@@ -95,7 +96,7 @@ def integrate(
     longest = 0.0  # window so far
     cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
     while t < t1 - least:
-        h = min(h, t1 - t)
+        h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
         tiny = 1e-15 * (1.0 + float(np.abs(q).max()))

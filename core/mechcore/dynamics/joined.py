@@ -45,6 +45,7 @@ class JoinedMotion:
         self.time = time
         self.parts = tuple(parts)
         self.model = parts[0][1].model if model is None else model
+        self.accuracy = parts[0][1].accuracy
         self.changes = tuple(c for _, m in parts for c in m.changes)
         self.again = again
         self._mechanism = mechanism

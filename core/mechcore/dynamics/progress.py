@@ -183,6 +183,8 @@ class Progress:
                 stiff=self.method == "radau",
                 after=after,
                 bends=bends,
+                nodes=self.original.accuracy.nodes,
+                most=self.original.accuracy.window,
             )
         else:
             solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)

@@ -68,7 +68,8 @@ def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] |
     none = np.zeros(motion.frames)
     second = [none] * len(rates) if second is None else second
     drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
-    m = Motion(motion.model, motion.time, drives, motion.state, motion.patches and _scaled(motion, rates))
+    patches = motion.patches and _scaled(motion, rates)
+    m = Motion(motion.model, motion.time, drives, motion.state, patches, accuracy=motion.accuracy)
     m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins)
     return m
 

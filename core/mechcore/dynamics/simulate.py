@@ -48,7 +48,8 @@ def simulate(
 
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
     freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
-    press on their followers: with them, all drives may be prescribed. Raises `MechanismError`.
+    press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
+    mechanism's `Accuracy`. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance, liftoffs)
@@ -84,6 +85,9 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     if not 1e-15 <= tolerance <= 0.1:
         faults.append(Fault("dynamics.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
     mechanism = compiled.mechanism
+    if compiled.accuracy.differentiation != "exact":
+        why = "forces decide the motion: its rates are what is solved for."
+        faults.append(Fault("accuracy.differentiation", why, 'Choose "exact", or prescribe a drive.'))
     if "inertia" not in mechanism.effects:
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]

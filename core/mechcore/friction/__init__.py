@@ -47,7 +47,7 @@ def solve_friction(
     for _ in range(FLANKS):
         response = respond(motion, elements, force, moment, flanks)
         before = response.base[2] if flanks is None else flanks
-        solution = solve_normal_loads(*system(motion, elements, response))
+        solution = solve_normal_loads(*system(motion, elements, response), motion.accuracy.friction)
         friction = FrictionResult(motion, applied, elements, response, solution)
         own_force, own_moment = list(force), list(moment)
         for i, element in enumerate(elements):

@@ -63,16 +63,17 @@ def find_jams(forces: Forces) -> list[Jam]:
         return []
     time = forces.motion.time
     again = _again(forces)
+    near = forces.motion.accuracy.event * float(np.max(np.diff(time), initial=0.0))
     found = []
     for first, last in runs(friction.jammed):
         frame = first + int(np.argmin(friction.reached[first : last + 1]))
         start, end = float(time[first]), float(time[last])
         if again is not None:
-            start = _edge(again, float(time[first - 1]), start) if first else start
-            end = _edge(again, float(time[last + 1]), end) if last + 1 < len(time) else end
+            start = _edge(again, float(time[first - 1]), start, near) if first else start
+            end = _edge(again, float(time[last + 1]), end, near) if last + 1 < len(time) else end
         found.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
     if again is not None:
-        for jam in _hidden(again, friction, time):  # two low frames may lead to the same one
+        for jam in _hidden(again, friction, time, near):  # two low frames may lead to the same one
             if not any(jam.start <= known.end and known.start <= jam.end for known in found):
                 found.append(jam)
     return sorted(found, key=lambda jam: jam.start)
@@ -92,11 +93,11 @@ def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
     return at
 
 
-def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float) -> float:
-    """The time at which a jam begins or ends, between one where it moves and one where it jams."""
+def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, near: float) -> float:
+    """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]."""
     for _ in range(ROUNDS):
         t = np.linspace(free, jammed, PARTS + 1)
-        if not np.all(np.diff(np.sort(t)) > 0.0):
+        if not np.all(np.diff(np.sort(t)) > 0.0) or abs(jammed - free) <= near:
             break
         state = again(np.sort(t)).jammed
         state = state if jammed > free else state[::-1]
@@ -105,7 +106,7 @@ def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float) -
     return jammed
 
 
-def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real) -> Iterator[Jam]:
+def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
     """Jams between frames: the stability has a low minimum there, which the neighbourhood of its lowest frame is searched for."""
     s = np.where(friction.jammed, np.nan, friction.stability)
     with np.errstate(invalid="ignore"):
@@ -119,8 +120,8 @@ def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, t
             fine = again(t)
             if fine.jammed.any():
                 first, last = runs(fine.jammed)[0]
-                start = _edge(again, float(t[first - 1]), float(t[first])) if first else float(t[0])
-                end = _edge(again, float(t[last + 1]), float(t[last])) if last + 1 < len(t) else float(t[-1])
+                start = _edge(again, float(t[first - 1]), float(t[first]), near) if first else float(t[0])
+                end = _edge(again, float(t[last + 1]), float(t[last]), near) if last + 1 < len(t) else float(t[-1])
                 yield Jam(start, end, fine.jammed_by(first), float(fine.reached[first : last + 1].min()))
                 break
             lowest = int(np.argmin(np.where(np.isfinite(fine.stability), fine.stability, np.inf)))

@@ -50,16 +50,16 @@ class Solution:
     iterations: int
 
 
-def solve_normal_loads(a: Real, k: Real, euclidean: Flags) -> Solution:
+def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> Solution:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
-    Frames with numbers that are not finite stay NaN and do not count as jammed.
+    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: residual, of the largest load.
     """
     frames, n = a.shape[:2]
     at_once = max(64, AT_ONCE // (n * n))
     if frames > at_once:
         cuts = range(0, frames, at_once)
-        parts = [solve_normal_loads(a[c : c + at_once], k[c : c + at_once], euclidean) for c in cuts]
+        parts = [solve_normal_loads(a[c : c + at_once], k[c : c + at_once], euclidean, tolerance) for c in cuts]
         whole = {
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in Solution.__annotations__
@@ -69,7 +69,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags) -> Solution:
     size = _sizes(k, euclidean)
     bound = _simple_bound(size)  # does for most mechanisms
     if (bound < 1.0).all() and np.isfinite(a).all():  # NaN is not below one
-        loads, residual, steps = _newton(a, k, euclidean, None, dominant=True)
+        loads, residual, steps = _newton(a, k, euclidean, None, dominant=True, tolerance=tolerance)
         return Solution(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
     loads = np.full((frames, n), np.nan)
     reached, residual = np.ones(frames), np.full(frames, np.nan)
@@ -83,7 +83,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags) -> Solution:
     steps = 0
     for some, dominant in ((easy, True), (calm, False)):
         if len(some):
-            loads[some], residual[some], count = _newton(a[some], k[some], euclidean, None, dominant=dominant)
+            loads[some], residual[some], count = _newton(a[some], k[some], euclidean, None, dominant=dominant, tolerance=tolerance)
             steps = max(steps, count)
     if len(rest):
         found = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
@@ -187,7 +187,14 @@ def _solve(matrix: Real, rhs: Real) -> Real:
 
 
 def _newton(
-    a: Real, k: Real, euclidean: Flags, start: Real | None, *, most: int = 200, dominant: bool = False
+    a: Real,
+    k: Real,
+    euclidean: Flags,
+    start: Real | None,
+    *,
+    most: int = 200,
+    dominant: bool = False,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Real, Real, int]:
     """Loads (F, n), relative residuals (F,) and the number of steps, from ``start`` or from the frictionless loads.
 
@@ -205,7 +212,7 @@ def _newton(
     steps = 0
     while steps < most:
         size = np.maximum(np.abs(here).max(axis=0), 1e-300)
-        going = miss > TOLERANCE * size
+        going = miss > tolerance * size
         if not going.any():
             break
         steps += 1

@@ -1,0 +1,212 @@
+"""What the program says of its own errors: at the frames, of the integrator, between the frames. All relative.
+
+- Positions: the residual of the contours, and the rounding that it cannot show, times the condition of the groups. Velocities and
+  accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices.
+- Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance (so with another order of
+  the integrator); of a motion that its energy gave, from collocation at its tightest. That costs about as much as the motion
+  itself; extrapolating from a looser companion is wrong by up to a hundred, as the error does not follow the tolerance so well.
+- Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
+  error at twice and four times the distance shows, at most that of the interpolation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.between import between
+
+from .quantities import Quantity, quantities
+
+if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation
+
+    from ..run import Run
+
+__all__ = ["COLUMNS", "ErrorEstimate", "estimate_errors", "integration_error", "interpolation_error", "poses_apart"]
+
+Real = NDArray[np.float64]
+
+COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
+"""Of `/health/error_estimate`."""
+
+ROUNDING = 2.2e-16
+LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
+TIGHTER = 0.01  # tolerance of the companion of a motion under forces
+TIGHTEST = 1e-13
+SAMPLED = 257  # frames at which a companion is compared
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimate:
+    """Estimates (F,) at every frame, relative to the mechanism's size or the peak of the quantity; NaN where there is nothing."""
+
+    position: Real
+    velocity: Real
+    acceleration: Real
+    reaction: Real
+    between: Real  # the largest of all quantities from each frame to the next, read with the run's interpolation
+    order: int
+
+    def table(self) -> Real:
+        """The columns (F, 5)."""
+        return np.column_stack([self.position, self.velocity, self.acceleration, self.reaction, self.between])
+
+    def worst(self) -> dict[str, float]:
+        """The largest estimate of each column that has one."""
+        columns = zip(COLUMNS, self.table().T, strict=True)
+        return {name: float(np.nanmax(values)) for name, values in columns if np.isfinite(values).any()}
+
+
+def estimate_errors(run: Run) -> ErrorEstimate:
+    """The estimates of a run, from what it has computed; of a motion under forces also from a companion."""
+    motion = run.motion
+    condition = np.minimum(np.nan_to_num(np.asarray(motion.condition, float), nan=np.inf), LARGEST_CONDITION)
+    size = motion.model.size
+    position = condition * (np.asarray(motion.closure) / size + ROUNDING * _travel(motion, size))
+    if run.accuracy.differentiation == "exact":
+        bend = 1.0 + _bend(motion)
+        velocity, acceleration = position * bend, position * bend * bend
+    else:
+        velocity, acceleration = (np.full(motion.frames, e) for e in _difference_errors(run))
+    reaction = np.full(motion.frames, np.nan)
+    if run.forces is not None:
+        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration
+        if run.forces.friction is not None:
+            reaction = reaction + np.nan_to_num(_friction_residual(run))
+    if run.simulation is not None and run.again is not None:
+        error = integration_error(run.simulation, motion.time, run.again)
+        position, velocity = position + error, velocity + error
+        acceleration, reaction = acceleration + error, reaction + error
+    found = quantities(motion, run.forces)
+    return ErrorEstimate(
+        position, velocity, acceleration, reaction, interpolation_error(found, motion.time, run.accuracy.interpolation),
+        run.accuracy.interpolation,
+    )  # fmt: skip
+
+
+def _travel(motion: Any, size: float) -> Real:
+    """How large the numbers are that positions come from (F,): far from the origin and after many turns digits are lost."""
+    far = np.ones(motion.frames)
+    for link in motion.model.links[1:]:
+        pose = motion.pose(link)
+        far = np.maximum(far, np.maximum(np.abs(pose[:, :2]).max(axis=1) / size, np.abs(pose[:, 2])))
+    return far
+
+
+def _bend(motion: Any) -> float:
+    """How much rates change where positions change by one: largest acceleration over the square of the largest velocity, lengths in
+    sizes of the mechanism. A frame that is misplaced has the rates of another place."""
+    size = motion.model.size
+    speed = acceleration = 0.0
+    for link in motion.model.links[1:]:
+        for k in (0, 1, 2):
+            unit = 1.0 if k == 2 else size
+            speed = max(speed, float(np.nanmax(np.abs(motion.velocity(link)[:, k]), initial=0.0)) / unit)
+            acceleration = max(acceleration, float(np.nanmax(np.abs(motion.acceleration(link)[:, k]), initial=0.0)) / unit)
+    return acceleration / speed**2 if speed > 0.0 else 0.0
+
+
+def _friction_residual(run: Run) -> Real:
+    forces = run.forces
+    friction = getattr(forces, "friction", None)
+    residual = getattr(friction, "residual", None)
+    return np.zeros(run.motion.frames) if residual is None else np.asarray(residual)
+
+
+def _difference_errors(run: Run) -> tuple[float, float]:
+    """Errors of rates by differences: those with twice the distance of frames beside them, by the order of the method."""
+    from mechcore.differences import differentiate
+
+    motion, accuracy = run.motion, run.accuracy
+    drawn = accuracy.differentiation == "graphical"
+    order = 2 if drawn else accuracy.differences
+    out = []
+    for derivative in (1, 2):
+        worst = 0.0
+        for link in motion.model.links[1:]:
+            values = motion.pose(link)[:, 2]
+            one = differentiate(motion.time, values, order, derivative)[::2]
+            two = differentiate(motion.time[::2], values[::2], order, derivative)
+            peak = float(np.abs(one).max(initial=0.0))
+            if peak > 0.0:
+                worst = max(worst, float(np.abs(one - two).max()) / peak / (2.0**order - 1.0))
+        out.append(worst + (accuracy.resolution * 4.0**derivative if drawn else 0.0))
+    return out[0], out[1]
+
+
+def interpolation_error(found: list[Quantity], time: Real, order: int) -> Real:
+    """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; see the module."""
+    frames = len(time)
+    if frames < 9:
+        return np.full(frames, np.nan)
+    worst = np.zeros(frames)
+    for q in found:
+        twice, four = (_left_out(q, time, order, step) for step in (2, 4))
+        if not (np.isfinite(twice).any() and np.isfinite(four).any()):
+            continue
+        a, b = float(np.nanmax(twice)), float(np.nanmax(four))
+        factor = float(np.clip(b / a, 1.0, 2.0 ** (order + 1))) if a > 0.0 else 1.0
+        local = np.nan_to_num(twice) / factor
+        each = np.interp(np.arange(frames), np.arange(1, 1 + 2 * len(local), 2)[: len(local)], local)
+        worst = np.maximum(worst, np.maximum(each, local.max() * 1e-3 if len(local) else 0.0))
+    return worst
+
+
+def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
+    """Relative errors at the frames half way between every ``step``-th frame, interpolated from those."""
+    frames = len(time)
+    last = (frames - 1) // step * step
+    keep = np.arange(0, last + 1, step)
+    middle = keep[:-1] + step // 2
+    if len(keep) < order + 2:
+        return np.full(1, np.nan)
+    rate = None if q.rate is None else q.rate[keep]
+    second = None if q.second is None else q.second[keep]
+    t = time[middle] if order else time[keep[1:]] - 1e-9 * (time[1] - time[0])
+    truth = q.values[middle] if order else q.values[keep[1:]]
+    miss = np.abs(between(time[keep], q.values[keep], t, order, rate, second) - truth)
+    return np.asarray(np.max(miss, axis=1) / q.scale)
+
+
+@lru_cache(maxsize=4)
+def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
+    """The same motion with a hundredth of the tolerance; None where it does not come through."""
+    from mechcore.errors import MechanismError
+
+    try:
+        if simulation.method == "energy":
+            return simulate(TIGHTEST, "gauss")
+        return simulate(max(TIGHTER * simulation.tolerance, TIGHTEST))
+    except MechanismError:
+        return None
+
+
+def integration_error(simulation: Simulation, time: Real, simulate: Callable[..., Simulation]) -> Real:
+    """Estimated error (F,) of a motion under forces: largest so far of all links, angles in radians, lengths in sizes of the
+    mechanism; NaN where no companion comes through. Rates are about as wrong, relative to their peaks, but for impacts.
+
+    ``simulate`` makes the motion with a given tolerance and, where the energy gave it, by a given method.
+    """
+    companion = _companion(simulation, simulate)
+    if companion is None:
+        return np.full(len(time), np.nan)
+    some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED))
+    some = some[some <= companion.duration]
+    apart = poses_apart(simulation.view(some), companion.view(some))
+    return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING)
+
+
+def poses_apart(one: Any, other: Any) -> Real:
+    """Largest distance (F,) of the links in two motions at the same times, lengths in sizes of the mechanism, angles in radians."""
+    worst = np.zeros(one.frames)
+    for link in one.model.links[1:]:
+        miss = one.pose(link) - other.pose(link)
+        angle = np.abs((miss[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        worst = np.maximum(worst, np.maximum(np.abs(miss[:, :2]).max(axis=1) / one.model.size, angle))
+    return worst

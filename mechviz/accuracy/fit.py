@@ -1,0 +1,150 @@
+"""How many frames, and how small a tolerance, a wanted error needs: found by measuring, not by guessing.
+
+A run of N frames is compared with the motion itself half way between them; the error of an interpolation of order p falls as
+N^-(p+1), so that a few runs lead to the number of frames that is just enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.accuracy import Accuracy
+
+from .quantities import Quantity, errors_between, quantities
+
+if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation
+
+    from ..scene import Scene
+
+__all__ = ["Fit", "achieved", "fit_frames", "provider", "simulated"]
+
+Real = NDArray[np.float64]
+Provider = Callable[[Real], list[Quantity]]
+
+FEWEST, MOST = 16, 20_000  # frames a cycle
+ROUNDS = 6
+NEAR = 0.25  # of the wanted error: nearer than this is near enough
+STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
+ENOUGH = 1e-13  # rounding
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Frames over the whole run, the largest relative error between them, and how many intervals hold a jump or a bend, where no
+    number of frames helps: these are left out of the error."""
+
+    frames: int
+    error: float
+    jumps: int
+
+
+def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Provider:
+    """Quantities of a scene's motion at any times, with forces where it has some."""
+    with_forces = bool(scene.mechanism.effects or scene.mechanism.loads)
+    if simulation is not None:
+
+        def simulated_at(t: Real) -> list[Quantity]:
+            motion = simulation.view(t)
+            return quantities(motion, simulation.forces(motion) if with_forces else None)
+
+        return simulated_at
+    exact = accuracy if accuracy.differentiation == "exact" else replace(accuracy, differentiation="exact")
+    compiled = compile_mechanism(scene.mechanism, exact)
+
+    def at(t: Real) -> list[Quantity]:
+        motion = solve_motion(compiled, t)
+        return quantities(motion, solve_forces(motion) if with_forces else None)
+
+    return at
+
+
+def duration(scene: Scene, simulation: Simulation | None = None) -> float:
+    """How long a scene's run takes [s]."""
+    if simulation is not None:
+        return simulation.duration
+    return float(default_times(scene.mechanism, 1, scene.cycles)[-1])
+
+
+def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
+    """The error of a run of some frames (over ``end`` [s]) between its frames, where it is largest: half way, or at their end."""
+    time = np.linspace(0.0, end, frames + 1)
+    probe = time[:-1] + (0.5 if order else 1.0 - 1e-6) * np.diff(time)
+    whole = at(np.sort(np.concatenate([time, probe])))
+    coarse = [_rows(q, slice(0, None, 2)) for q in whole]
+    fine = [_rows(q, slice(1, None, 2)) for q in whole]
+    errors = errors_between(coarse, time, fine, probe, order)
+    worst = np.nan_to_num(np.max([*errors.values()], axis=0)) if errors else np.zeros(frames)
+    bad = stand_out(worst)
+    jumps = int(np.count_nonzero(np.diff(np.concatenate([[0], bad.astype(int)])) == 1))
+    return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps)
+
+
+def _rows(q: Quantity, rows: Any) -> Quantity:
+    return replace(
+        q,
+        values=q.values[rows],
+        rate=None if q.rate is None else q.rate[rows],
+        second=None if q.second is None else q.second[rows],
+    )
+
+
+def stand_out(errors: Real) -> NDArray[np.bool_]:
+    """Intervals whose error is far above that of those around, with the two on either side that interpolation spoils too."""
+    n = len(errors)
+    if n < 24:
+        return np.zeros(n, bool)
+    reach = min(12, n // 3)
+    padded = np.pad(errors, reach, mode="reflect")
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1)
+    bad = errors > np.maximum(STANDS_OUT * around, 1e-12)
+    for shift in (1, 2):
+        bad[shift:] |= bad[:-shift] & (errors[shift:] > 3.0 * around[shift:])
+        bad[:-shift] |= bad[shift:] & (errors[:-shift] > 3.0 * around[:-shift])
+    return np.asarray(bad)
+
+
+def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Fit:
+    """The number of frames with which interpolation of the accuracy's order stays within its target, and not far below."""
+    assert accuracy.target is not None
+    at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
+    parts = scene.cycles if simulation is None else 1
+    goal = max(accuracy.target, ENOUGH)
+    frames, best = 48 * parts, None
+    low, high = FEWEST * parts, MOST * parts
+    for _ in range(ROUNDS):
+        fit = achieved(at, end, frames, order)
+        if fit.error <= goal:
+            best = fit if best is None or fit.frames < best.frames else best
+            high = min(high, frames)
+            if fit.error >= NEAR * goal or frames <= FEWEST * parts:
+                break
+        else:
+            low = max(low, frames + 1)
+        change = 1.06 * (max(fit.error, 1e-16) / goal) ** (1.0 / (order + 1))
+        wanted = int(np.ceil(frames * float(np.clip(change, 1.0 / 12.0, 12.0))))
+        frames = int(np.clip(wanted, low, max(low, high)))
+        if best is not None and frames >= best.frames:
+            break
+    return best or fit
+
+
+def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
+    """The motion under forces with the tolerance tightened until its estimated error is within the target."""
+    from .estimate import integration_error
+
+    assert accuracy.target is not None and accuracy.integrator is not None
+    tolerance = accuracy.integrator
+    for _ in range(4):
+        found = simulate(tolerance)
+        error = integration_error(found, np.linspace(0.0, found.duration, 65), simulate).max(initial=0.0)
+        if error <= accuracy.target or tolerance <= 1e-14:
+            break
+        tolerance = max(0.3 * tolerance * accuracy.target / error, 1e-14)
+    return found

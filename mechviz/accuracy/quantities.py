@@ -1,0 +1,110 @@
+"""The quantities of a run whose errors are looked at, with their rates where they are known and what errors are relative to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.between import between
+
+from ..tables import joints_of
+
+__all__ = ["KINDS", "Quantity", "errors_between", "quantities", "worst_by_kind"]
+
+Real = NDArray[np.float64]
+
+KINDS = ("position", "velocity", "acceleration", "reaction")
+"""Of the quantities; efforts of drives count as reactions."""
+
+LEAST = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """``values`` (F, n) with first and second derivatives by time where they are known; ``scale``: what errors are relative to."""
+
+    name: str
+    kind: str
+    values: Real
+    scale: float
+    rate: Real | None = None
+    second: Real | None = None
+    turns: bool = False  # an angle, known up to whole turns
+
+    def between(self, time: Real, t: Real, order: int) -> Real:
+        """Interpolated values (n, ...) at times between the frames."""
+        return between(time, self.values, t, order, self.rate, self.second)
+
+
+def quantities(motion: Any, forces: Any) -> list[Quantity]:
+    """Poses, velocities, accelerations of all moving links; reactions and efforts where there are forces.
+
+    Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
+    of peaks.
+    """
+    found = list(_kinematics(motion))
+    if forces is not None:
+        found += _forces(motion, forces)
+    return found
+
+
+def _kinematics(motion: Any) -> Iterator[Quantity]:
+    size = motion.model.size
+    moving = motion.model.links[1:]
+    rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
+    for what, part in (("place", slice(0, 2)), ("angle", slice(2, 3))):
+        unit = size if what == "place" else 1.0
+        peaks = [_peak([r[d][:, part] for r in rows.values()]) for d in (1, 2)]
+        for k, (x, v, a) in rows.items():
+            x, v, a = x[:, part], v[:, part], a[:, part]
+            yield Quantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
+            if peaks[0]:
+                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0]), a)
+            if peaks[1]:
+                yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, max(_peak([a]), LEAST * peaks[1]))
+
+
+def _forces(motion: Any, forces: Any) -> Iterator[Quantity]:
+    reactions = {j.name: forces.reaction(j.name) for j in joints_of(motion)}
+    largest = _peak([r[:, :2] for r in reactions.values()])
+    moment = max(_peak([r[:, 2:] for r in reactions.values()]), LEAST * largest * motion.model.size)
+    for name, r in reactions.items():
+        if largest:
+            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(_peak([r[:, :2]]), LEAST * largest))
+        if _peak([r[:, 2:]]) > LEAST * moment:
+            yield Quantity(f"couple {name}", "reaction", r[:, 2:], _peak([r[:, 2:]]))
+    for drive in motion.mechanism.drives:
+        effort = forces.effort(drive.pair)[:, None]
+        if _peak([effort]) > 0.0:
+            yield Quantity(f"effort {drive.pair}", "reaction", effort, _peak([effort]))
+
+
+def _peak(values: list[Real]) -> float:
+    """Largest size in some arrays, NaN left out."""
+    sizes = [np.abs(v[np.isfinite(v)]) for v in values]
+    return max((float(s.max()) for s in sizes if s.size), default=0.0)
+
+
+def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: Real, order: int) -> dict[str, Real]:
+    """Relative errors (n,) of what is interpolated from frames at ``time`` at the times ``t`` of a finer run, by quantity."""
+    out = {}
+    for a, b in zip(coarse, fine, strict=True):
+        miss = a.between(time, t, order) - b.values
+        if a.turns:
+            miss = miss - 2.0 * np.pi * np.round(np.median(miss) / (2.0 * np.pi))
+        miss = np.abs(miss)
+        out[a.name] = np.max(miss, axis=1) / a.scale
+    return out
+
+
+def worst_by_kind(found: list[Quantity], errors: dict[str, Real]) -> dict[str, Real]:
+    """The largest error of each kind at every time (n,)."""
+    out: dict[str, Real] = {}
+    for q in found:
+        error = np.nan_to_num(errors[q.name])
+        out[q.kind] = np.maximum(out[q.kind], error) if q.kind in out else error
+    return out
