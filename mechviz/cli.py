@@ -282,6 +282,16 @@ def record(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    live: Annotated[
+        int | None,
+        typer.Option(
+            "--live",
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="motion under forces: watch it on this port while it runs; 0: a free one",
+        ),
+    ] = None,
 ) -> None:
     """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
     from .record import RecordingError, write_recording
@@ -292,15 +302,31 @@ def record(
         if path is None:
             Path("recordings").mkdir(exist_ok=True)
             path = Path("recordings") / f"{loaded.name}.rrd"
-        run = solve(loaded, frames, cycles, accuracy)
+        if live is not None and loaded.simulation is None:
+            fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
+        run = None if live is not None else solve(loaded, frames, cycles, accuracy)
         try:
             import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
-            with interruptible(), progress_bar("recording") as bar:
-                summary = write_recording(run, path, progress=bar)
+            with interruptible():
+                if run is None:
+                    run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
+                with progress_bar("recording") as bar:
+                    summary = write_recording(run, path, progress=bar)
         except RecordingError as e:
             fail(str(e), 1)
         say(str(summary))
         print(path)
+
+
+def _solve_live(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int) -> Run:
+    """Solve a motion under forces; what is known of it is in the unfinished recording, and can be watched."""
+    from .record.live import live
+    from .run import run_scene, with_run
+
+    scene = with_run(scene, frames, cycles)
+    with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
+        say(f"watch it with: rerun {address}")
+        return run_scene(scene, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000), observe=observer)
 
 
 @app.command()

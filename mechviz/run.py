@@ -19,6 +19,7 @@ from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
+    from mechcore.dynamics.pieces import Piece
     from mechcore.dynamics.progress import Method
     from mechcore.dynamics.steady import SteadyRun
 
@@ -100,11 +101,12 @@ def run_scene(
     outputs: Iterable[str] = OUTPUTS,
     advance: Callable[[float, float], None] = lambda *_: None,
     accuracy: Accuracy | float | None = None,
+    observe: Callable[[Piece, Compiled, float], None] | None = None,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
     Where forces decide the motion it is found first, over the scene's duration; ``advance`` is told how far it is known and how
-    far it is wanted [s].
+    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the mechanism and the whole duration.
 
     Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
@@ -133,7 +135,7 @@ def run_scene(
             with stage("steady run"):
                 steady, compiled = _steady(scene.simulation.steady, compiled)
         with stage("motion under forces"):
-            again = _resimulate(scene, compiled, advance, steady)
+            again = _resimulate(scene, compiled, advance, steady, observe)
             simulation = _simulate(scene, dials, again, asked=accuracy is not None)
     fit = None
     if dials.target is not None and not counted and dials.frames is None:
@@ -191,15 +193,25 @@ def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     return found, compile_mechanism(started, compiled.accuracy)
 
 
-def _resimulate(scene: Scene, compiled: Compiled, advance: Callable[[float, float], None], steady: SteadyRun | None) -> Resimulate:
-    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method."""
+def _resimulate(
+    scene: Scene,
+    compiled: Compiled,
+    advance: Callable[[float, float], None],
+    steady: SteadyRun | None,
+    observe: Callable[[Piece, Compiled, float], None] | None,
+) -> Resimulate:
+    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method; only the
+    first motion is observed while it is found."""
     from mechcore.dynamics import simulate
 
     spec = scene.simulation
     assert spec is not None
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
 
+    unseen = [] if observe is None else [observe]
+
     def found(tolerance: float, method: Method | None = None) -> Simulation:
+        look = unseen.pop() if unseen else None
         return simulate(
             compiled,
             duration,
@@ -209,6 +221,7 @@ def _resimulate(scene: Scene, compiled: Compiled, advance: Callable[[float, floa
             watches=spec.watches,
             liftoffs=spec.liftoffs,
             progress=lambda t: advance(t, duration),
+            observe=None if look is None else lambda piece: look(piece, compiled, duration),
         )
 
     return found

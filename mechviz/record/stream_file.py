@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ from ..files import OutputError, check_target, put_in_place, reason
 from .errors import RecordingError
 from .pump import Pump
 
-__all__ = ["Part", "part_path", "recording_file"]
+__all__ = ["Part", "free_port", "live_file", "part_path", "recording_file"]
 
 APPLICATION = "mechviz"
 
@@ -95,6 +96,72 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
     finally:
         rr.set_strict_mode(strict)
         os.close(claim)
+
+
+@contextmanager
+def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Iterator[tuple[Part, str | None]]:
+    """A recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a free one),
+    whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
+    import rerun as rr
+
+    try:
+        temporary = part_path(check_target(path))
+        claim = _claim(temporary)
+        pump = Pump(temporary)
+    except OutputError as error:
+        raise RecordingError(error.message, error.remedy) from None
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    strict = rr.strict_mode()
+    rr.set_strict_mode(True)
+    stream = rr.RecordingStream(APPLICATION)
+    part = Part(stream, pump)
+    keep = False
+    try:
+        address = None
+        if port is None:
+            stream.save(pump.entrance)
+        else:
+            port = free_port() if port == 0 else port
+            sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=_open(port))
+            stream.set_sinks(sink, rr.FileSink(pump.entrance))
+            address = f"rerun+http://127.0.0.1:{port}/proxy"
+        pump.opened()
+        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        stream.set_log_time_enabled(False)
+        stream.send_recording_name(f"{title} (running)")
+        yield part, address
+    except (KeyboardInterrupt, SystemExit) as stop:
+        keep = part.frames > 0
+        stop.add_note(_left_behind(path, temporary, part.frames))
+        raise
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    finally:
+        with suppress(OSError):
+            part.close()
+        if not keep:
+            temporary.unlink(missing_ok=True)
+        rr.set_strict_mode(strict)
+        os.close(claim)
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _open(port: int) -> int:
+    """The port, if nobody listens on it: else rerun would wait for it in the background and say nothing."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.") from None
+    return port
 
 
 def _claim(temporary: Path) -> int:

@@ -19,7 +19,7 @@ from .curve import Curve
 from .dry import Phases, braking_elements
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
-from .integrate import integrate
+from .integrate import Solution, integrate
 from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond
 from .pieces import Piece
 from .reduced import motion_at, reduce
@@ -53,8 +53,10 @@ class Progress:
         watches: Sequence[Watch],
         liftoffs: Sequence[Liftoff],
         progress: Callable[[float], None] | None,
+        observe: Callable[[Piece], None] | None = None,
     ):
         self.duration, self.tolerance, self.method = duration, tolerance, method
+        self.observe = observe
         self.stops, self.watches, self.progress = stops, watches, progress
         self.original = compiled
         self.liftoffs = tuple(liftoffs)
@@ -166,8 +168,11 @@ class Progress:
                 if at is not None:
                     first.append((at, ("cam", name)))
             first.sort(key=lambda e: e[0])
+            until = first[0][0] if first else min(window.start + window.length, self.duration)
+            if self.observe is not None:
+                self.observe(self._stretch(window.start, until, Solution([window]), system))
             if self.progress is not None:
-                self.progress(min(window.start + window.length, self.duration))
+                self.progress(until)
             return first[0][0] if first else None
 
         bends = bend_finder(self.compiled)
@@ -190,8 +195,7 @@ class Progress:
             solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
-        resting = tuple(sorted(self.resting.items(), key=lambda e: e[0]))
-        self.pieces.append(Piece(t, end, self.compiled, solution, system, resting, tuple(sorted(self.lifted))))
+        self.pieces.append(self._stretch(t, end, solution, system))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
         ended = False
@@ -218,6 +222,11 @@ class Progress:
                 self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
                 ended = ended or watch.ends
         return end, q, v, ended
+
+    def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
+        """A stretch in which the present stops and contacts hold."""
+        resting = tuple(sorted(self.resting.items(), key=lambda e: e[0]))
+        return Piece(start, end, self.compiled, way, system, resting, tuple(sorted(self.lifted)))
 
     def _touching(self, t: float, q: Array, v: Array) -> Array:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""

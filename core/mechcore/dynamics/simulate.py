@@ -43,13 +43,15 @@ def simulate(
     watches: Sequence[Watch] = (),
     liftoffs: Sequence[Liftoff] = (),
     progress: Callable[[float], None] | None = None,
+    observe: Callable[[Piece], None] | None = None,
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
     freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
     press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
-    mechanism's `Accuracy`. Raises `MechanismError`.
+    mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every stretch of the motion as soon as it is
+    known, in order. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance, liftoffs)
@@ -65,7 +67,10 @@ def simulate(
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=table_tolerance(tolerance))
         if found is not None:
-            return Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
+            piece = Piece(0.0, duration, compiled, found, system)
+            if observe is not None:
+                observe(piece)
+            return Simulation(compiled, (piece,), (), "energy", tolerance, 0)
     if method == "energy":
         raise MechanismError(
             Fault(
@@ -75,7 +80,7 @@ def simulate(
                 'Choose "auto", "gauss" or "radau".',
             )
         )
-    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress).go(q, v)
+    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe).go(q, v)
 
 
 def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
