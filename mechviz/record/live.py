@@ -19,8 +19,10 @@ from mechcore.plan import make_plan
 from ..run import Run
 from ..solids import solids_of
 from ..tables import tables
+from .arrows import shapes
 from .stream_file import Part, live_file
 from .streams import Timelines, mechanism_streams, static_shapes, table_streams
+from .writer import describe_run
 
 if TYPE_CHECKING:
     from mechcore import Compiled
@@ -67,6 +69,7 @@ class Live:
         run = Run(scene=self.scene, compiled=compiled, motion=_any(known.view(times)), forces=None, plan=plan, stages=())
         if self._solids is None:
             self._solids = solids_of(run)
+            describe_run(self.part.stream, run, self._solids, shapes(run, self._solids.size)[2], [], 1, complete=False)
             for static in static_shapes(run, self._solids, [], []):
                 if not static.path.startswith("mechanism/paths"):  # where points will have been
                     self.part.stream.log(static.path, static.archetype, static=True)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..meshes import Solids
     from ..run import Run
 
-__all__ = ["RecordingSummary", "write_recording"]
+__all__ = ["RecordingSummary", "describe_run", "write_recording"]
 
 BLOCK = 2000
 """Frames per block: large enough to be quick and small, small enough that an interrupted run keeps most of what it had."""
@@ -138,7 +138,7 @@ def write_recording(
         statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
-            _describe(part.stream, run, solids, scales, stages, every, complete=False)
+            describe_run(part.stream, run, solids, scales, stages, every, complete=False)
             for static in statics:
                 part.stream.log(static.path, static.archetype, static=True)
             for link in _properties_of_links(run):
@@ -149,7 +149,7 @@ def write_recording(
             else:
                 simulations.send_lanes(part.stream, timelines, run.simulation)
             _send_streams(part, streams, timelines, progress)
-        _describe(part.stream, run, solids, scales, stages, every, complete=True)
+        describe_run(part.stream, run, solids, scales, stages, every, complete=True)
     return RecordingSummary(
         path=path,
         recording_id=recording_id,
@@ -191,12 +191,12 @@ def _belt_events(run: Run) -> list[Event]:
     return belt_events(run.forces)
 
 
-def _describe(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:
+def describe_run(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:
     """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
     import rerun as rr
 
     spent = [*run.stages, *stages]
-    wall = sum(s.seconds for s in spent)
+    wall = float(sum(s.seconds for s in spent))
     stream.send_property("mechviz", rr.AnyValues(**properties(run, scales, wall, complete=complete)))
     if not complete:
         stream.log("scene", rr.TextDocument(scene_text(run)), static=True)
