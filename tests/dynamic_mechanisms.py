@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.dynamics import Free
-from mechcore.loads import Factor, Force, Load, Spring, Torque, Viscous
+from mechcore.loads import Factor, Force, Load, Spring, Torque, TorsionSpring, Viscous
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
 
 
@@ -218,4 +218,38 @@ def bars(*, frame: float, crank: float, coupler: float, rocker: float, angle: fl
         drives=(Drive(pair="A", law=Free(angle, speed)),),
         effects=("inertia", "gravity"),
         modes={"D": "left"},
+    )
+
+
+def swinging_five_bar(*, stiffness: float = 0.3, speeds: tuple[float, float] = (8.0, 5.0)) -> Mechanism:
+    """A five-bar of uniform bars (1 kg per m) under gravity, both arms held by torsion springs, so that it stays put together."""
+
+    def bar(name: str, first: str, second: str, length: float) -> Link:
+        points = {first: (0.0, 0.0), second: (length, 0.0)}
+        return Link(name=name, points=points, mass=length, centre=(length / 2, 0.0), inertia=length**3 / 12)
+
+    return Mechanism(
+        name="five-bar",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0.0, 0.0), "E": (0.16, 0.0)}),
+            bar("left", "A", "B", 0.14),
+            bar("left rod", "B", "C", 0.22),
+            bar("right rod", "D", "C", 0.22),
+            bar("right", "E", "D", 0.14),
+        ),
+        pairs=(
+            _pin("A", "frame", "left"),
+            _pin("B", "left", "left rod"),
+            _pin("C", "left rod", "right rod"),
+            _pin("D", "right", "right rod"),
+            _pin("E", "frame", "right"),
+        ),
+        drives=(Drive(pair="A", law=Free(2.2, speeds[0])), Drive(pair="E", law=Free(0.9, speeds[1]))),
+        effects=("inertia", "gravity"),
+        modes={"C": "left"},
+        loads=(
+            TorsionSpring(name="left spring", links=("frame", "left"), stiffness=stiffness, free_angle=2.2),
+            TorsionSpring(name="right spring", links=("frame", "right"), stiffness=stiffness, free_angle=0.9),
+        ),
     )

@@ -6,6 +6,7 @@ motion = simulation.motion(np.linspace(0.0, 2.0, 361))
 forces = simulation.forces(motion)
 """
 
+from .crosscheck import cross_check
 from .free import Free
 from .happenings import Happening, Stop, Watch
 from .liftoff import Liftoff
@@ -13,4 +14,4 @@ from .progress import Method
 from .simulate import simulate
 from .simulation import Simulation
 
-__all__ = ["Free", "Happening", "Liftoff", "Method", "Simulation", "Stop", "Watch", "simulate"]
+__all__ = ["Free", "Happening", "Liftoff", "Method", "Simulation", "Stop", "Watch", "cross_check", "simulate"]

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects import effects_of
 from ..errors import Fault, MechanismError
 from ..solve import Compiled, compile_mechanism
 from ..spec import Mechanism
 from .chart import Chart
 from .charts import curve_around
+from .collocation import Window
 from .curve import Curve
 from .dry import braking_elements
 from .energy import by_energy
 from .free import Free
-from .happenings import Stop, Watch
+from .happenings import Happening, Stop, Watch
+from .integrate import Solution
 from .liftoff import Liftoff
 from .pieces import Piece
 from .progress import Method, Progress, table_tolerance
@@ -31,6 +34,8 @@ from .simulation import Simulation
 __all__ = ["simulate"]
 
 Array = NDArray[np.float64]
+BESIDE = 0.1  # how far from the start, in scales, forces are compared with
+BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
 
 def simulate(
@@ -64,6 +69,10 @@ def simulate(
         system, leads = curve_around(compiled, q[0], table_tolerance(tolerance))
     if len(q):
         _weigh(compiled, q, system)
+    word = None if stops or liftoffs else _rest(compiled, q, v)
+    if word is not None:
+        still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
+        return Simulation(compiled, (Piece(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=table_tolerance(tolerance))
         if found is not None:
@@ -121,3 +130,25 @@ def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
                 "Give a mass or a moment of inertia to the links that it moves.",
             )
         )
+
+
+def _rest(compiled: Compiled, q: Array, v: Array) -> Happening | None:
+    """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
+
+    However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
+    """
+    drives = compiled.mechanism.drives
+    if v.any() or len(q) < len(drives) or "friction" in compiled.mechanism.effects:
+        return None
+    if any("time" in e.needs for e in effects_of(compiled.mechanism)):
+        return None
+    model = compiled.model
+    scale = np.array([1.0 if model.joints[model.joint_index[d.pair]].coordinate == "angle" else model.size for d in drives])
+    near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
+    force = np.abs(reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force) * scale
+    size = float(np.nanmax(force[1:], initial=0.0))
+    if not float(force[0].max()) <= BALANCED * size:
+        return None
+    names = ", ".join(d.pair for d in drives)
+    why = "the forces have no arm or balance here, start a little beside it to see it move" if size else "no force acts on it"
+    return Happening(0.0, "equilibrium", drives[0].pair, f"{names}: at rest in an equilibrium, it stays: {why}")
