@@ -25,7 +25,7 @@ sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests"), str(Path(__file__).reso
 from timing import interleaved, machine  # isort: skip # before numpy is imported: one thread
 
 import numpy as np
-from dynamic_mechanisms import chain, squeezer
+from dynamic_mechanisms import chain, double_pendulum, squeezer, swinging_five_bar
 from dynamics_peers import (
     PACKAGES,
     by_scipy,
@@ -40,6 +40,8 @@ from scipy.integrate import solve_ivp
 
 from mechcore import compile_mechanism
 from mechcore.dynamics import simulate
+from mechcore.dynamics.chart import Chart
+from mechcore.dynamics.crosscheck import right_hand_side
 
 Row = tuple[str, str, Callable[[], float]]  # who, setting, computes the final angle
 
@@ -172,6 +174,26 @@ def chain_rows(n: int) -> list[Row]:
     return rows
 
 
+# --- several freedoms ----------------------------------------------------------------------------------------------------
+
+
+def same_equations(mechanism: Any, duration: float) -> tuple[list[Row], float]:
+    """mechviz and scipy's integrators on one and the same right-hand side; the reference is mechviz at 1e-13, which DOP853
+    confirms to its own accuracy."""
+    compiled = compile_mechanism(mechanism)
+    drives = mechanism.drives
+    start = np.array([float(d.law(0.0)[k]) for k in (0, 1) for d in drives])
+    rhs = right_hand_side(Chart(compiled), len(drives))
+    rows: list[Row] = []
+    for tolerance in (1e-4, 1e-6, 1e-7, 1e-9):
+        rows.append(("mechviz", f"gauss {tolerance:.0e}", partial(mechviz_end, compiled, duration, tolerance, "gauss")))
+    for method, tolerances in (("DOP853", (1e-5, 1e-7, 1e-9, 3e-10)), ("LSODA", (1e-5, 1e-8)), ("Radau", (1e-4,))):
+        for tolerance in tolerances:
+            job = partial(by_scipy, rhs, start, duration, tolerance, method)
+            rows.append((f"same equations + {method}", f"rtol {tolerance:.0e}", job))
+    return rows, mechviz_end(compiled, duration, 1e-13, "gauss")
+
+
 # --- reports ----------------------------------------------------------------------------------------------------------
 
 
@@ -239,6 +261,14 @@ def main() -> None:
     for n in (1, 2) if short else (1, 2, 10, 40):
         title = f"Chain of {n} four-bar{'s' if n > 1 else ''}, 10 s through its singular position"
         report(title, chain_rows(n), chain_end(n), runs=runs if n < 10 else 2)
+    pendulum = json.loads((ROOT / "tests" / "reference" / "dynamics.json").read_text())["cases"]
+    inputs = next(c for c in pendulum if c["id"] == "double-pendulum-physical")["inputs"]
+    for title, mechanism, duration in (
+        ("Double pendulum, 5 s, error of the upper angle", double_pendulum(inputs), 5.0),
+        ("Five-bar on torsion springs, 2 s, error of the left angle", swinging_five_bar(), 2.0),
+    ):
+        rows, exact = same_equations(mechanism, duration)
+        report(title, rows, exact, runs=3)
     scaling((10, 40, 100) if short else (10, 40, 100, 300, 1000))
 
 

@@ -17,8 +17,8 @@ __all__ = ["bend_finder"]
 Array = NDArray[np.float64]
 SAMPLES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
 _X = (np.arange(SAMPLES) + 0.5) / SAMPLES
-_FINE = np.linspace(0.0, 1.0, 18)
-ROUNDS = 11  # 17^11 = 3e13 places in a sample
+_FINE = np.linspace(0.0, 1.0, 97)
+ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
 
 
 def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] | None:
