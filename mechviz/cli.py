@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from .accuracy.command import accuracy as accuracy_command
+from .accuracy.command import effects as effects_command
 from .hard.command import hard
 from .laws import laws
 from .sharing import film, share, shot
@@ -510,6 +512,8 @@ def export(
 
 for command in (share, shot, film, laws, hard):
     app.command()(command)
+app.command("accuracy")(accuracy_command)
+app.command("effects")(effects_command)
 
 
 def main() -> None:

@@ -1,0 +1,203 @@
+"""What each effect of a scene does to the answer, beside what it costs: each is left out, or added, and all is computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.errors import MechanismError
+from mechcore.spec import EFFECTS
+
+from ..tables import joints_of
+from .timing import Timed, side_by_side
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+__all__ = ["Answer", "Influence", "influence_lines", "influences"]
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a run is asked for: the largest effort of its drives, the largest reaction [N], and where forces decide the motion the
+    fluctuation of the speed (largest less smallest over the mean); NaN where there is none. ``curve``: efforts and reactions."""
+
+    effort: float
+    unit: str
+    reaction: float
+    fluctuation: float
+    curve: dict[str, Real]
+
+
+@dataclass(frozen=True)
+class Influence:
+    """An effect or load: whether the scene has it, by how much it changes the answers (relative), and what it costs (relative).
+
+    ``effort``, ``reaction``, ``fluctuation``: change of the peak, or of the fluctuation; ``curve``: largest change at any frame,
+    relative to the peak; ``spread``: of the cost. ``problem``: why there is no number.
+    """
+
+    name: str
+    kind: str
+    named: bool
+    effort: float = float("nan")
+    reaction: float = float("nan")
+    fluctuation: float = float("nan")
+    curve: float = float("nan")
+    cost: float = float("nan")
+    spread: float = 0.0
+    problem: str = ""
+
+    def worth(self, accuracy: float) -> bool:
+        """Whether it changes an answer by more than the accuracy."""
+        return bool(np.nanmax([self.curve, self.fluctuation, 0.0]) > accuracy)
+
+
+def answer_of(scene: Scene) -> Answer:
+    """Compute a scene's answer."""
+    motion, forces, simulation = _compute(scene)
+    curve: dict[str, Real] = {}
+    effort, unit, reaction, fluctuation = float("nan"), "", float("nan"), float("nan")
+    if forces is not None:
+        for joint in joints_of(motion):
+            curve[f"reaction {joint.name}"] = np.hypot(*forces.reaction(joint.name)[:, :2].T)
+        reaction = max((float(np.nanmax(c)) for c in curve.values()), default=float("nan"))
+        for drive in motion.mechanism.drives:
+            slides = next(j.unit for j in joints_of(motion) if j.name == drive.pair) == "m"
+            values = forces.effort(drive.pair)
+            curve[f"effort {drive.pair}"] = values
+            peak = float(np.nanmax(np.abs(values)))
+            if not peak <= effort:
+                effort, unit = peak, "N" if slides else "N m"
+    if simulation is not None:
+        t = np.linspace(0.5 * simulation.duration, simulation.duration, 400)
+        speed = np.abs(simulation(t)[1][:, 0]) if simulation([0.0])[1].shape[1] else np.zeros(1)
+        fluctuation = float(np.ptp(speed) / max(float(speed.mean()), 1e-300))
+    return Answer(effort, unit, reaction, fluctuation, curve)
+
+
+def _compute(scene: Scene) -> tuple[Any, Any, Any]:
+    if scene.simulation is not None:
+        from ..run import run_scene
+
+        run = run_scene(scene, outputs=("accelerations", "forces"))
+        return run.motion, run.forces, run.simulation
+    compiled = compile_mechanism(scene.mechanism)
+    motion = solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
+    _ = motion.origin_velocities, motion.origin_accelerations
+    wanted = bool(scene.mechanism.effects or scene.mechanism.loads)
+    return motion, solve_forces(motion) if wanted else None, None
+
+
+def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[str, Any]]]:
+    """Name, kind, whether the scene has it, and the document of the scene that is the other way round."""
+    document = scene.document.model_dump(exclude_defaults=True)
+    named = list(scene.effects)
+    for effect in EFFECTS:
+        others = [e for e in named if e != effect] if effect in named else [*named, effect]
+        changed = {k: v for k, v in document.items() if k != "effects"} | ({"effects": others} if others else {})
+        yield effect, "effect", effect in named, changed
+    for load in scene.document.loads:
+        rest = {k: v for k, v in document["loads"].items() if k != load}
+        yield load, "load", True, {k: v for k, v in document.items() if k != "loads"} | ({"loads": rest} if rest else {})
+
+
+def influences(
+    scene: Scene, advance: Callable[[int, int], None] = lambda *_: None, budget: float = 0.2
+) -> tuple[Answer, list[Influence]]:
+    """The scene's answer, and the influence of each of its effects and loads, and of the effects that it could have."""
+    base = answer_of(scene)
+    variants = list(_variants(scene))
+    found = []
+    for k, (name, kind, named, document) in enumerate(variants):
+        advance(k, len(variants))
+        try:
+            changed = type(scene).build(name=scene.name, **document)
+            other = answer_of(changed)
+        except MechanismError as e:
+            found.append(Influence(name, kind, named, problem=e.faults[0].message))
+            continue
+        works = [partial(_compute, s) for s in ((scene, changed) if named else (changed, scene))]
+        times = side_by_side(works[0], works[1], budget, least=1 if scene.simulation is not None else 5)
+        found.append(_compared(name, kind, named, (base, other) if named else (other, base), times))
+    advance(len(variants), len(variants))
+    return base, found
+
+
+def _compared(name: str, kind: str, named: bool, answers: tuple[Answer, Answer], times: tuple[Timed, Timed]) -> Influence:
+    """Answers and times with the effect, and without."""
+    whole, less = answers
+
+    def change(a: float, b: float) -> float:
+        b = 0.0 if np.isnan(b) else b
+        return float("nan") if np.isnan(a) else abs(a - b) / max(abs(a), 1e-300)
+
+    peak: dict[str, float] = {}
+    for key, values in whole.curve.items():
+        family = key.split(" ")[0]
+        peak[family] = max(peak.get(family, 0.0), float(np.nanmax(np.abs(values), initial=0.0)))
+    curve = 0.0
+    for key, values in whole.curve.items():
+        before = less.curve.get(key, np.zeros_like(values))
+        if len(before) == len(values) and peak[key.split(" ")[0]] > 0.0:
+            curve = max(curve, float(np.nanmax(np.abs(values - before), initial=0.0)) / peak[key.split(" ")[0]])
+    fluctuation = abs(whole.fluctuation - less.fluctuation)
+    with_it, without = times
+    return Influence(
+        name,
+        kind,
+        named,
+        change(whole.effort, less.effort),
+        change(whole.reaction, less.reaction),
+        fluctuation,
+        curve,
+        with_it.seconds / without.seconds - 1.0,
+        (with_it.spread + without.spread) / without.seconds,
+    )
+
+
+def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> list[str]:
+    """The table and the suggestion in words."""
+    width = max(len(i.name) for i in found) if found else 6
+    head = (
+        f"{'':<{width}}  {'kind':<6} {'in the scene':<12} {'peak effort':>11} {'peak reaction':>13} {'any frame':>10} {'time':>8}"
+    )
+    simulated = not np.isnan(base.fluctuation)
+    lines = [head + (f" {'fluctuation':>12}" if simulated else "")]
+
+    def percent(value: float, digits: int = 3) -> str:
+        return "-" if np.isnan(value) else f"{100.0 * value:.{digits}g} %"
+
+    for i in found:
+        row = f"{i.name:<{width}}  {i.kind:<6} {'yes' if i.named else 'no':<12} "
+        if i.problem:
+            lines.append(row + i.problem)
+            continue
+        row += f"{percent(i.effort):>11} {percent(i.reaction):>13} {percent(i.curve):>10} {percent(i.cost, 2):>8}"
+        lines.append(row + (f" {percent(i.fluctuation):>12}" if simulated else ""))
+    lines += ["", f"worth having at an accuracy of {accuracy:g} (nothing is changed by itself):"]
+    for i in sorted((i for i in found if not i.problem), key=lambda i: -np.nan_to_num(i.curve)):
+        verb = "changes" if i.named else "would change"
+        what = "the peak effort" if not np.isnan(i.effort) else "the largest reaction"
+        value = i.effort if not np.isnan(i.effort) else i.reaction
+        words = f"{i.name} {verb} {what} by {percent(value)}, some frame by {percent(i.curve)}, and {_price(i)}"
+        if i.worth(accuracy):
+            lines.append(f"  {'keep' if i.named else 'add'}: {words}")
+        else:
+            lines.append(f"  {'could be left out' if i.named else 'not needed'}: {words}")
+    return lines
+
+
+def _price(i: Influence) -> str:
+    """What an effect costs, in words; what is less than the spread of the times is not told as a number."""
+    if abs(i.cost) <= max(i.spread, 0.01):
+        return "its price is lost in the noise of the times"
+    return f"costs {100.0 * i.cost:.2g} % more time" if i.cost > 0.0 else f"saves {-100.0 * i.cost:.2g} % of the time"

@@ -1,0 +1,323 @@
+"""Work and precision: a scene computed at a ladder of settings of each dial, its error and its time at each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore import default_times, solve_forces, solve_motion
+from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.errors import MechanismError
+
+from .estimate import poses_apart
+from .fit import achieved, duration, fit_frames, provider
+from .quantities import quantities
+from .timing import Timed, timed
+
+if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation
+
+    from ..run import Run
+    from ..scene import Scene
+
+__all__ = ["Point", "cheapest", "ladder", "pareto"]
+
+Real = NDArray[np.float64]
+Advance = Callable[[int, int], None]
+
+FRAMES = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
+DIVISIONS = (24, 72, 180, 360, 1080, 3600)  # frames of a cycle at which rates are compared
+ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+CHORDS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # [m] of a mechanism of 0.2 m, scaled with its size
+LEAST_ERROR = 1e-16
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting: the dial, the method, the value in words, the options that make it, its relative error and its time [s]."""
+
+    dial: str
+    method: str
+    value: str
+    options: dict[str, Any]
+    error: float
+    seconds: float
+    spread: float
+    repeats: int
+    current: bool = False
+    note: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def pareto(points: list[Point]) -> list[Point]:
+    """The settings than which no other is at once quicker and more exact, the quickest first."""
+    front: list[Point] = []
+    for p in sorted(points, key=lambda p: (p.seconds, p.error)):
+        if not front or p.error < front[-1].error:
+            front.append(p)
+    return front
+
+
+def cheapest(points: list[Point], target: float) -> Point | None:
+    """The quickest setting whose error is at most the target."""
+    good = [p for p in points if p.error <= target]
+    return min(good, key=lambda p: p.seconds) if good else None
+
+
+def _at(dial: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> Point:
+    error = max(float(error), LEAST_ERROR) if np.isfinite(error) else float("inf")
+    return Point(dial, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
+
+
+def ladder(scene: Scene, target: float | None = None, advance: Advance = lambda *_: None, budget: float = 0.25) -> list[Point]:
+    """All points of a scene's ladders. Dials that it has no use for are left out: what is not iterated has no tolerance."""
+    from ..run import run_scene
+
+    base = run_scene(scene)
+    steps: list[Callable[[], Iterator[Point]]] = [lambda: _frames(base, target, budget)]
+    if base.simulation is None:
+        steps.append(lambda: _differentiation(base, budget))
+        if any(b.kind == "general" for b in base.compiled.model.blocks):
+            steps.append(lambda: _iterated(base, "position", "Newton's method", (1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 2e-15), budget))
+        if base.forces is not None and base.forces.friction is not None:
+            steps.append(lambda: _iterated(base, "friction", "Newton's method", (1e-2, 1e-4, 1e-6, 1e-9, 1e-13), budget))
+    else:
+        steps.append(lambda: _integrator(base, budget))
+    steps += [lambda: _tessellation(base, budget), lambda: _recording(base, budget)]
+    if base.compiled.model.relations and any(r.geometry is not None for r in base.compiled.model.relations):
+        steps.append(lambda: _profiles(base, budget))
+    found: list[Point] = []
+    for k, step in enumerate(steps):
+        advance(k, len(steps))
+        found += step()
+    advance(len(steps), len(steps))
+    return found
+
+
+def _dial(name: str, value: Any, base: Accuracy = DEFAULT) -> Accuracy:
+    """A setting with one dial turned."""
+    return replace(base, **{name: value})
+
+
+def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
+    """Motion, with rates and forces where the scene has some, at times: what is timed."""
+    if run.simulation is not None:
+        view = run.simulation.view(time)
+        return view, run.simulation.forces(view) if run.forces is not None else None
+    compiled = replace(run.compiled, accuracy=accuracy, courses=[])
+    motion = solve_motion(compiled, time)
+    _ = motion.origin_velocities, motion.origin_accelerations
+    return motion, solve_forces(motion) if run.forces is not None else None
+
+
+def _frames(run: Run, target: float | None, budget: float) -> Iterator[Point]:
+    """Frames of a cycle by order of the interpolation between them, and the numbers that just reach the target."""
+    scene = run.scene
+    at, end = provider(scene, run.accuracy, run.simulation), duration(scene, run.simulation)
+    parts = scene.cycles if run.simulation is None else 1
+    own = scene.frames // parts
+    counts = sorted({*FRAMES, own})
+    times = {n: timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, n * parts + 1)), budget) for n in counts}
+    for order, words in ORDERS.items():
+        for n in counts:
+            fit = achieved(at, end, n * parts, order)
+            here = n == own and order == run.accuracy.interpolation
+            note = f"{fit.jumps} jumps left out" if fit.jumps else ""
+            options = {"frames": n * parts, "interpolation": order}
+            yield _at("frames", words, f"{n} frames", options, fit.error, times[n], current=here, note=note)
+        if target is not None and order:
+            fit = fit_frames(scene, _dial("interpolation", order, replace(DEFAULT, target=target)), run.simulation)
+            spent = timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, fit.frames + 1)), budget)
+            options = {"frames": fit.frames, "interpolation": order}
+            yield _at("frames", words, f"{fit.frames // parts} frames", options, fit.error, spent, note="fitted to the target")
+
+
+def _differentiation(run: Run, budget: float) -> Iterator[Point]:
+    """Accelerations by equations, by differences, and as they are drawn; errors are relative to the peak."""
+    scene = run.scene
+    drawn = ("drawn by chords", {"differentiation": "graphical"})
+    methods: list[tuple[str, dict[str, Any]]] = [
+        ("exact", {}),
+        *((f"differences of order {k}", {"differentiation": "differences", "differences": k}) for k in (2, 4, 6)),
+        drawn,
+    ]
+    end = duration(scene)
+    for words, options in methods:
+        for n in DIVISIONS:
+            time = np.linspace(0.0, end, n * scene.cycles + 1)
+            exact = quantities(solve_motion(replace(run.compiled, accuracy=DEFAULT), time), None)
+            accuracy = Accuracy(**options)
+            found = quantities(_solve(run, accuracy, time)[0], None)
+            named = {q.name: q for q in found}
+            pairs = [(q, named[q.name]) for q in exact if q.kind != "position" and q.name in named]
+            errors = [float(np.nanmax(np.abs(b.values - a.values))) / a.scale for a, b in pairs]
+            if words == "exact":
+                errors = [float(np.nanmax(_rates_error(run, time)))]
+            spent = timed(partial(_solve, run, accuracy, time), budget)
+            here = words == "exact" and n * scene.cycles == scene.frames
+            yield _at(
+                "differentiation",
+                words,
+                f"{n} frames",
+                {**options, "frames": n * scene.cycles},
+                max(errors, default=0.0),
+                spent,
+                current=here,
+            )
+
+
+def _rates_error(run: Run, time: Real) -> Real:
+    """What the program says of its exact rates: they are not compared with themselves."""
+    from .estimate import estimate_errors
+
+    motion = solve_motion(replace(run.compiled, accuracy=DEFAULT), time)
+    return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
+
+
+def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[Point]:
+    """A dial at which an iteration stops; compared with the tightest at the same frames."""
+    scene = run.scene
+    time = default_times(scene.mechanism, scene.frames, scene.cycles)
+    kinds = ("position",) if dial == "position" else ("reaction",)
+    best = {q.name: q for q in quantities(*_solve(run, _dial(dial, tolerances[-1]), time))}
+    for tolerance in tolerances:
+        accuracy = _dial(dial, tolerance)
+        found = [q for q in quantities(*_solve(run, accuracy, time)) if q.kind in kinds and q.name in best]
+        error = max(
+            (float(np.nanmax(np.abs(q.values - best[q.name].values), initial=0.0)) / best[q.name].scale for q in found), default=0.0
+        )
+        spent = timed(partial(_solve, run, accuracy, time), budget)
+        here = tolerance == getattr(run.accuracy, dial)
+        yield _at(f"{dial} tolerance", method, f"{tolerance:.0e}", {dial: tolerance}, error, spent, current=here)
+
+
+def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
+    """The motion under forces with a setting, and nothing else."""
+    from ..run import run_scene
+
+    found = run_scene(scene, accuracy=accuracy, outputs=()).simulation
+    assert found is not None
+    return found
+
+
+def _integrator(run: Run, budget: float) -> Iterator[Point]:
+    """Method, order and tolerance of the integrator, against the motion at its tightest."""
+    assert run.again is not None and run.simulation is not None
+    again, spec = run.again, run.scene.simulation
+    assert spec is not None
+    try:
+        best = again(1e-13, "gauss")
+    except MechanismError:
+        best = again(1e-11, "gauss")
+    t = np.linspace(0.0, min(best.duration, run.simulation.duration), 257)
+    truth = best.view(t)
+    methods: list[tuple[str, str, int | None]] = [
+        ("gauss", "Gauss", None),
+        ("gauss", "Gauss, 4 nodes", 4),
+        ("radau", "Radau", None),
+    ]
+    if run.simulation.method == "energy":
+        methods.insert(0, ("energy", "energy", None))
+    for method, words, nodes in methods:
+        for tolerance in TOLERANCES if method != "radau" and nodes is None else TOLERANCES[:5]:
+            accuracy = _dial("method", method, Accuracy(integrator=tolerance, nodes=nodes))
+
+            work = partial(_simulated, run.scene, accuracy)
+            try:
+                found = work()
+                shared = t[t <= found.duration]
+                error = float(np.nanmax(poses_apart(found.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
+            except MechanismError:
+                continue  # such a tolerance does not come through
+            spent = timed(work, budget, least=1 if budget < 0.1 else 3)
+            here = nodes is None and method == run.simulation.method and tolerance == run.simulation.tolerance
+            options = {"method": method, "integrator": tolerance, **({"nodes": nodes} if nodes else {})}
+            yield _at("integrator", words, f"{tolerance:.0e}", options, error, spent, current=here)
+    if run.simulation.tolerance not in TOLERANCES:
+        now = run.simulation.tolerance
+        error = float(np.nanmax(poses_apart(run.simulation.view(t), truth)))
+        words = next(w for m, w, n in methods if m == run.simulation.method and n is None)
+        options = {"method": run.simulation.method, "integrator": run.simulation.tolerance}
+        yield _at("integrator", words, f"{now:.0e}", options, error, timed(partial(again, now), budget, least=1), current=True)
+
+
+def _tessellation(run: Run, budget: float) -> Iterator[Point]:
+    """Chordal error of round shapes against the time of the meshes."""
+    from ..solids import solids_of
+
+    size = run.motion.model.size
+    default = timed(lambda: solids_of(run), 0.0, least=1)
+    for chord in CHORDS:
+        distance = float(np.clip(chord * size / 0.2, 1e-9, 1.0))
+        accuracy = replace(run.accuracy, chord=distance)
+        made = solids_of(replace(run, accuracy=accuracy))
+        spent = timed(partial(solids_of, replace(run, accuracy=accuracy)), 0.0, least=1)
+        faces = sum(len(s.faces) for s in made.links.values())
+        note = f"{faces} faces; default {1e3 * default.seconds:.0f} ms"
+        yield _at("tessellation", "chords", f"{1e3 * distance:.3g} mm", {"chord": distance}, distance / size, spent, note=note)
+
+
+def _recording(run: Run, budget: float) -> Iterator[Point]:
+    """Digits and frames that a recording keeps: its error when read with the run's interpolation, its time and its size."""
+    import tempfile
+    from pathlib import Path
+
+    from ..record import write_recording
+    from ..solids import solids_of
+
+    solids = solids_of(run)
+    at, end, order = (
+        provider(run.scene, run.accuracy, run.simulation),
+        duration(run.scene, run.simulation),
+        run.accuracy.interpolation,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.rrd"
+        for numbers in ("float64", "float32"):
+            for thin in (1, 2, 4, 8):
+                if (run.motion.frames - 1) // thin < 16:
+                    continue
+                accuracy = replace(run.accuracy, numbers=numbers, decimation=thin)
+                chosen = replace(run, accuracy=accuracy)
+                spent = timed(partial(write_recording, chosen, path, solids=solids), 0.0, least=2)
+                error = achieved(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
+                note = f"{path.stat().st_size / 1e6:.2f} MB"
+                here = (numbers, thin) == (run.accuracy.numbers, run.accuracy.decimation)
+                options = {"numbers": numbers, "decimation": thin}
+                words = "every frame" if thin == 1 else f"every {thin} frames"
+                yield _at("recording", numbers, words, options, error, spent, current=here, note=note)
+
+
+def _profiles(run: Run, budget: float) -> Iterator[Point]:
+    """Points of cam profiles: how far the polygon is from the profile, relative to its size."""
+    from mechcore.cams import cam_contour
+
+    cams = [r.geometry for r in run.compiled.model.relations if r.geometry is not None]
+    for count in (90, 180, 360, 720, 1080, 2160, 4320):
+
+        def draw(n: int = count) -> list[Any]:
+            out = []
+            for placed in cams:
+                contour = cam_contour(placed.cam)
+                each = max(n // contour.count, 8)
+                out.append((contour, each, contour(np.arange(contour.count * each + 1) / each)[0]))
+            return out
+
+        worst = 0.0
+        for contour, each, z in draw():
+            between = contour((np.arange(len(z) - 1) + 0.5) / each)[0]
+            chord = z[1:] - z[:-1]
+            away = np.abs(np.imag((between - z[:-1]) * np.conj(chord))) / np.maximum(np.abs(chord), 1e-300)
+            worst = max(worst, float(away.max()) / float(np.abs(z).max()))
+        here = count == run.accuracy.profile
+        yield _at(
+            "cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, timed(draw, budget), current=here
+        )

@@ -1,0 +1,191 @@
+"""`mechviz accuracy` and `mechviz effects`: what is measured, chosen, drawn and kept. No test looks at how long anything took."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz.accuracy.ladder as ladder_module
+from mechviz.accuracy import cache
+from mechviz.accuracy.diagram import diagram, write_diagram
+from mechviz.accuracy.effects import influence_lines, influences
+from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
+from mechviz.accuracy.timing import Timed, side_by_side, timed
+from mechviz.cli import app
+from mechviz.scene import load
+
+
+def point(seconds: float, error: float, **more: object) -> Point:
+    return Point("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]  # of tests
+
+
+POINTS = [point(1.0, 1e-2), point(2.0, 1e-4, current=True), point(3.0, 1e-3, method="b"), point(4.0, 1e-6, method="b")]
+
+
+def test_pareto_front_and_the_cheapest():
+    assert [p.seconds for p in pareto(POINTS)] == [1.0, 2.0, 4.0]
+    assert cheapest(POINTS, 1e-3) is POINTS[1]
+    assert cheapest(POINTS, 1e-5) is POINTS[3]
+    assert cheapest(POINTS, 1e-9) is None
+
+
+def test_timing_warms_up_and_repeats():
+    calls: list[str] = []
+    found = timed(lambda: calls.append("x"), budget=0.0, least=5)
+    assert len(calls) == 6 and found.repeats == 5 and found.seconds > 0.0 <= found.spread
+    calls.clear()
+    side_by_side(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
+    assert "".join(calls) == "ab" * 4, "in turns"
+
+
+def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is to be timed is done once."""
+    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
+
+
+@pytest.mark.parametrize(
+    ("name", "dials"),
+    [
+        ("triad", {"frames", "differentiation", "position tolerance", "tessellation", "recording"}),
+        ("slider-crank-friction", {"frames", "differentiation", "friction tolerance", "tessellation", "recording"}),
+    ],
+)
+def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch):
+    once(monkeypatch)
+    monkeypatch.setattr(ladder_module, "FRAMES", (16, 64, 256))
+    monkeypatch.setattr(ladder_module, "DIVISIONS", (24, load(name).frames))
+    monkeypatch.setattr(ladder_module, "_tessellation", lambda *_: [point(1.0, 1.0)])
+    monkeypatch.setattr(ladder_module, "_recording", lambda *_: [point(1.0, 1.0)])
+    points = [p for p in ladder(load(name), 1e-4, budget=0.0) if p.value != "x"]
+    assert {p.dial for p in points} == dials - {"tessellation", "recording"}
+    for dial in {p.dial for p in points}:
+        assert sum(p.current for p in points if p.dial == dial) == 1, "the current setting is among them, once"
+    cubics = [p for p in points if p.method == "cubics" and not p.note]
+    if name == "triad":
+        assert [p.error for p in cubics] == sorted((p.error for p in cubics), reverse=True)
+        exact = next(p for p in points if p.dial == "differentiation" and p.method == "exact")
+        others = [p for p in points if p.dial == "differentiation" and p.method != "exact"]
+        assert exact.error < min(p.error for p in others)
+        fitted = [p for p in points if "fitted" in p.note]
+        assert len(fitted) == 3 and all(p.error <= 1e-4 for p in fitted)
+    iterated = [p.error for p in points if p.dial.endswith("tolerance")]
+    assert iterated[-1] == ladder_module.LEAST_ERROR and max(iterated) < 1e-1
+    assert iterated[0] > iterated[-1]
+
+
+def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
+    from mechviz.run import run_scene
+
+    once(monkeypatch)
+    monkeypatch.setattr(ladder_module, "TOLERANCES", (1e-4, 1e-9))
+    points = list(ladder_module._integrator(run_scene(load("andrews-squeezer")), 0.0))
+    gauss = {p.value: p.error for p in points if p.method == "Gauss"}
+    assert gauss["1e-09"] < 1e-3 * gauss["1e-04"] and gauss["1e-09"] < 1e-8
+    assert {"energy", "Gauss", "Gauss, 4 nodes", "Radau"} == {p.method for p in points}
+    assert sum(p.current for p in points) == 1
+
+
+def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "cache"))
+    calls = []
+    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: calls.append(1) or list(POINTS))
+    svg, png, rrd = (tmp_path / f"d.{kind}" for kind in ("svg", "png", "rrd"))
+    first = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(svg), "--rrd", str(rrd)])
+    assert first.exit_code == 0, first.output
+    assert "* <- now cheapest for the target" in first.stdout and "cheapest settings that reach 0.001" in first.stdout
+    assert "measured 20" in first.stdout and "cores" in first.stdout
+    root = ET.fromstring(svg.read_text(encoding="utf-8"))
+    assert len(root.findall(".//{*}circle")) >= len(POINTS) + 2 and rrd.stat().st_size > 1000
+    again = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(png)])
+    assert again.exit_code == 0 and len(calls) == 1, "kept"
+    from PIL import Image
+
+    assert len(set(Image.open(png).convert("RGB").getdata())) > 10
+    CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "--again"])
+    CliRunner().invoke(app, ["accuracy", "crank-rocker"])
+    CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3"])
+    assert len(calls) == 4, "measured anew for another scene, another target, or where that is asked"
+
+
+def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
+    scene = load("crank-rocker")
+    infinite = [*POINTS, point(5.0, float("inf"))]
+    cache.keep(scene, None, infinite)
+    found = cache.kept(scene, None)
+    assert found is not None and list(found.points) == infinite and found.scene == "crank-rocker"
+    monkeypatch.setattr(cache, "machine", lambda: "another one")
+    assert cache.kept(scene, None) is None
+    monkeypatch.undo()
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "file"))
+    (tmp_path / "file").write_text("no folder")
+    cache.keep(scene, None, POINTS)
+    assert cache.kept(scene, None) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--target", "7"], "is no accuracy"),
+        (["-o", "x.pdf"], "SVG or PNG"),
+        (["--dial", "colour"], "'colour' is no dial"),
+    ],
+)
+def test_bad_options_are_refused(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
+    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: list(POINTS))
+    found = CliRunner().invoke(app, ["accuracy", "crank-rocker", *arguments])
+    assert found.exit_code == 2 and words in found.stderr
+    assert CliRunner().invoke(app, ["effects", "crank-rocker", "--accuracy", "2"]).exit_code == 2
+
+
+def test_a_diagram_is_written_as_a_whole(tmp_path: Path):
+    sheet = diagram(POINTS, "<title> & more", "foot", 1e-3)
+    for name in ("a.svg", "a.png"):
+        write_diagram(sheet, tmp_path / name)
+    assert "&lt;title&gt; &amp; more" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg"]
+
+
+# -- effects -----------------------------------------------------------------------------------------------------------------------
+def test_what_effects_do_is_what_two_runs_differ_by():
+    """The influence of friction and of gravity by hand: two scenes, one with and one without."""
+    from mechviz.run import run_scene
+    from mechviz.scene import Scene
+
+    scene = load("slider-crank-friction")
+    _, found = influences(scene, budget=0.0)
+    by_name = {i.name: i for i in found}
+    assert set(by_name) == {"inertia", "gravity", "friction", "process"}
+    document = scene.document.model_dump(exclude_defaults=True)
+    whole = np.abs(run_scene(scene).forces.effort("O")).max()
+    for effect in ("friction", "gravity"):
+        rest = [e for e in scene.effects if e != effect]
+        less = np.abs(run_scene(Scene.build(**{**document, "effects": rest})).forces.effort("O")).max()
+        assert by_name[effect].effort == pytest.approx(abs(whole - less) / whole, rel=1e-9)
+        assert np.isfinite(by_name[effect].cost) and by_name[effect].named
+    assert by_name["friction"].worth(0.05) and not by_name["gravity"].worth(0.05)
+    words = "\n".join(influence_lines(_, found, 0.05))
+    assert "keep: friction changes the peak effort by 9.54 %" in words and "could be left out: gravity" in words
+
+
+def test_effects_that_a_scene_has_not_are_tried_and_not_applied():
+    scene = load("slider-crank-compressor")
+    before = scene.to_toml()
+    base, found = influences(scene, budget=0.0)
+    gravity = next(i for i in found if i.name == "gravity")
+    assert not gravity.named and 0.0 < gravity.curve < 0.2
+    friction = next(i for i in found if i.name == "friction")
+    assert friction.problem, "no pair has a coefficient"
+    assert scene.to_toml() == before
+    assert any("friction" in line and friction.problem in line for line in influence_lines(base, found, 0.01))
+
+
+def test_fluctuation_of_a_motion_under_forces():
+    base, found = influences(load("andrews-squeezer"), budget=0.0)
+    assert base.fluctuation > 0.0 and next(i for i in found if i.name == "spring").fluctuation > 0.0
+    assert next(i for i in found if i.name == "inertia").problem
