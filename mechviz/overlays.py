@@ -16,7 +16,18 @@ if TYPE_CHECKING:
     from .meshes import Solids
     from .run import Run
 
-__all__ = ["FIXED", "MOVING", "overlay_box", "polode_pieces", "resultants", "strings", "substitute_scale"]
+__all__ = [
+    "CHAIN",
+    "FIXED",
+    "MOVING",
+    "chain_pins",
+    "chain_strips",
+    "overlay_box",
+    "polode_pieces",
+    "resultants",
+    "strings",
+    "substitute_scale",
+]
 
 Array = NDArray[np.complex128]
 
@@ -31,6 +42,9 @@ class Extent(Protocol):
 
 
 FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
+CHAIN = (120, 255, 190)  # equivalent linkages
+FAR = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
+BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
 REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
 
 
@@ -42,6 +56,8 @@ def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
     for body in run.studies.substitutes.values():
         spots.append(body.places.reshape(-1, 2))
         spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
+    for _, chain in chain_strips(run, size):
+        spots += [np.column_stack([strip.real.reshape(-1), strip.imag.reshape(-1)]) for strip in chain]
     if run.studies.systems:
         z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
         spots.append(np.column_stack([z.real, z.imag]))
@@ -95,6 +111,41 @@ def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
         near = np.isfinite(d.meeting) & (np.abs(d.meeting - d.points[:, 0]) < 4.0 * size)
         out.append((np.where(near, d.meeting, np.nan), np.where(near, d.resultant * (0.4 * size / largest), 0.0)))
     return out
+
+
+def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
+    """Equivalent linkages by pair: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
+    out = []
+    half, width = BLOCK[0] * size, BLOCK[1] * size
+    corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
+    for name, chain in run.studies.equivalents.items():
+        strips = [_within(np.stack([chain.pins[a], chain.pins[b]], axis=1), size) for a, b in chain.bars]
+        strips += [_within(block.place[:, None] + np.nan_to_num(block.along)[:, None] * corners, size) for block in chain.blocks]
+        out.append((name, strips))
+    return out
+
+
+def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Array]]]]:
+    """Pins of equivalent linkages by pair, each with its label (F,), NaN beyond any picture. Only those that are no pins anyway."""
+    shown = ("K", "N1", "N2")
+    found = []
+    for name, chain in run.studies.equivalents.items():
+        last = list(chain.pins.values())[-1]
+        with np.errstate(invalid="ignore"):
+            pins = [
+                (label, np.where(np.abs(z - last) < FAR * size, z, np.nan)) for label, z in chain.pins.items() if label in shown
+            ]
+        found.append((name, pins))
+    return found
+
+
+def _within(z: Array, size: float) -> Array:
+    """Strips (F, points), shrunk to one of their finite points in the frames in which they run beyond any picture."""
+    finite = np.isfinite(z)
+    inner = np.where(finite, z, 0.0)
+    home = np.take_along_axis(inner, np.argmax(finite, axis=1)[:, None], axis=1)
+    far = ~finite.all(axis=1) | (np.abs(inner - home).max(axis=1) > FAR * size)
+    return np.where(far[:, None], home, inner)
 
 
 def substitute_scale(run: Run, size: float) -> float:

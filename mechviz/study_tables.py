@@ -33,6 +33,11 @@ def study_tables(run: Run) -> Iterator[Table]:
     for name, polode in studies.polodes.items():
         for kind, way in (("fixed", polode.fixed), ("moving", polode.moving)):
             yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), way)
+    for name, found in studies.equivalents.items():
+        for pin, place in found.pins.items():
+            columns = (("x", "m"), ("y", "m"))
+            values = np.column_stack([place.real, place.imag])
+            yield Table(("data", "equivalent", name, pin or "block"), f"{name}.{pin or 'block'}", columns, values)
     for name, r in studies.reduced.items():
         turning = r.point is None
         columns = (
@@ -47,14 +52,14 @@ def study_tables(run: Run) -> Iterator[Table]:
         if s is not None:
             path = ("data", "shaking", name) if name else ("data", "shaking")
             yield Table(path, f"shaking {name}".strip(), _FORCE, np.column_stack([s.force, s.moment]))
-    for name, found in studies.substitutes.items():
+    for name, body in studies.substitutes.items():
         path = ("data", "substitutes", name)
-        yield Table((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([found.force, found.moment]))
-        if found.correction is not None:
+        yield Table((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([body.force, body.moment]))
+        if body.correction is not None:
             columns = (("couple", "N m"),)
-            yield Table((*path, "correction"), f"{name}.correction", columns, found.correction[:, None])
-        for k in range(len(found.masses)):
+            yield Table((*path, "correction"), f"{name}.correction", columns, body.correction[:, None])
+        for k in range(len(body.masses)):
             columns = (("x", "m"), ("y", "m"), ("Fx", "N"), ("Fy", "N"), ("mass", "kg"))
-            mass = np.full(len(found.places), found.masses[k])
-            values = np.column_stack([found.places[:, k], found.forces[:, k], mass])
+            mass = np.full(len(body.places), body.masses[k])
+            values = np.column_stack([body.places[:, k], body.forces[:, k], mass])
             yield Table((*path, str(k + 1)), f"{name}.mass {k + 1}", columns, values)

@@ -26,6 +26,10 @@ def _lines(run: Run) -> Iterator[str]:
             yield f"{name} plan: empty, no pin and no traced point moves"
             continue
         yield f"{name} plan: closes to {worst:.1e} of its longest side"
+    for name, chain in studies.equivalents.items():
+        bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
+        sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
+        yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the pair, up to accelerations"
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
         worst = float(np.nanmax(system.drawing.closing, initial=0.0))

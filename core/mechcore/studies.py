@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 
 from .balancing import Counterweight, counterweights, find_linkage, with_counterweights
 from .errors import Fault, MechanismError
-from .graphical import Funicular, Plan, Polodes, acceleration_plan, force_plans, funicular, polodes, velocity_plan
+from .graphical import (
+    Equivalent,
+    Funicular,
+    Plan,
+    Polodes,
+    acceleration_plan,
+    equivalent,
+    force_plans,
+    funicular,
+    polodes,
+    velocity_plan,
+)
 from .graphical.force_plan import acting_on
 from .kinetostatics import Forces
 from .motion import Motion
@@ -74,6 +85,7 @@ class StudyResults:
 
     plans: Mapping[str, tuple[Plan, ...]] = field(default_factory=dict)
     polodes: Mapping[str, Polodes] = field(default_factory=dict)
+    equivalents: Mapping[str, Equivalent] = field(default_factory=dict)
     systems: Mapping[str, SystemResult] = field(default_factory=dict)
     reduced: Mapping[str, Reduced] = field(default_factory=dict)
     shaking: Shaking | None = None
@@ -96,6 +108,7 @@ def compute(motion: Motion, forces: Forces | None) -> StudyResults:
     result = StudyResults(
         plans=plans,
         polodes={name: polodes(motion, name) for name in asked.polodes},
+        equivalents={name: equivalent(motion, name, forces) for name in asked.equivalent},
         systems={s.name: _system(s, forces) for s in asked.systems if forces is not None},
         reduced={_place(*at): reduce_mechanism(motion, *at, loads) for at in asked.reduced},
         substitutes={s.link: _substitute(s, motion) for s in asked.substitutes},

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechcore.reduction.systems import KINDS
 
 from ..drawings import COLORS, Drawing
-from ..overlays import FIXED, MOVING, polode_pieces, resultants, strings, substitute_scale
+from ..overlays import CHAIN, FIXED, MOVING, chain_pins, chain_strips, polode_pieces, resultants, strings, substitute_scale
 from .paths import entity
 from .streams import Index, Static, Stream
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["OVERLAYS", "polygon_shapes", "polygon_streams", "polygon_views"]
 
 Array = NDArray[np.complex128]
-OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes")
+OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes", "polygons/equivalent")
 """Entities that belong into the picture of the mechanism."""
 
 NEGATIVE, POSITIVE = (255, 96, 150), (236, 238, 244)  # substitute masses
@@ -52,6 +52,11 @@ def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, ever
     if run.studies.systems:
         yield Stream("/polygons/funicular", _strips(strings(run, solids.size), z_top), every)
         yield Stream("/polygons/funicular/resultant", _arrows(resultants(run, solids.size), z_top), every)
+    for name, strips in chain_strips(run, solids.size):
+        yield Stream(entity("polygons", "equivalent", name), _strips(strips, z_top), every)
+    for name, pins in chain_pins(run, solids.size):
+        if pins:
+            yield Stream(entity("polygons", "equivalent", name, "pins"), _points([z for _, z in pins], z_top), every)
     for name, found in run.studies.substitutes.items():
         places = found.places @ np.array([1.0, 1.0j])
 
@@ -118,6 +123,14 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
         # under the link's own transform: it moves with it and rolls on the fixed one
         path = entity("mechanism", "links", name, "polode")
         yield Static(path, rr.LineStrips3D(moving, colors=[MOVING], radii=[0.0032 * size]))
+    for name, strips in chain_strips(run, size):
+        look = rr.LineStrips3D.from_fields(colors=[CHAIN], radii=[0.0028 * size] * len(strips))
+        yield Static(entity("polygons", "equivalent", name), look)
+    for name, pins in chain_pins(run, size):
+        if pins:
+            labels = [label for label, _ in pins]
+            dots = rr.Points3D.from_fields(colors=[CHAIN], radii=[0.011 * size], labels=labels, show_labels=True)
+            yield Static(entity("polygons", "equivalent", name, "pins"), dots)
     for name, body in run.studies.substitutes.items():
         share = np.sqrt(np.abs(body.masses) / np.abs(body.masses).max())
         labels = [f"{m:.4g} kg" for m in body.masses]
@@ -160,6 +173,20 @@ def polygon_views(run: Run, drawings: dict[str, Drawing], enlarged: float, backg
 def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
     z = np.nan_to_num(z, nan=0.0, posinf=0.0, neginf=0.0)
     return np.column_stack([z.real, z.imag, np.full(len(z), height)]).astype(np.float32)
+
+
+def _points(items: list[Array], height: float) -> Any:
+    """Columns of points (F,); a row is empty where one of them is not finite."""
+    import rerun as rr
+
+    places = np.stack(items, axis=1)
+    known = np.asarray(np.isfinite(places).all(axis=1))
+
+    def columns(frames: Index) -> Any:
+        z = places[frames[known[frames]]]
+        return rr.Points3D.columns(positions=_space(z.reshape(-1), height)).partition(known[frames] * places.shape[1])
+
+    return columns
 
 
 def _arrows(items: list[tuple[Array, Array]], height: float = 0.0) -> Any:

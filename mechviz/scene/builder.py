@@ -336,6 +336,11 @@ class SceneBuilder:
         self._data.setdefault("polodes", []).extend(links)
         return self
 
+    def equivalent(self, *pairs: str) -> SceneBuilder:
+        """Cams, gears, racks, pins in slots whose equivalent linkages are drawn."""
+        self._data.setdefault("equivalent", []).extend(pairs)
+        return self
+
     def reduce(self, *places: str) -> SceneBuilder:
         """Links, or points such as "rocker.D", to which the whole mechanism is reduced."""
         self._data.setdefault("reduced", []).extend(places)

@@ -183,6 +183,8 @@ class SceneDocument(Table):
     """Graphical constructions to draw."""
     polodes: list[Text] = Field(default=[])
     """Links whose fixed and moving polodes are drawn."""
+    equivalent: list[Text] = Field(default=[])
+    """Cams, gears, racks and pins in slots beside which the linkage of lower pairs is drawn that moves like them."""
     reduced: list[Text] = Field(default=[])
     """Links, or points such as "rocker.D", to which the mass of the whole mechanism and the forces on it are reduced."""
     shaking: ShakingDocument | None = None

@@ -197,7 +197,7 @@ def simulation_spec(
 
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
-_STUDIES = ("plans", "polodes", "reduced", "shaking", "systems", "substitutes")
+_STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")
 _ADD_FREE = 'Leave it out, or let forces move a pair: free = { speed = "10 rpm" } instead of its drive.'
 
 

@@ -27,6 +27,9 @@ if set(get_args(PlanName)) != set(PLANS):
     raise ImportError("mechviz.scene.studies.PlanName and mechcore.spec.PLANS name different plans")
 
 
+_HIGHER = ("cam", "gear", "rack", "pin_slot")  # pairs that have an equivalent linkage
+
+
 class SystemDocument(Table):
     """The loads on one link as a force system: reduced to a point, to its resultant, and drawn with its funicular polygon."""
 
@@ -103,7 +106,7 @@ def needs_inertia(document: SceneDocument, link: str) -> bool:
 
 def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
     """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
-    for key in ("plans", "polodes", "reduced"):
+    for key in ("plans", "polodes", "equivalent", "reduced"):
         names = getattr(document, key)
         for k, name in enumerate(names):
             if name in names[:k] and is_whole(name):
@@ -113,6 +116,15 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
     for k, name in enumerate(document.polodes):
         yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
+    fitting = [name for name, pair in document.pairs.items() if pair.kinds[:1] and pair.kinds[0] in _HIGHER]
+    for k, name in enumerate(document.equivalent):
+        if not complete or not is_whole(name) or name in fitting:
+            continue
+        if name in document.pairs:
+            remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such pair."
+            yield Fault(f"equivalent[{k}]", f"'{name}' is no cam, gear, rack or pin in a slot.", remedy)
+        else:
+            yield Fault(f"equivalent[{k}]", f"there is no pair '{name}'.", did_you_mean(name, fitting, what="Higher pairs"))
     for k, text in enumerate(document.reduced):
         link, _, point = text.partition(".")
         if text in links or not point:
@@ -195,6 +207,7 @@ def studies_of(
     return Studies(
         plans=tuple(document.plans),
         polodes=tuple(document.polodes),
+        equivalent=tuple(document.equivalent),
         systems=tuple(systems),
         reduced=tuple(reduced),
         shaking=None if document.shaking is None else _shaking(document.shaking, convert),

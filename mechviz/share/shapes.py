@@ -18,7 +18,7 @@ __all__ = ["bounds_of", "find_drawables", "find_links"]
 
 Real = NDArray[np.float64]
 
-OVERLAYS = ("funicular", "polodes", "substitutes")  # constructions that belong into the picture of the mechanism
+OVERLAYS = ("funicular", "polodes", "substitutes", "equivalent")  # constructions that belong into the picture of the mechanism
 ASIDE = ("rays", "points", "polar")  # parts of a construction that stands by itself
 
 

@@ -33,6 +33,7 @@ GROUPS = {
     "polodes": "Fixed polodes",
     "funicular": "Funicular",
     "substitutes": "Substitute masses",
+    "equivalent": "Equivalent linkages",
 }
 """What can be shown and hidden beside the families of arrows."""
 

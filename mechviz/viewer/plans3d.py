@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from mechcore.reduction.systems import KINDS
 
 from ..drawings import COLORS, Drawing, drawings_of, rows_of
-from ..overlays import FIXED, MOVING, polode_pieces, resultants, strings, substitute_scale
+from ..overlays import FIXED, MOVING, chain_pins, chain_strips, polode_pieces, resultants, strings, substitute_scale
+from .label_places import LabelPlaces, half_sizes
 from .show import Show
 from .solids3d import link_path
 from .words import scale
@@ -31,7 +32,9 @@ BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanis
 BARB_ANGLE = 0.36  # [rad]
 GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
 CAPTION = 0.1  # room for a caption above a drawing, in sizes of the mechanism
-LEAST_LABEL = 0.06  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
+LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
+SCREEN = np.array([700.0, 560.0])  # [px] part of an ordinary window that the view takes
+EQUIVALENT = (0, 120, 90)  # colour of equivalent linkages
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
 
 
@@ -76,6 +79,16 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float) -
     return shifts
 
 
+def _apart(z: Array, least: float) -> Array:
+    """Points (n,), those that are nearer than ``least`` to one before them made NaN: that one has the label."""
+    out = np.array(z, complex)
+    for k in range(1, len(out)):
+        with np.errstate(invalid="ignore"):
+            if (np.abs(out[:k] - out[k]) < least).any():
+                out[k] = np.nan
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Construction:
     """What one switch shows: ``nodes`` and how they are brought to a frame."""
@@ -111,18 +124,20 @@ class PlanNodes:
         box = show.bounds[:, :2]
         shifts = placed(box, [d.bounds for d in drawings.values()], GAP * self._size, CAPTION * self._size)
         self.places = dict(zip(drawings, shifts, strict=True))
-        for name, drawing in drawings.items():
-            self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
         if drawings:
             corners = [
                 d.bounds + np.array([z.real, z.imag]) for (d, z) in zip(drawings.values(), self.places.values(), strict=True)
             ]
             high = np.max([c[1] for c in corners], axis=0) + np.array([0.0, CAPTION * self._size])
             self.bounds = np.array([np.min([c[0] for c in corners], axis=0), high])
+        for name, drawing in drawings.items():
+            self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
         if self._run.studies.systems:
             self._add("Funicular polygon", self._funicular())
         if self._run.studies.polodes:
             self._add("Polodes", self._polodes())
+        if self._run.studies.equivalents:
+            self._add("Equivalent linkages", self._equivalents())
         if self._run.studies.substitutes:
             self._add("Substitute masses", self._substitutes())
 
@@ -157,6 +172,12 @@ class PlanNodes:
     def _label(self, path: str, text: str, large: float = 0.85, anchor: str = "center-center") -> viser.LabelHandle:
         return self._server.scene.add_label(path, text, anchor=anchor, font_screen_scale=large)
 
+    def _per_pixel(self) -> float:
+        """Metres in a pixel of the screen, about, in the view from the front that shows everything."""
+        boxes = [self._show.bounds[:, :2]] + ([] if self.bounds is None else [self.bounds])
+        low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+        return float(np.max((high - low) / SCREEN))
+
     def _drawing(self, name: str, drawing: Drawing, at: complex) -> Construction:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
         inks, marks, size = drawing.inks, drawing.marks, self._size
@@ -172,7 +193,11 @@ class PlanNodes:
             nodes.append(arrows)
         words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(inks) if i.label]
         named = [k for k, i in enumerate(inks) if i.label]
-        points = [self._label(f"{path}/point {k}", m.label, anchor="top-right") for k, m in enumerate(marks)]
+        points = [self._label(f"{path}/point {k}", m.label) for k, m in enumerate(marks)]
+        per_pixel = self._per_pixel()
+        texts = [inks[k].label for k in named], [m.label for m in marks]
+        stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel)
+        spots = np.array([m.at for m in marks]).reshape(len(marks), -1) + at
         low, high = drawing.bounds + np.array([at.real, at.imag])
         quantity = drawing.title.split(":")[0]
         caption = self._label(
@@ -195,23 +220,16 @@ class PlanNodes:
         def show(frame: int) -> None:
             if arrows is not None:
                 arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
-            for label, k in zip(words, named, strict=True):
-                start, vector = starts[k, frame], vectors[k, frame]
-                seen = bool(np.isfinite(start + vector) and abs(vector) >= LEAST_LABEL * size)
-                if label.visible != seen:
-                    label.visible = seen
-                if seen:
-                    middle = start + 0.5 * vector
-                    label.position = (middle.real, middle.imag, self._z)
-            taken: list[complex] = []
-            for label, mark in zip(points, marks, strict=True):
-                z = complex(mark.at[frame] + at)
-                seen = bool(np.isfinite(z)) and all(abs(z - other) >= NEAR * size for other in taken)
-                if label.visible != seen:
-                    label.visible = seen
-                if seen:
-                    taken.append(z)
-                    label.position = (z.real, z.imag, self._z)
+            start, vector = starts[named, frame], vectors[named, frame]
+            start = np.where(np.abs(vector) >= LEAST_LABEL * size, start, np.nan)
+            marked = _apart(spots[:, frame], NEAR * size) if len(spots) else np.zeros(0, complex)
+            for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
+                for label, z in zip(labels, places, strict=True):
+                    seen = bool(np.isfinite(z))
+                    if label.visible != seen:
+                        label.visible = seen
+                    if seen:
+                        label.position = (z.real, z.imag, self._z)
 
         return Construction(tuple(nodes), show)
 
@@ -278,6 +296,39 @@ class PlanNodes:
                         self._server.scene.add_line_segments(path, flat, on_light(color), thickness=2.5, thickness_units="screen")
                     )
         return Construction(tuple(nodes), lambda frame: None)
+
+    def _equivalents(self) -> Construction:
+        """Bars, blocks and new pins of equivalent linkages on the mechanism."""
+        size = self._size
+        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
+        moving: list[tuple[viser.LineSegmentsHandle, Array]] = []
+        pins: list[tuple[viser.IcosphereHandle, viser.LabelHandle, Array]] = []
+        named = dict(chain_pins(self._run, size))
+        for name, strips in chain_strips(self._run, size):
+            path = f"/equivalent/{name.replace('/', '_')}"
+            lines = np.concatenate([np.stack([s[:, :-1], s[:, 1:]], axis=2) for s in strips], axis=1)  # (F, lines, 2)
+            node = self._lines(path, lines[0], [EQUIVALENT] * lines.shape[1], 3.0)
+            moving.append((node, lines))
+            nodes.append(node)
+            for label, z in named[name]:
+                dot = self._server.scene.add_icosphere(
+                    f"{path}/{label}", 0.011 * size, color=EQUIVALENT, cast_shadow=False, receive_shadow=False
+                )
+                text = self._label(f"{path}/pin {label}", label, 0.9, "bottom-left")
+                pins.append((dot, text, z))
+                nodes += [dot, text]
+
+        def show(frame: int) -> None:
+            for node, lines in moving:
+                node.points = self._space(lines[frame])
+            for dot, text, z in pins:
+                seen = bool(np.isfinite(z[frame]))
+                if dot.visible != seen:
+                    dot.visible = text.visible = seen
+                if seen:
+                    dot.position = text.position = (z[frame].real, z[frame].imag, self._z)
+
+        return Construction(tuple(nodes), show)
 
     def _substitutes(self) -> Construction:
         """Dots at substitute masses with their values, and the inertia forces of each."""
