@@ -182,8 +182,9 @@ class PlanNodes:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
         inks, marks, size = drawing.inks, drawing.marks, self._size
         path = f"/drawings/{name}"
-        starts = np.array([i.start for i in inks]).reshape(len(inks), -1) + at
-        vectors = np.array([i.vector for i in inks]).reshape(len(inks), -1)
+        frames = self._run.motion.frames
+        starts = np.array([i.start for i in inks], complex).reshape(len(inks), frames) + at
+        vectors = np.array([i.vector for i in inks], complex).reshape(len(inks), frames)
         heads = np.array([not i.plain for i in inks], bool)
         shades = [on_light(i.color) for i in inks] * 3
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
@@ -197,7 +198,7 @@ class PlanNodes:
         per_pixel = self._per_pixel()
         texts = [inks[k].label for k in named], [m.label for m in marks]
         stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel)
-        spots = np.array([m.at for m in marks]).reshape(len(marks), -1) + at
+        spots = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
         low, high = drawing.bounds + np.array([at.real, at.imag])
         quantity = drawing.title.split(":")[0]
         caption = self._label(
@@ -222,7 +223,7 @@ class PlanNodes:
                 arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
             start, vector = starts[named, frame], vectors[named, frame]
             start = np.where(np.abs(vector) >= LEAST_LABEL * size, start, np.nan)
-            marked = _apart(spots[:, frame], NEAR * size) if len(spots) else np.zeros(0, complex)
+            marked = _apart(spots[:, frame], NEAR * size)
             for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
                 for label, z in zip(labels, places, strict=True):
                     seen = bool(np.isfinite(z))
