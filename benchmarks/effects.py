@@ -4,6 +4,7 @@
 
 Nothing is compiled or planned in the jobs: each solves the motion with accelerations, and the forces where the plan calls for them.
 Least processor times of 25 turns. The price of the reactions, which any effect brings along, is that of a mere constant force.
+Every effect and load of the registry (`mechcore.effects`) is here, or it refuses to run.
 """
 
 from __future__ import annotations
@@ -18,15 +19,28 @@ from functools import partial
 
 import mechviz
 from mechcore import Compiled, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.effects import EFFECTS
+from mechcore.effects import LOADS as REGISTRY
+from mechcore.indicator import Compressor
 from mechcore.plan import make_plan
 from mechcore.spec import (
+    BeltTension,
+    ConstantPower,
     Damper,
+    DcMotor,
     Drag,
     Factor,
     Force,
+    Friction,
+    GasPressure,
     GasSpring,
+    Governor,
+    InductionMotor,
     Load,
+    Mechanism,
     Polynomial,
+    Prismatic,
+    Revolute,
     Spring,
     Torque,
     TorsionDamper,
@@ -34,11 +48,13 @@ from mechcore.spec import (
     Viscous,
 )
 
-FRAMES = int(sys.argv[1]) if len(sys.argv) > 1 else 360
+FRAMES = int(sys.argv[1]) if len(sys.argv) > 1 and sys.argv[1].isdigit() else 360
 ENGINE = mechviz.load("four-stroke-cycle").mechanism
 BARE = replace(ENGINE, loads=(), effects=())
+BELT = replace(mechviz.load("belt-drive").mechanism, loads=(), effects=())
 CONSTANT = Force(name="constant", link="piston", point="C", vector=(0.0, -100.0))
 BETWEEN = {"links": ("rod", "frame"), "points": ("C", "A")}
+CYCLE = Compressor(stroke=0.08, suction=1e5, delivery=6e5)
 LOADS: dict[str, Load] = {
     "force": CONSTANT,
     "force by a polynomial of time": replace(CONSTANT, factor=Factor(function=Polynomial((1.0, 2.0)), of="time")),
@@ -52,8 +68,43 @@ LOADS: dict[str, Load] = {
     "drag of a link": Drag(name="drag", link="crank", linear=1.0, quadratic=1.0),
     "viscous friction, revolute": Viscous(name="viscous", pair="A", coefficient=1.0),
     "viscous friction, sliding": Viscous(name="viscous", pair="S", coefficient=1.0),
+    "gas pressure, compressor": GasPressure(name="gas", pair="S", area=5e-3, cycle=CYCLE, top=0.18),
     "gas pressure, four strokes": next(load for load in ENGINE.loads if load.name == "gas"),
+    "DC motor": DcMotor(name="motor", link="crank", stall_torque=50.0, no_load_speed=170.0),
+    "induction motor": InductionMotor(name="motor", pair="A", breakdown_torque=50.0, breakdown_slip=0.2, synchronous_speed=160.0),
+    "machine of constant power": ConstantPower(name="motor", link="crank", power=2e3, torque_limit=50.0),
+    "governor": Governor(name="governor", link="crank", set_speed=160.0, gain=1.0, least=0.0, most=50.0),
 }
+ON_BELT: dict[str, Load] = {
+    "torque": Torque(name="torque", link="drum", moment=-1.0),
+    "belt tension": BeltTension(name="tension", pair="V", slack=100.0, coefficient=0.3),
+    "viscous friction, belt": Viscous(name="viscous", pair="V", coefficient=1.0),
+}
+
+
+def rough(mechanism: Mechanism) -> Mechanism:
+    """With dry friction in every pair."""
+    pins = {p.name: replace(p, friction=Friction(coefficient=0.1, radius=0.01)) for p in mechanism.pairs if isinstance(p, Revolute)}
+    guides = {
+        p.name: replace(p, friction=Friction(coefficient=0.1, length=0.05)) for p in mechanism.pairs if isinstance(p, Prismatic)
+    }
+    return replace(mechanism, pairs=tuple({**pins, **guides}.get(p.name, p) for p in mechanism.pairs))
+
+
+def cases() -> dict[str, dict[str, Mechanism]]:
+    """Mechanisms by what is computed, by the mechanism that they are; the first two of each are without forces. Raises `ValueError`
+    where an effect or load of the registry has no case."""
+    engine = {name: replace(BARE, loads=(load,)) for name, load in LOADS.items()}
+    engine |= {name: replace(BARE, effects=(name,)) for name in ("gravity", "inertia")}
+    engine["constant force and dry friction in all pairs"] = rough(replace(BARE, loads=(CONSTANT,), effects=("friction",)))
+    engine["the whole engine"] = ENGINE
+    belt = {name: replace(BELT, loads=(load,)) for name, load in ON_BELT.items()}
+    made = [*engine.values(), *belt.values()]
+    missing = set(REGISTRY) - {type(load) for m in made for load in m.loads}
+    names = set(EFFECTS) - {name for m in made for name in m.effects}
+    if missing or names:
+        raise ValueError(f"no case for {', '.join(sorted({*names, *(kind.__name__ for kind in missing)}))}")
+    return {"slider-crank": {"bare": BARE, **engine}, "belt drive": {"bare": BELT, **belt}}
 
 
 def kinematics(compiled: Compiled, times: object) -> object:
@@ -73,24 +124,25 @@ def by_plan(compiled: Compiled, times: object) -> Callable[[], object]:
 
 
 def main() -> None:
-    times = default_times(BARE, FRAMES, 2)
-    jobs: dict[str, Callable[[], object]] = {
-        "kinematics alone": partial(kinematics, compile_mechanism(BARE), times),
-        "a scene without effects, by its plan": by_plan(compile_mechanism(BARE), times),
-    }
-    for name, load in LOADS.items():
-        jobs[name] = by_plan(compile_mechanism(replace(BARE, loads=(load,))), times)
-    for name in ("gravity", "inertia"):
-        jobs[name] = by_plan(compile_mechanism(replace(BARE, effects=(name,))), times)
-    jobs["the whole engine"] = by_plan(compile_mechanism(ENGINE), times)
-    found = interleaved(jobs, runs=25, seconds=0.02, pick=min, clock=time.process_time)
-    base, force = found["kinematics alone"], found["force"]
+    jobs: dict[str, Callable[[], object]] = {}
+    frames = 0
+    for what, found in cases().items():
+        times = default_times(found["bare"], FRAMES, 2)
+        frames = len(times)
+        jobs[f"{what}: kinematics alone"] = partial(kinematics, compile_mechanism(found["bare"]), times)
+        for name, mechanism in found.items():
+            words = "a scene without effects, by its plan" if name == "bare" else name
+            jobs[f"{what}: {words}"] = by_plan(compile_mechanism(mechanism), times)
+    seconds = interleaved(jobs, runs=25, seconds=0.02, pick=min, clock=time.process_time)
     print(machine("numpy"))
-    print(f"slider-crank, {len(times)} frames: kinematics alone takes {1e3 * base:.3f} ms")
-    print(f"{'':38}  {'time / kinematics':>17}  {'beyond a constant force / kinematics':>36}")
-    for name, seconds in found.items():
-        extra = "" if name in ("kinematics alone", "a scene without effects, by its plan") else f"{(seconds - force) / base:>36.2f}"
-        print(f"{name:38}  {seconds / base:>17.2f}  {extra}")
+    for what in cases():
+        own = {name.removeprefix(f"{what}: "): t for name, t in seconds.items() if name.startswith(f"{what}: ")}
+        base, force = own["kinematics alone"], own["force" if "force" in own else "torque"]
+        print(f"{what}, {frames} frames: kinematics alone takes {1e3 * base:.3f} ms")
+        print(f"{'':44}  {'time / kinematics':>17}  {'beyond a constant load / kinematics':>36}")
+        for k, (name, t) in enumerate(own.items()):
+            extra = "" if k < 2 else f"{(t - force) / base:>36.2f}"
+            print(f"{name:44}  {t / base:>17.2f}  {extra}")
 
 
 if __name__ == "__main__":

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections import Counter
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mechviz
-from mechcore import effects
+from mechcore import compile_mechanism, default_times, effects
 from mechcore.model import Model
 from mechcore.plan import make_plan
 from mechviz.cost import cost_lines, measure
@@ -111,3 +114,21 @@ def test_measured_costs_name_every_stage_of_the_plan():
     assert len(cost_lines(costs, 721)) == len(costs) + 3
     plain = measure(mechviz.load("crank-rocker"), repeats=1)
     assert "reactions and drive efforts" not in [c.name for c in plain]
+
+
+def test_the_benchmark_of_prices_has_every_effect_of_the_registry(monkeypatch):
+    folder = Path(__file__).parents[1] / "benchmarks"
+    monkeypatch.syspath_prepend(str(folder))
+    spec = importlib.util.spec_from_file_location("effects_benchmark", folder / "effects.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for found in module.cases().values():
+        compiled = compile_mechanism(found["bare"])
+        assert module.by_plan(compiled, default_times(found["bare"], 24, 2))().frames > 24  # no forces: a motion
+        for name, mechanism in list(found.items())[1:]:
+            assert np.isfinite(
+                module.by_plan(compile_mechanism(mechanism), default_times(mechanism, 24, 2))().power_supplied
+            ).all(), name
+    monkeypatch.delitem(module.ON_BELT, "belt tension")
+    with pytest.raises(ValueError, match="no case for BeltTension"):
+        module.cases()
