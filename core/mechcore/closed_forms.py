@@ -104,7 +104,7 @@ def gap_theta_theta(a: Array, b: Array, c: Array) -> Array:
 
 def theta_slide(a: Array, along: Array, c: Array, mode: Array) -> tuple[Array, Array]:
     """e, s of ``a e + s along = c``. mode +1: the end of ``a`` lies ahead, in the direction of ``along``, mode -1: behind."""
-    turned = c * along.conjugate()
+    turned = c if isinstance(along, complex) and along == 1 else c * along.conjugate()
     ra, y = abs(a), turned.imag
     x = _with_mode(leg(ra, y), mode)
     e = np.empty(x.shape, complex)

@@ -9,7 +9,7 @@ friction, where a scene names it, is one more load that depends on the result (`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from .frames import added, crossed, lazy, nothing
 from .leastnorm import least_norm
 from .motion import Motion
 from .spec import braked
+from .statics import Hanging
 
 if TYPE_CHECKING:
     from .friction import FrictionResult
@@ -97,7 +98,7 @@ class Forces:
         if j not in self.motion.model.driven:
             return self._rows(force, couple)
         if self.motion.model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return self._rows(force, couple - couple)
+            return self._rows(force, 0.0)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
@@ -272,8 +273,10 @@ class Forces:
         return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
 
     def _rows(self, force: Array, moment: Array) -> Real:
-        out = np.empty((self.motion.frames, 3))
-        out[:, 0], out[:, 1], out[:, 2] = force.real, force.imag, moment
+        out = np.zeros((self.motion.frames, 3))
+        out[:, 0], out[:, 1] = force.real, force.imag
+        if isinstance(moment, np.ndarray) or moment != 0.0:
+            out[:, 2] = moment
         return out
 
 
@@ -304,7 +307,7 @@ def transmit(
         return least_norm(motion, force, moment, flanks)
     force, moment = list(force), list(moment)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.grouped, model.hung))
+        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
         contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
         for r, multiplier in ties.items():
             relation = model.relations[r]
@@ -316,7 +319,7 @@ def transmit(
                 force[k] = force[k] + f
                 moment[k] = moment[k] + crossed(place - motion.origins[k], f)
         if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
-            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.grouped, model.hung))
+            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
         for c, cut in cuts.items():
             j = model.contours[c].closing
             for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)):
@@ -324,7 +327,7 @@ def transmit(
                     force[k] = added(force[k], cut, sign)
                     if k in model.passing:
                         moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
-        hanging, unbalanced = _hang(motion, force, moment, model.passing, model.inwards)
+        hanging, unbalanced = _hang(motion, force, moment, model.hanging)
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         transmitted[model.contours[c].closing] = (cut, 0.0)
@@ -335,24 +338,20 @@ def transmit(
     return transmitted, contacts, ties
 
 
-def _hang(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], wanted: Container[int], order: Sequence[int]
-) -> tuple[list[Array], list[Array]]:
+def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array], steps: Hanging) -> tuple[list[Array], list[Array]]:
     """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced (of the links ``wanted``); not of the frame. ``order``: the links to go through, inwards."""
-    steps = motion.model.steps
+    forces alone leave unbalanced (of the links that ``steps`` ask for); not of the frame."""
     hanging, unbalanced = list(force), list(moment)
-    for k in order:
-        j, side, p = steps[k]
+    for k, p, own, carrying in steps:
         f = hanging[k]
         if nothing(f):
             continue
-        if k in wanted:
-            unbalanced[k] = added(unbalanced[k], _moment(motion.arm(k, j, side), f), -1)
+        if own is not None:
+            unbalanced[k] = added(unbalanced[k], _moment(motion.arm(*own), f), -1)
         if p:
             hanging[p] = added(hanging[p], f)
-            if p in wanted:
-                unbalanced[p] = added(unbalanced[p], _moment(motion.arm(p, j, 1 - side), f))
+            if carrying is not None:
+                unbalanced[p] = added(unbalanced[p], _moment(motion.arm(*carrying), f))
     return hanging, unbalanced
 
 

@@ -22,7 +22,7 @@ from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
-from .statics import Body, bodies_with_mass, hung, weights
+from .statics import Body, Hanging, bodies_with_mass, hanging, hung, weights
 from .terms import Split, Terms, driven_spins, point_terms, split
 
 if TYPE_CHECKING:
@@ -236,6 +236,16 @@ class Model:
     def hung(self) -> tuple[int, ...]:
         """Links, inwards, whose hanging force decides the forces in the cuts."""
         return hung(self)
+
+    @cached_property
+    def hanging_in_cuts(self) -> Hanging:
+        """What hangs where, as far as the forces in the cuts need it."""
+        return hanging(self, self.grouped, self.hung)
+
+    @cached_property
+    def hanging(self) -> Hanging:
+        """What hangs where, as far as couples and drives need it."""
+        return hanging(self, self.passing, self.inwards)
 
     @cached_property
     def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:

@@ -164,21 +164,25 @@ class Motion:
         """Speeds of all spins and slides."""
         if self.accuracy.differentiation != "exact":
             return self._by_differences(1)
-        with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
-            if "columns" not in self.__dict__:  # found here, they need no quiet of their own
-                self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
-            rates = [d[1] for d in self._drives]
-            return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
+        with np.errstate(**CALM):
+            return self._speeds()
+
+    def _speeds(self) -> Rates:
+        if "columns" not in self.__dict__:  # found here, they need no quiet of their own
+            self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+        rates = [d[1] for d in self._drives]
+        return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
 
     @lazy
     def accelerations(self) -> Rates:
         """Second rates of all spins and slides."""
         if self.accuracy.differentiation != "exact":
             return self._by_differences(2)
-        speeds, cols = self.speeds, self.columns
-        with np.errstate(**CALM):
+        with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
+            if "speeds" not in self.__dict__:
+                self.speeds = self._speeds()
             rates = [d[2] for d in self._drives]
-            return accelerations(self.model, self.contours, cols, speeds, rates, self.patches)
+            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
 
     def _by_differences(self, derivative: int) -> Rates:
         from .differences import numerical_rates  # here: nobody needs it who does not ask for it

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,11 @@ class Compiled:
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
     courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
     accuracy: Accuracy = DEFAULT
+
+    @cached_property
+    def near(self) -> float:
+        """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
+        return TURN * MOST_TURNS * min(1.0, self.model.size) - max((abs(q) for q in self.start), default=0.0)
 
     @property
     def followed(self) -> bool:
@@ -154,17 +159,19 @@ def solve_motion(
 
 def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
     """Drives that go on for so many turns that nobody would wait for all the change points and angles on their way."""
+    near = compiled.near
+    if all(-near < q[0] < near and -near < q[-1] < near for q in positions):
+        return
     model = compiled.model
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
         way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
-        if way > TURN * MOST_TURNS * min(1.0, model.size):  # quickly done where all is well
-            rotary = model.joints[model.joint_index[drive.pair]].coordinate == "angle"
-            turns = way / (TURN if rotary else TURN * model.size)
-            if turns > MOST_TURNS * (1.0 + 1e-9):
-                far = f"{turns:.6g} turns" if rotary else f"{way:.6g} m, {way / model.size:.6g} times the size of the mechanism"
-                most = f"{MOST_TURNS:,} turns" if rotary else f"{TURN * MOST_TURNS * model.size:.6g} m"
-                why = f"it goes {far} from its start; motions are followed over {most} at most."
-                raise MechanismError(Fault(f"pairs.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
+        rotary = model.joints[model.joint_index[drive.pair]].coordinate == "angle"
+        turns = way / (TURN if rotary else TURN * model.size)
+        if turns > MOST_TURNS * (1.0 + 1e-9):
+            far = f"{turns:.6g} turns" if rotary else f"{way:.6g} m, {way / model.size:.6g} times the size of the mechanism"
+            most = f"{MOST_TURNS:,} turns" if rotary else f"{TURN * MOST_TURNS * model.size:.6g} m"
+            why = f"it goes {far} from its start; motions are followed over {most} at most."
+            raise MechanismError(Fault(f"pairs.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
 def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:

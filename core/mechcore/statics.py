@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from .terms import Terms, scaled
@@ -9,7 +10,13 @@ from .terms import Terms, scaled
 if TYPE_CHECKING:
     from .model import Model
 
-__all__ = ["Body", "bodies_with_mass", "hung", "weights"]
+__all__ = ["Body", "Hanging", "bodies_with_mass", "hanging", "hung", "weights"]
+
+
+Arm = tuple[int, int, int]  # link, joint, side
+Hanging = tuple[tuple[int, int, Arm | None, Arm | None], ...]
+"""Links inwards, each with the link that it hangs on, and the arms at which its force acts on it and on that link; None where the
+moment is not asked for, or the force acts at the link's origin."""
 
 
 class Body(NamedTuple):
@@ -40,6 +47,19 @@ def bodies_with_mass(model: Model) -> tuple[Body, ...]:
         for k, (mass, centre, inertia) in enumerate(model.masses)
         if k and (mass or inertia)
     )
+
+
+def hanging(model: Model, wanted: Container[int], order: Sequence[int]) -> Hanging:
+    """Which forces hang where: over the links of ``order``, the moments on the links ``wanted``."""
+
+    def arm(k: int, j: int, side: int) -> Arm | None:
+        joint = model.joints[j]
+        at = joint.b if side else joint.a
+        still = isinstance(at, complex) and at == 0 and (joint.slide is None or joint.guide != side)
+        return None if still or k not in wanted else (k, j, side)
+
+    steps = ((k, *model.steps[k]) for k in order)
+    return tuple((k, p, arm(k, j, side), arm(p, j, 1 - side) if p else None) for k, j, side, p in steps)
 
 
 def hung(model: Model) -> tuple[int, ...]:

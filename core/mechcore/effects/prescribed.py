@@ -7,7 +7,7 @@ from typing import Any
 from ..loads import Force, Torque
 from .argument import bends, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
-from .wrench import Wrench
+from .wrench import Totals, Wrench
 
 __all__ = ["AppliedForce", "AppliedTorque"]
 
@@ -41,6 +41,15 @@ class AppliedForce(Effect):
             return [Wrench(load.name, "force", k, vector, 0.0, arm)]
         other = model.index[load.against]
         return [Wrench(load.name, "force", k, vector, 0.0, arm, other=other, other_arm=at.of_point(k, local) - at.origins[other])]
+
+
+    def sum_into(self, at: Configuration, totals: Totals) -> list[Wrench] | None:
+        load, model = self.load, at.model
+        if load.factor is not None or load.axes == "link" or load.against is not None:
+            return super().sum_into(at, totals)
+        k = model.index[load.link]
+        totals.put(k, at.offset(k, model.points[k][load.point]), complex(*load.vector))
+        return None
 
 
 class AppliedTorque(Effect):
