@@ -42,7 +42,6 @@ class AppliedForce(Effect):
         other = model.index[load.against]
         return [Wrench(load.name, "force", k, vector, 0.0, arm, other=other, other_arm=at.of_point(k, local) - at.origins[other])]
 
-
     def sum_into(self, at: Configuration, totals: Totals) -> list[Wrench] | None:
         load, model = self.load, at.model
         if load.factor is not None or load.axes == "link" or load.against is not None:
