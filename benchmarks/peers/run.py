@@ -7,7 +7,8 @@ under gravity, inertia and a working force, all reactions and the driving torque
 
 The packages are installed at fixed versions into an environment of their own beside this file (`.venv`, made on first use). Each
 row runs in a process of its own, so that no package disturbs another, with one thread. The rows take turns; a turn repeats the
-computation until it lasts a while; the table shows the median over the turns. Errors are taken against a closed form in 30 digits.
+computation until it lasts a while; the table shows the median of processor time over the turns. Errors are taken against a closed
+form in 30 digits.
 ``--all`` adds the large packages (Drake, OpenSim). A peer that cannot be installed or run is a row that says why.
 """
 
@@ -109,10 +110,10 @@ def serve(pipe, module: str, problem: str, label: str) -> None:
             if what == "values":
                 pipe.send(("ok", solve(turn)))
             else:
-                begin = time.perf_counter()
+                begin = time.process_time()
                 for _ in range(rest[0]):
                     solve(turn)
-                pipe.send(("ok", (time.perf_counter() - begin) / rest[0]))
+                pipe.send(("ok", (time.process_time() - begin) / rest[0]))
     except EOFError:
         pass
     except Exception as error:
@@ -282,9 +283,10 @@ def head(versions: list[str], settings: SimpleNamespace) -> list[str]:
         "",
         f"Packages: {', '.join(versions)}.",
         "",
-        f"Medians of {settings.runs} turns of about {settings.seconds} s or one computation each; the rows take turns, each in a "
-        "process of its own. On a shared machine read ratios, not times. Times are for a model in hand: building it, importing the "
-        "package and compiling (numba) are left out and stand under set-up, together with the first computation of 360 positions. "
+        f"Medians of processor time over {settings.runs} turns of about {settings.seconds} s or one computation each; the rows "
+        "take turns, each in a process of its own. On a shared machine read ratios, not times. Times are for a model in hand: "
+        "building it, importing the package and compiling (numba) are left out and stand under set-up, together with the first "
+        "computation of 360 positions. "
         "Ratio: median of time over mechviz's time just before. "
         "Error: largest error of both sizes relative to the largest value, against a closed form in 30 digits. "
         "Rows by hand are no package's service but equations worked out for this one mechanism; bars do not count them.",
