@@ -212,7 +212,27 @@ def test_a_sliver_on_a_walk_is_refused(margin):
     assert solve_motion(compile_mechanism(free), default_times(free, 90)).closure.max() < 1e-12
 
 
-def test_a_walk_that_starts_on_a_change_point_is_refused():
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-7, -1e-7, 1e-6, -1e-6, 1e-3, -1e-3, 0.02])
+@pytest.mark.parametrize(
+    ("mode", "at", "speed"), [("left", 0.0, 1.0), ("right", 0.0, -1.0), ("left", np.pi, -1.0), ("right", np.pi, 1.0)]
+)
+def test_a_walk_that_starts_on_a_change_point_or_beside_it_goes_the_stated_way(mode, at, speed, off):
+    """A wheel on the rocker has its group followed; without one the same group is solved by its closed form."""
+    base = four_bar(E=(2.0, 0.0), AB=1.0, BD=2.0, DE=1.0, start=at + off, mode=mode)
+    base = replace(base, drives=(Drive(pair="A", law=ConstantSpeed(at + off, speed)),))
+    t = np.linspace(0.0, 2.0 * TURN, 91)
+    plain = solve_motion(compile_mechanism(base), t)
+    geared = solve_motion(compile_mechanism(with_pinion(base, "rocker", (3.5, 0.0))), t)
+    assert geared.closure.max() < 1e-13
+    for found in ("pose", "velocity", "acceleration"):
+        want, got = (getattr(m, found)("rocker") for m in (plain, geared))
+        turns = TURN * np.round((got[0, 2] - want[0, 2]) / TURN) if found == "pose" else 0.0  # -180 and 180 degrees are one start
+        np.testing.assert_allclose(got - [0.0, 0.0, turns], want, rtol=0, atol=1e-6 if found == "acceleration" else 1e-7)
+    wheel = geared.pose("pinion")[:, 2] - geared.pose("pinion")[0, 2]
+    np.testing.assert_allclose(wheel, -(geared.pose("rocker")[:, 2] - geared.pose("rocker")[0, 2]) * 2 / 3, atol=1e-9)
+
+
+def test_a_walk_whose_start_leaves_the_way_open_is_refused():
     sketch = {"r1": (0.0, 0.0, 0.0), "bar": (1.0, 0.0, 0.0), "r2": (3.0, 0.0, 0.0), "rod": (2.5, 0.4, 1.0)}
     with pytest.raises(MechanismError, match="singular position"):
         at = 1.9 + 0.6j  # the crank's angle at which P is at (2.5, 0.4): cosine rule about C0

@@ -23,7 +23,7 @@ from .limits import find_limit
 from .model import Model
 from .positions import place_all
 
-__all__ = ["Track", "follow"]
+__all__ = ["REGULAR", "Drives", "Track", "follow"]
 
 Array = Any
 Drives = Callable[[float], tuple[list[float], list[float]]]  # parameter -> drive positions and their derivatives by it
@@ -42,7 +42,8 @@ class Track:
     ``known``: the part of it that the walk's own rows cover, which ends just before a limit.
 
     ``passed``: singular positions on the way at which the motion goes on along its tangent, and the group that is singular there.
-    ``loose``: the groups that have more than one freedom where the walk ended; ``singular``: whether it ended at a limit.
+    ``loose``: the groups that have more than one freedom where the walk ended; ``singular``: whether it ended at a limit;
+    ``flat_ends``: whether a followed group is all but singular where the walk was let end, so that more of the way should be known.
     """
 
     ends: tuple[float, float]
@@ -51,6 +52,7 @@ class Track:
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
     singular: bool = False
+    flat_ends: tuple[bool, bool] = (False, False)
 
     def starts(self, parameter: Array) -> dict[str, Array]:
         """Newton starts for parameters (F,)."""
@@ -84,7 +86,11 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
     beyond = (min(low, start), max(high, start))  # a step through a singular position may go a little too far
     known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
     ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
-    return Track(ends=ends, known=known, splines=splines, passed=tuple(passed), loose=loose, singular=bool(stopped))
+    low_end, high_end = (
+        not any(rows is s for s in stopped) and min((_regularity(rows[-1], name) for name in rows[-1][4]), default=1.0) < WATCHED
+        for rows in (backward, forward)
+    )
+    return Track(ends, known, splines, tuple(passed), loose, bool(stopped), (low_end, high_end))
 
 
 Row = tuple[

@@ -16,7 +16,7 @@ import numpy as np
 from . import blocks as bl
 from .assembly import Assembly
 from .changes import TWO_MODES, Change, Changes, flat_instants, needs_span, rounding_of
-from .continuation import Track, follow
+from .continuation import REGULAR, Drives, Track, follow
 from .laws import ConstantSpeed, Law
 from .model import Block, Model
 from .patching import FAR, NODES, TAIL, make_patches, tail_of, unknowns_of
@@ -32,6 +32,9 @@ MOST_SAMPLES = 20_000
 SAMPLES_OF_LAW = 2001
 CLOSED = 1e-11  # of the size: what contours may be open at a dead point that a drive just reaches
 STUCK = 1e-9  # flatness of a group that takes part in what a walk did not get through
+BESIDE = 0.3  # of a step: where a walk begins whose start is flat (no power of two: halved steps shall not lead back onto it)
+AHEAD = 2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+FLAT = 1e-4  # flatness of a group below which a start counts as flat
 EDGE = 1e-11  # relative: what a limit is known to, generously
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
 
@@ -209,12 +212,21 @@ def walk(
         return [*(float(f[0]) for f in found), *rest], [*(float(f[1]) for f in found), *([0.0] * len(rest))]
 
     gaps: list[tuple[float, float, int]] = []
-    for _ in range(len(model.blocks) + 1):
-        track = follow(model, assembly, drives, start, low, high, step)
+    begin, behind, ahead, more = start, low, high, 2.0 * FAR * sample
+    aside = _flat_start(model, assembly, drives, start, step)
+    if aside:
+        begin = start + aside * BESIDE * step
+        assembly = _beside(model, assembly, drives, begin)
+        behind, ahead = min(low, start - more), max(high, start + more)  # the way has to be known on both sides of the start
+    for _ in range(len(model.blocks) + 3):
+        track = follow(model, assembly, drives, begin, behind, ahead, step)
         flat, gaps = _flat_on(model, assembly, track, laws, rest, sample)
-        if not flat:
+        wider = (behind == low and track.flat_ends[0], ahead == high and track.flat_ends[1])
+        if not flat and not any(wider):
             break
-        model, assembly = _followed(model, assembly, flat)
+        if flat:
+            model, assembly = _followed(model, assembly, flat)
+        behind, ahead = behind - more * wider[0], ahead + more * wider[1]
     edge = EDGE * max(1.0, abs(low), abs(high))
     if track.ends[0] > low + edge:
         gaps.append((low, track.ends[0], -1))
@@ -227,6 +239,46 @@ def walk(
     lead = laws if by_time else (ConstantSpeed(start, 1.0), *(ConstantSpeed(q, 0.0) for q in rest))
     changes = Changes(period=1e150, found=tuple(found), laws=lead, by_drive=not by_time)
     return replace(course, changes=changes)
+
+
+def _flat_start(model: Model, assembly: Assembly, drives: Drives, start: float, step: float) -> float:
+    """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
+    where that position lies just ahead; 0 where none is near."""
+
+    def flatness(p: float) -> Array:
+        positions = [np.float64(q) for q in drives(p)[0]]
+        state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
+        found = [np.min([float(h) for h in bl.flatness(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
+        return np.array(found)
+
+    here = flatness(start)
+    if not (here < FLAT).any() or _singular(model, assembly, drives, start):
+        return 0.0
+    off = 1e-3 * step
+    before, after = flatness(start - off)[here < FLAT], flatness(start + off)[here < FLAT]
+    grows = after - before
+    return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
+
+
+def _singular(model: Model, assembly: Assembly, drives: Drives, p: float) -> bool:
+    """Whether a group that no closed form solves, whose way on nothing states, is singular."""
+    state = place_all(model, [np.float64(q) for q in drives(p)[0]], assembly.modes, assembly.starts, constants=assembly.constants)
+    found = []
+    for block in (b for b in model.blocks if b.kind == "general"):
+        contours = {c: bl.vectors(model, c, state) for c in block.contours}
+        matrix, _ = bl.matrix_of(bl.columns(model, block, contours))
+        s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
+        found.append(bool(s[-1] < REGULAR * s[0]))
+    return any(found)
+
+
+def _beside(model: Model, assembly: Assembly, drives: Drives, p: float) -> Assembly:
+    """The assembly next to a flat start, where the modes of the groups with a closed form say which way leads on."""
+    positions = [np.float64(q) for q in drives(p)[0]]
+    state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
+    starts = {name: np.asarray(found.x) for name, found in state.newton.items()}
+    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.wound}
+    return replace(assembly, starts=starts, state=state)
 
 
 def _followed(model: Model, assembly: Assembly, flat: set[int]) -> tuple[Model, Assembly]:
