@@ -48,12 +48,17 @@ class Outline:
 def cam_outlines(run: Run) -> list[Outline]:
     """Profiles of all cams of a run, of a groove both flanks. Raises `OutputError` where a profile crosses itself."""
     from mechcore.cams.happenings import placed_cams
+    from mechcore.cams.placed import PlacedCam
 
     found = []
     for cam in placed_cams(run.motion):
+        if not isinstance(cam, PlacedCam):
+            continue
         found.append(_profile(cam))
         if cam.groove and cam.bed is None and cam.cam.follower.radius > 0.0:
             found.append(_far_flank(cam))
+        if cam.mate is not None:
+            found.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
     for outline in found:
         _check(outline)
     return found

@@ -473,6 +473,7 @@ def export(
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
     glb: Annotated[Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF")] = None,
+    threemf: Annotated[Path | None, typer.Option("--3mf", help="write all solids into one file to print (3MF)")] = None,
     dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
     profile: Annotated[Path | None, typer.Option("--profile", help="write cams' points, normals, curvature (CSV)")] = None,
@@ -483,8 +484,8 @@ def export(
     from . import export as ex
 
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
-    if csv is None and parquet is None and stl is None and glb is None and not profiles:
-        fail("nothing to export: add --csv, --parquet or --glb FILE, --stl FOLDER, and of cams --dxf, --svg or --profile FILE.")
+    if csv is None and parquet is None and stl is None and glb is None and threemf is None and not profiles:
+        fail("nothing to export: add --csv, --parquet, --glb, --3mf FILE or --stl FOLDER, of cams --dxf, --svg or --profile FILE.")
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles)
         try:
@@ -502,6 +503,10 @@ def export(
                     from .gltf import export_glb
 
                     print(export_glb(run, glb))
+                if threemf is not None:
+                    from .threemf import export_3mf
+
+                    print(export_3mf(run, threemf))
                 for kind, path in profiles.items():
                     from .cam_export import export_profiles
 

@@ -50,14 +50,24 @@ def glb_bytes(run: Run, *, solids: Solids | None = None) -> bytes:
     for name, solid in solids.links.items():
         pose = motion.pose(name)
         node: dict[str, Any] = {"name": name, **_placed(pose[0])}
-        if len(solid.faces):
-            node["mesh"] = out.mesh(name, list(_primitives(out, solid)))
+        mesh = out.mesh(name, list(_primitives(out, solid))) if len(solid.faces) else None
+        if mesh is not None and solid.spin is None:
+            node["mesh"] = mesh
         nodes[0]["children"].append(len(nodes))
         if len(pose) > 1 and np.any(pose != pose[0]):
             for path, values in (("translation", _translations(pose)), ("rotation", _rotations(pose[:, 2]))):
                 channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
                 samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
         nodes.append(node)
+        if mesh is not None and solid.spin is not None:  # below its link the solid turns about an axis in the plane
+            from .meshes.spatial import spin_transforms
+
+            shifts, turns = spin_transforms(solid.spin, pose[:, 2] - motion.pose(solid.spin.carrier)[:, 2])
+            node["children"] = [len(nodes)]
+            for path, values in (("translation", shifts), ("rotation", turns)):
+                channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
+                samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
+            nodes.append({"name": f"{name} solid", "mesh": mesh, "translation": shifts[0].tolist(), "rotation": turns[0].tolist()})
     for link, point in motion.mechanism.traced:
         xy = motion.point(link, point)
         places = np.column_stack([xy, np.full(len(xy), path_height(run, solids.heights, link, point))])

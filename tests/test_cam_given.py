@@ -101,7 +101,7 @@ def test_a_roller_that_is_too_large_for_a_hollow_is_knocked():
         v = again(np.array([e.time - 1e-8, e.time + 1e-8])).coordinate("S")[:, 1]
         speed = motion.coordinate("O")[0, 1]
         assert v[1] - v[0] == pytest.approx(e.value * speed, rel=1e-4) and e.value > 0.0
-    small, _ = solved(text_of("cam-drawing").replace("roller = 40", "roller = 20"))
+    small, _ = solved(text_of("cam-drawing").replace("roller = 45", "roller = 20"))
     assert not [e for e in cam_events(small, None) if "leaps" in e.text]
 
 

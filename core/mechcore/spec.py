@@ -275,6 +275,19 @@ class Cylinder:
     friction: Friction | None = None
 
 
+@dataclass(frozen=True)
+class SpatialBlank:
+    """What a spatial cam is cut from: ``radius`` of its cylinder (of a globoid none), ``depth`` of the groove, height of the rib or
+    width of the end face [m]. ``axis``: the cam's direction in the carrier's frame, where the follower's guide does not give it.
+    """
+
+    kind: Literal["barrel", "rib", "end", "globoid"]
+    radius: float
+    depth: float
+    axis: Vec2 | None = None
+    thickness: float = 0.0  # of a rib [m]
+
+
 @dataclass(frozen=True, kw_only=True)
 class CamPair:
     """A plane cam and its follower: ``links`` are (cam, follower), both guided on one link, the carrier.
@@ -290,6 +303,7 @@ class CamPair:
     law is read as the cam turns in ``sense`` (1 counter-clockwise), ``phase`` ahead. An oscillating follower has its point on
     ``side`` of the line from its pivot to the cam's axis. ``closure``: "force" only presses; "form" pulls too: a
     groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event.
+    ``second``: point and radius of a second roller on a second cam of the same shaft, which pulls (a conjugate pair).
     ``undercut``: a profile that is too sharp for its follower is refused, or made as the cutter leaves it ("cut").
     """
 
@@ -307,6 +321,10 @@ class CamPair:
     phase: float = 0.0  # [rad or m]
     side: Literal["left", "right"] = "left"
     closure: Literal["force", "form"] = "force"
+    second: tuple[str, float] | None = None  # of form closure
+    friction: Friction | None = None  # coefficient of the contact; of a roller also the radius of its pin
+    inverse: bool = False  # the roller's centre is a point of the first link, the groove is on the second, on closure "form"
+    spatial: SpatialBlank | None = None  # the cam's axis lies in the plane: base is the roller's place along it at zero lift
     pressure_limit: float | None = None  # [rad]
 
 

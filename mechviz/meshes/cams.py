@@ -33,8 +33,11 @@ _CHEEK = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 def group_cams(model: Model, draft: Draft, taken: set[str]) -> set[str]:
     """Put cams and what touches them onto common layers -> links that need no plate of their own, those ``taken`` included."""
     plain = set(taken)
+    for drawing in model.spatial:  # its shaft lies in the plane: it has no layer of its own
+        plain.add(drawing.cam)
+        draft.merge(draft.groups[drawing.cam], draft.groups[drawing.follower])
     for cam in model.cams:
-        group = f"cam {cam.pair}"
+        group = f"cam {cam.pair}" if cam.mate_of is None else f"second cam {cam.pair}"
         home = cam.cam not in plain and cam.cam != model.frame and _holds(model, cam)
         if home:
             plain.add(cam.cam)
@@ -43,13 +46,18 @@ def group_cams(model: Model, draft: Draft, taken: set[str]) -> set[str]:
         if cam.grounded and cam.follower not in plain:
             plain.add(cam.follower)
             own = draft.groups[cam.follower]
-            if not cam.placed.groove and own != group and not joined(model, draft, own, group):
+            if not _before(cam) and own != group and not joined(model, draft, own, group):
                 draft.merge(own, draft.cams[-1])
         for number, axle in enumerate(model.axles):
             at = axle.centres.get(cam.cam)
             if at is not None and math.dist(at, cam.bore) < 1e-9:
                 draft.through.setdefault(number, set()).add(draft.cams[-1])
     return plain
+
+
+def _before(cam: CamDrawing) -> bool:
+    """Whether the follower's stem lies before the cam, with only its roller beside it."""
+    return cam.placed.groove or cam.placed.mate is not None
 
 
 def _holds(model: Model, cam: CamDrawing) -> bool:
@@ -94,7 +102,8 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
             for a in model.axles
             if cam.cam in a.centres and math.dist(a.centres[cam.cam], cam.bore) > 1e-9
         ]
-        floor = rim.difference(unary_union(heads)) if heads else rim
+        floor = rim.buffer(-0.06 * r, quad_segs=32)  # no edge of it coincides with one of the rim
+        floor = outline.polygons(floor.difference(unary_union(heads)))[0] if heads else floor
         draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
@@ -258,26 +267,31 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     at_guide = _guide_height(model, cam)
     if at_guide - 2.0 * r > low:
         low = at_guide - 2.0 * r
-    if placed.groove and not cam.bed:  # before the disc
+    if _before(cam) and not cam.bed:  # before the disc
         low = max(low, highest + 2.2 * r)
     high = low + 4.0 * r
     top = max([high - lowest + 1.4 * r, *(z.imag + 0.6 * r for z in points)])
     bottom = min([head.top - 0.05 * r, *(z.imag for z in points if z.imag > head.top)])
     fork = isinstance(placed.cam.follower.face, Roller)
-    if fork:
+    if placed.mate is not None:
+        bottom = min([0.0, *(z.imag for z in points)]) - 0.8 * r
+    elif fork:
         bottom = head.top * 1.12
     stem: list[Any] = [Polygon([(-half, bottom), (half, bottom), (half, top), (-half, top)])]
     for z in points:
         if abs(z.real) > 0.1 * half and z.imag > bottom:
             stem.append(outline.hull([((0.0, z.imag), half), ((z.real, z.imag), 0.6 * r)], model.segments))
     if fork:
-        rod = unary_union(stem).difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER))
+        rod = unary_union(stem)
+        if placed.mate is None:
+            rod = rod.difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER))
         cheek = outline.hull([((0.0, 0.0), 0.42 * head.top), ((0.0, bottom + 0.9 * r), 0.8 * half)], model.segments)
         roller = _moved(head.touching, complex(*cam.tip), cam.turn)
         height = (_FLOAT, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
         draft.pieces.append(Piece(cam.follower, roller, group, "wheel", mates, height=height))
-        if placed.groove:
-            cheek = outline.hull([((0.0, 0.0), 0.6 * min(head.top, r)), ((0.0, bottom + r), half)], model.segments)
+        if _before(cam):
+            foot = (0.0, bottom + r) if placed.mate is None else (0.0, head.top)
+            cheek = outline.hull([((0.0, 0.0), 0.6 * min(head.top, r)), (foot, half)], model.segments)
             rod = unary_union([rod, cheek])
             spot = outline.disc((0.0, 0.0), 0.45 * min(head.top, r), model.segments)
             draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechcore.pairs import Builder, Joint, build_pairs
-from mechcore.spec import Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
+from mechcore.spec import CamPair, Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
 
+from .inverse import InverseDrawing, find_inverse
 from .profiles import CamDrawing, cam_extents, find_cams
+from .spatial import SpatialDrawing, find_spatial
 from .telescopes import Telescope, find_telescopes
 from .wheels import Wheels, find_wheels
 
@@ -139,6 +141,8 @@ class Model:
     proportions: Proportions
     segments: int  # sides of a full circle
     cams: tuple[CamDrawing, ...] = ()
+    inverse: tuple[InverseDrawing, ...] = ()
+    spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic pair -> its point on the ground, where there is one
 
     def pins(self, link: str) -> list[Vec2]:
@@ -162,8 +166,10 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     wheels = find_wheels(mechanism, parts, size, scaled)
     racks = {bar.slider for bar in wheels.racks}
     cams = find_cams(mechanism, parts, size, profile)
+    spatial = find_spatial(mechanism, parts, size)
+    spun = {drawing.cam for drawing in spatial}
     drawn = {name for cam in cams for name in cam.own_guides}
-    clusters = _clusters(mechanism, joints)
+    clusters = [c for c in _clusters(mechanism, joints) if spun.isdisjoint(c[0])]  # their shafts lie in the plane
     marks = _marks(mechanism, points, clusters)
     proportions = _proportions(mechanism, links, clusters, wheels)
     others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
@@ -187,6 +193,8 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
         proportions=proportions,
         segments=segments,
         cams=cams,
+        spatial=spatial,
+        inverse=find_inverse(mechanism, parts, size),
         guide_points=_ground_points(mechanism.frame, joints),
     )
 
@@ -294,6 +302,8 @@ def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Mar
     """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
     lines = [pair for pair in mechanism.pairs if isinstance(pair, Prismatic | PinSlot | Rolling)]
     guides = {(link, p) for pair in lines for link, p in zip(pair.links, pair.points, strict=True)}
+    guides |= {(pair.links[1], pair.point) for pair in mechanism.pairs if isinstance(pair, CamPair) and pair.spatial is not None
+               and pair.spatial.kind == "globoid"}  # fmt: skip
     wanted = set(mechanism.traced) | {(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)}
     marks = {}
     for link, named in points.items():

@@ -207,7 +207,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     else:
         steps.append((axle.sleeve, bottom, bottom + head))
     for a, b in pairwise(reached):
-        if b > a + 1:
+        if b > a + 1 and not _bushed(draft, levels, axle, a, b):
             gap = 0.5 * size.clearance
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
     if ground and front:
@@ -221,6 +221,17 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
     space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
     return Part(axle.owner, "pin", shell, PIN, space)
+
+
+def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:
+    """Whether a hub of a link on the axle reaches around its pin from one layer to another: there is no room for a spacer."""
+    for neck in draft.necks:
+        at = axle.centres.get(neck.link)
+        if at is not None and neck.outline.contains(Point(at)):
+            ends = sorted(levels.layer[group] for group in neck.groups)
+            if ends[0] <= low and high <= ends[1]:
+                return True
+    return False
 
 
 def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> Profile:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,7 @@ class CamDrawing:
     guide: str
     grounded: bool  # a translating follower whose guide stands on the ground
     bed: bool  # a wedge whose bed stands on the ground
+    mate_of: int | None = None  # the second cam of a conjugate pair: number of the first
 
     @property
     def own_guides(self) -> tuple[str, ...]:
@@ -62,10 +63,20 @@ def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
 def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _SAMPLES) -> tuple[CamDrawing, ...]:
     """All cams of a mechanism; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
-    return tuple(_drawing(mechanism, parts, p, by_name[p.name], size, samples) for p in mechanism.pairs if isinstance(p, CamPair))
+    found: list[CamDrawing] = []
+    for p in mechanism.pairs:
+        if isinstance(p, CamPair) and p.spatial is None and not p.inverse:
+            placed = by_name[p.name]
+            found.append(_drawing(mechanism, parts, p, p.point, placed, size, samples))
+            if placed.mate is not None and p.second is not None:
+                second = _drawing(mechanism, parts, p, p.second[0], placed.mate, size, samples)
+                found.append(replace(second, mate_of=len(found) - 1, grounded=False))
+    return tuple(found)
 
 
-def _drawing(mechanism: Mechanism, parts: Builder, pair: CamPair, placed: PlacedCam, size: float, samples: int) -> CamDrawing:
+def _drawing(
+    mechanism: Mechanism, parts: Builder, pair: CamPair, point: str, placed: PlacedCam, size: float, samples: int
+) -> CamDrawing:
     from mechcore.cams import Oscillating
 
     z = profile_points(placed, samples)
@@ -73,7 +84,7 @@ def _drawing(mechanism: Mechanism, parts: Builder, pair: CamPair, placed: Placed
         deep = -0.25 * float(np.ptp(z.real))
         z = np.concatenate([[complex(z[0].real, deep), complex(z[-1].real, deep)], z[::-1]])
     on_link = (placed.own + placed.mount * z) / size
-    tip = point_of(parts.links[pair.links[1]], pair.point)
+    tip = point_of(parts.links[pair.links[1]], point)
     theta = placed.cam.law.start
     guide = placed.cam.follower.guide
     if isinstance(guide, Oscillating):

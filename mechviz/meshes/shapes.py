@@ -20,6 +20,7 @@ from . import outline
 from .cams import draw_cams, group_cams
 from .draft import Draft, Neck, Piece, joined
 from .fittings import draw_slots, draw_telescopes, group_slots, group_telescopes, join_welds, lug, slot_of
+from .inverse import draw_inverse
 from .model import Guide, Model
 from .rounds import draw_wheels, group_wheels, rail_ends
 
@@ -43,6 +44,7 @@ def draft_pieces(model: Model) -> Draft:
         _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
     draw_wheels(model, draft)
     draw_cams(model, draft)
+    draw_inverse(model, draft)
     draw_telescopes(model, draft)
     draw_slots(model, draft)
     for name, shape in plates.items():
@@ -171,6 +173,7 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
             slots.append(slot_of(model, slot))
     discs += [(weld.points[weld.links.index(link)], size.r) for weld in model.welds if link in weld.links]
     discs += rail_ends(model, link) + lug(model, link)
+    discs += [(end, 0.7 * size.r) for drawing in model.inverse if drawing.driven == link for end in drawing.ends]
     if not discs:
         discs = [((0.0, 0.0), size.r)]
     whole = unary_union([outline.hull(discs, model.segments), *extra])
@@ -189,6 +192,8 @@ def _compact(model: Model, guide: Guide) -> bool:
 
     It belongs to no other guide, and its pins and marks lie close together on its middle line.
     """
+    if any(drawing.driven == guide.block for drawing in model.inverse):
+        return False
     if any(guide.block in (other.rail, other.block) and other.pair != guide.pair for other in model.guides):
         return False
     r = model.proportions.r

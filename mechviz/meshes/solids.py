@@ -17,6 +17,7 @@ from .palette import Color, link_colors
 from .parts import Part, make_parts
 from .shading import crisp, face_normals
 from .shapes import draft_pieces
+from .spatial import Spin, spatial_parts
 from .stack import Levels, poses_of, stack_pieces
 from .sweep import Swept, meet
 
@@ -39,6 +40,7 @@ class Solid:
     colors: np.ndarray  # (V, 4) uint8: the link's colour, pins in steel
     color: Color  # of the link
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
+    spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
 
     def display_mesh(self) -> trimesh.Trimesh:
         """A mesh with normals and colours at its vertices for viewers; split along its edges, so not watertight."""
@@ -83,10 +85,17 @@ def build_solids(
         model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))
         draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
     parts = make_parts(model, draft, levels)
+    spins: dict[str, Spin] = {}
+    if model.spatial:
+        more, spins = spatial_parts(model, levels)
+        parts += more
     colors = link_colors(model.links, model.frame)
     layers = _layers_of_links(model, levels, parts)
     links = {
-        name: _solid(name, [part for part in parts if part.link == name], model.size, colors[name], layers[name])
+        name: replace(
+            _solid(name, [part for part in parts if part.link == name], model.size, colors[name], layers[name]),
+            spin=spins.get(name),
+        )
         for name in model.links
     }
     bounds = _bounds(model, links)
@@ -176,6 +185,8 @@ def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
     lows, highs = [], []
     for name, solid in links.items():
         pose = poses_of(model, name) * (model.size, model.size, 1.0)
+        if solid.spin is not None:
+            pose = pose * (1.0, 1.0, 0.0)
         flat = place(_rim(solid), pose).reshape(-1, 2)
         z = solid.mesh.vertices[:, 2]
         lows.append([*flat.min(axis=0), z.min()])

@@ -153,6 +153,18 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
             )
 
         yield Stream(entity("mechanism", "links", link), place)
+        spin = solids.links[link].spin
+        if spin is not None:  # the solid below its link's frame turns about its own axis instead
+            from ..meshes.spatial import spin_transforms
+
+            moves = spin_transforms(spin, pose[:, 2] - motion.pose(spin.carrier)[:, 2])
+
+            def turn(frames: Index, moves: tuple[Real, Real] = moves) -> Any:
+                return rr.Transform3D.columns(
+                    translation=moves[0][frames].astype(np.float32), quaternion=moves[1][frames].astype(np.float32)
+                )
+
+            yield Stream(entity("mechanism", "links", link, "mesh"), turn)
     for joint in joints_of(motion):
         position = motion.pair_position(joint.name)
 

@@ -10,12 +10,13 @@ from pydantic import Field, model_validator
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws import Segment, program
-from mechcore.spec import CamPair, Pair
+from mechcore.spec import CamPair, Friction, Pair, SpatialBlank
 
 from .faults import did_you_mean
-from .fields import Angle, Coordinate, Distance, Extent, Flag, Length, Number, Point, Size, Text
+from .fields import Angle, Coordinate, Direction, Distance, Extent, Flag, Length, Number, Point, Size, Text, describe
 from .programs import ProgramSegment
 from .tables import Table, Unknown, one_of, refuse
+from .units import magnitude
 
 if TYPE_CHECKING:
     from mechcore.cams.contour import Contour
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["FollowerDocument", "LiftSegment", "ProfileDocument", "cam_pair", "check_cam"]
 
 SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
-FACES = ("knife", "roller", "mushroom", "flat")
+SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
+FACES = ("knife", "roller", "mushroom", "flat", "groove")
 _STEEPEST = math.radians(89.0)
 
 
@@ -41,9 +43,20 @@ class LiftSegment(ProgramSegment):
     """Lift at its end above the base circle: a length, of an oscillating follower an angle. Without it a dwell."""
 
 
+class SecondDocument(Table):
+    """The second roller of a conjugate pair."""
+
+    roller: Size
+    """Its radius."""
+    point: Text
+    """Its centre, a point of the follower on the other side of the cam's axis."""
+
+
 class FollowerDocument(Table):
     """What touches the cam, and what guides it."""
 
+    groove: Size | None = None
+    """Inverse cam: the groove is on the follower, for a roller of this radius on the cam's link (closure = "form")."""
     knife: Flag | None = None
     """A knife edge, true."""
     roller: Size | None = None
@@ -55,11 +68,14 @@ class FollowerDocument(Table):
     guide: Text
     """The prismatic or revolute pair that guides the follower; the guide points away from the cam."""
     point: Text
-    """The follower's point: knife's tip, centre of the roller or of the mushroom's arc, a point of the flat face."""
+    """The follower's point: knife's tip, centre of the roller or of the mushroom's arc, a point of the flat face.
+    Of a groove the roller's centre, a point of the cam's link."""
     tilt: Angle = 0.0
     """Flat: turned by this angle from straight across the guide, or from the line of the arm."""
     face: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
     """Flat: how far the face reaches [left, right] from the point; an event tells where that is too short."""
+    second: SecondDocument | None = None
+    """Closure = "form": a second roller on a second cam of the same shaft, which pulls (a conjugate pair)."""
     side: Literal["left", "right"] | None = None
     """Oscillating: the point lies on this side of the line from the pivot to the cam's axis. Default left."""
 
@@ -69,6 +85,8 @@ class FollowerDocument(Table):
         for key in ("knife", "flat"):
             if getattr(self, key) is False:
                 found.append((key, "false says nothing.", f"Write {key} = true, or leave it out."))
+        if self.second is not None and self.roller is None and self.sound("roller"):
+            found.append(("second", "a second roller beside a face that is none.", "Give roller = ... too, or leave it out."))
         if not found and self.flat is None:
             for key in ("tilt", "face"):
                 if key in self.model_fields_set:
@@ -95,11 +113,30 @@ class RadiusSegment(ProgramSegment):
     """Radius at its end. Without it an arc about the axis."""
 
 
+class BlankDocument(Table):
+    """What a barrel or end cam is cut from."""
+
+    radius: Size
+    """Outer radius."""
+    depth: Size
+    """Depth of the groove, height of the rib, width of the end face."""
+    thickness: Size | None = None
+    """Rib: its thickness between the two rollers."""
+
+
+class GloboidDocument(Table):
+    """What a globoidal cam is cut from."""
+
+    depth: Size
+    """Depth of the groove: the roller's length along the arm, half of it on either side of the follower's point."""
+
+
 class ProfileDocument(Table):
     """How the cam is made: base circle and lift, or a given profile."""
 
-    base: Extent | None = None
-    """Radius of the base circle. Of a wedge: height of the profile at zero lift above the line of its own point.
+    base: Coordinate | None = None
+    """Radius of the base circle. Barrel, end, globoid: place of the roller along the axis at zero lift, from the cam's pin.
+    Of a wedge: height of the profile at zero lift above the line of its own point. Groove: the follower's coordinate there.
     With radius: the radius at the start."""
     lift: Annotated[list[LiftSegment], Field(min_length=1)] | None = None
     """Segments one after the other, over 360 deg of a disc; the follower starts on the base circle."""
@@ -121,6 +158,16 @@ class ProfileDocument(Table):
     """Given profile: radius over the polar angle in the cam's link, segments over 360 deg that start at base."""
     undercut: Literal["refuse", "cut"] = "refuse"
     """Lift: what to do where the follower is too large for the law: refuse, or make what the cutter really leaves."""
+    barrel: BlankDocument | None = None
+    """The cam's axis lies in the plane: a cylinder with a groove (closure = "form"). base: the roller's place along it."""
+    rib: BlankDocument | None = None
+    """The cam's axis lies in the plane: a cylinder with a rib between two rollers (closure = "form")."""
+    end: BlankDocument | None = None
+    """The cam's axis lies in the plane: the end face of a tube lifts the roller along it."""
+    globoid: GloboidDocument | None = None
+    """The cam's axis lies in the plane, across the line to the arm's pivot: a groove in a hollow that the arm sweeps out."""
+    axis: Direction | None = None
+    """Barrel, end cam with an arm: direction of the cam's axis in the frame of the link that carries it, its pivot to the right."""
     sense: Literal["ccw", "cw"] = "ccw"
     """The law is read as the cam turns counter-clockwise or clockwise; of a wedge: ccw along its bed, cw against it."""
     phase: Coordinate = 0.0
@@ -145,6 +192,25 @@ class ProfileDocument(Table):
         for key, kinds in lone.items():
             if kind and kind not in kinds and key in self.model_fields_set:
                 found.append((key, f"{key} does not go with {kind}.", f"It goes with {' and '.join(kinds)}: leave it out."))
+        solids = [key for key in SOLIDS if getattr(self, key) is not None]
+        if len(solids) > 1:
+            found.append(("", f"the profile has {' and '.join(solids)} at once.", "Keep one of them."))
+        for key in (*solids, *(["axis"] if self.axis is not None else [])):
+            if kind and kind != "lift":
+                found.append((key, f"{key} does not go with {kind}.", "It goes with lift: leave it out."))
+            elif self.bed is not None:
+                found.append((key, f"{key} does not go with a wedge.", "Leave bed out, and pin the cam to its axis."))
+        if self.axis is not None and not solids:
+            found.append(("axis", "a plane cam turns about an axis across the plane.", "Leave it out, or give barrel = ..."))
+        if self.undercut == "cut" and solids:
+            found.append(("undercut", "spatial cams are refused where they are undercut.", "Leave it out."))
+        if self.base is not None and self.sound("base") and not solids:
+            size = magnitude(self.base) if isinstance(self.base, str) else self.base
+            if size < 0.0:
+                words = describe(self.base) if isinstance(self.base, str) else f"{self.base:g}"
+                found.append(("base", f"{words} is negative.", "Give a positive value."))
+        if self.rib is not None and self.rib.thickness is None and self.rib.sound("thickness"):
+            found.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
         segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
         if segments and self.sound(kind) and all(segment.to is None and segment.sound("to") for segment in segments):
             found.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
@@ -176,10 +242,18 @@ def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault
     if pair.follower is not None and not isinstance(pair.follower.point, Unknown):
         from .references import known_point
 
-        yield from known_point(reading, f"{path}.follower.point", follower, pair.follower.point)
+        owner = follower if pair.follower.groove is None else cam
+        yield from known_point(reading, f"{path}.follower.point", owner, pair.follower.point)
+        if pair.follower.groove is not None and pair.closure != "form" and not pair.unread:
+            yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
+        second = pair.follower.second
+        if second is not None and not isinstance(second.point, Unknown):
+            yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
+        if second is not None and pair.closure != "form" and not pair.unread:
+            yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
 
 
-def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter) -> Pair | None:
+def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Pair | None:
     """The core's pair, None where a fault was noted."""
     path = f"pairs.{name}"
     profile, follower = pair.profile, pair.follower
@@ -187,7 +261,8 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         return None
     before = len(convert.faults)
     along, across = ("length" if profile.bed else "angle"), ("angle" if oscillates else "length")
-    base = 0.0 if profile.base is None else convert.si(profile.base, "length", f"{path}.profile.base")
+    measure = across if follower.groove is not None else "length"  # an inverse cam's groove starts at a coordinate
+    base = 0.0 if profile.base is None else convert.si(profile.base, measure, f"{path}.profile.base")
     phase = convert.si(profile.phase, along, f"{path}.profile.phase")
     limit = None
     if profile.pressure_limit is not None:
@@ -195,9 +270,23 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
             convert.note(f"{path}.profile.pressure_limit", f"{math.degrees(limit):g} deg.", "Usual are 30 to 45 deg.")
     face = _face(follower, path, convert)
+    second = None
+    if follower.second is not None:
+        second = (follower.second.point, convert.si(follower.second.roller, "length", f"{path}.follower.second.roller"))
+    if friction is not None and friction.coefficient:
+        plain = pair.closure != "form" and not any(getattr(profile, key) is not None for key in SOLIDS)
+        if not plain:
+            why = "friction is computed where one flank of a plane cam is pressed."
+            convert.note(f"{path}.friction", why, "Leave it out here, and give friction to the guide.")
+        elif follower.roller is not None and not friction.radius:
+            convert.note(f"{path}.friction", "'radius' is missing: a roller rolls, and rubs on its pin.", 'Add radius = "4 mm".')
+        elif follower.roller is None and friction.radius:
+            convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
     lift, contour = None, None
     if profile.lift is not None:
-        lift = _program(profile.lift, along, across, f"{path}.profile.lift", 0.0, not profile.bed, convert)
+        lift = _program(
+            profile.lift, along, across, f"{path}.profile.lift", 0.0, not profile.bed and follower.groove is None, convert
+        )
     elif len(convert.faults) == before:
         contour = given_contour(profile, base, f"{path}.profile", convert)
     if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
@@ -217,8 +306,30 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, convert: Converter
         phase=phase,
         side=follower.side or "left",
         closure=pair.closure or "force",
+        second=second,
+        friction=friction,
+        inverse=follower.groove is not None,
+        spatial=_blank(profile, f"{path}.profile", convert),
         pressure_limit=limit,
     )
+
+
+def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBlank | None:
+    """What a spatial cam is cut from; None of a plane one."""
+    kind = next((key for key in SOLIDS if getattr(profile, key) is not None), None)
+    if kind is None:
+        return None
+    table = getattr(profile, kind)
+    axis = None
+    if profile.axis is not None:
+        if any(isinstance(v, str) for v in profile.axis):
+            convert.note(f"{path}.axis", "names of points where a direction is wanted.", "Write it like [1, 0].")
+            return None
+        axis = (float(profile.axis[0]), float(profile.axis[1]))
+    sizes = [
+        convert.si(getattr(table, key, None) or 0.0, "length", f"{path}.{kind}.{key}") for key in ("radius", "depth", "thickness")
+    ]
+    return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2])
 
 
 def _program(
@@ -304,6 +415,9 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
 def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
     from mechcore.cams.followers import Arc, Flat, Knife, Roller
 
+    if follower.groove is not None:
+        radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
+        return None if math.isnan(radius) else Roller(radius)
     if follower.roller is not None:
         radius = convert.si(follower.roller, "length", f"{path}.follower.roller")
         return None if math.isnan(radius) else Roller(radius)

@@ -44,7 +44,7 @@ class FrictionDocument(Table):
     static: Coefficient | None = None
     """Coefficient of sticking, where forces decide the motion: at least that of sliding. Default: the same."""
     radius: Size | None = None
-    """Revolute, pin in slot: radius of the pin. Default of a revolute pair: the scene's."""
+    """Revolute, pin in slot, roller of a cam: radius of the pin. Default of a revolute pair: the scene's."""
     exact: Flag | None = None
     """Revolute: friction circle of the radius r sin(atan(coefficient)) instead of the usual r times coefficient."""
     length: Size | None = None
@@ -79,6 +79,7 @@ FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "prismatic": ("coefficient", "static", "length", "bearing", "offset", "height", "brake"),
     "pin_slot": ("coefficient", "static", "radius"),
     "cylinder": ("coefficient", "brake"),
+    "cam": ("coefficient", "radius"),
     "rolling": ("lever",),
     "gear": ("lever",),
     "rack": ("lever",),
@@ -86,7 +87,7 @@ FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
 """The keys of a pair's table of friction that go with each kind of pair."""
 
 _LEVERS = ("rolling", "gear", "rack")
-_OF_ITS_OWN = (*_LEVERS, "cylinder")  # the scene's defaults do not hold for these
+_OF_ITS_OWN = (*_LEVERS, "cylinder", "cam")  # the scene's defaults do not hold for these
 
 
 def friction_faults(kind: str, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
@@ -120,6 +121,12 @@ def friction_spec(
 
     if kind in _LEVERS:
         return Friction(lever=length("lever"))
+    if kind == "cam":
+        if own.coefficient is None:
+            if own.sound("coefficient"):
+                convert.note(f"{path}.friction", "'coefficient' is missing.", "Add coefficient = 0.1.")
+            return None
+        return Friction(coefficient=own.coefficient, radius=length("radius"))
     if kind == "cylinder":
         seals = 0.0 if own.brake is None else convert.si(own.brake, "force", f"{path}.friction.brake")
         if own.coefficient is None and own.brake is None and own.sound("coefficient", "brake"):

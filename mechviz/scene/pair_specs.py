@@ -179,7 +179,7 @@ def _cylinder(m: _Maker) -> Pair:
 
 def _cam(m: _Maker) -> Pair | None:
     guide = None if m.pair.follower is None else m.document.pairs.get(m.pair.follower.guide)
-    return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.convert)
+    return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.friction, m.convert)
 
 
 _MAKE: Mapping[str, Callable[[_Maker], Pair | None]] = {

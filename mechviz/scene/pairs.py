@@ -75,7 +75,7 @@ KINDS: Mapping[str, Kind] = {
     "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
     "cam": Kind(
         "a cam",
-        ("profile", "follower", "closure", "liftoff"),
+        ("profile", "follower", "closure", "friction", "liftoff"),
         needs=("profile", "follower"),
         undriven="Drive the cam's revolute pair, or its bed, instead.",
         joins=False,

@@ -29,6 +29,8 @@ def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[st
         poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
         assert poses is not None
         pose = np.array(poses[0], float)
+        if rows_at(recording, frames, _path("mechanism", "links", name, "mesh"), "Transform3D:quaternion") is not None:
+            pose[:, 2] = 0.0  # turns about an axis in the plane, which the page does not show: better at rest than across it
         moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
         found.append({"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None})
         mesh = _mesh(recording, name)

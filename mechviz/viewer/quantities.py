@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore import Forces, Motion
-from mechcore.cams.placed import PlacedCam
+from mechcore.cams.happenings import AnyCam
 from mechcore.spec import Pair
 
 from ..run import Run
@@ -205,7 +205,7 @@ def _of_cams(run: Run) -> list[Quantity]:
     return [q for cam in placed_cams(run.motion) for q in _of_cam(run, cam)]
 
 
-def _of_cam(run: Run, cam: PlacedCam) -> list[Quantity]:
+def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
     from mechcore.cams.happenings import contact_force
 
     motion, forces, name = run.motion, run.forces, cam.name

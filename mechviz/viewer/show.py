@@ -14,6 +14,7 @@ from .quantities import Axis, Quantity
 
 if TYPE_CHECKING:
     from ..linkers import Linker
+    from ..meshes.spatial import Spin
     from ..run import Run
 
 __all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Piece", "Show"]
@@ -35,6 +36,7 @@ class Body:
     """The solid of a link, in pieces of one colour each."""
 
     pieces: tuple[Piece, ...]
+    spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ def build(run: Run) -> Built:
     # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
     some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
     solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
-    return Built(motion.mechanism, solids, {name: Body(pieces_of(solid)) for name, solid in solids.links.items()})
+    return Built(motion.mechanism, solids, {name: Body(pieces_of(solid), solid.spin) for name, solid in solids.links.items()})
 
 
 def pieces_of(solid: Solid) -> tuple[Piece, ...]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from .show import Body, Show
+
+if TYPE_CHECKING:
+    from ..meshes.spatial import Spin
 
 __all__ = ["SolidNodes", "link_path", "quaternions"]
 
@@ -28,6 +31,21 @@ def quaternions(angle: Real) -> Real:
     half = 0.5 * np.asarray(angle, float)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def _spun(pose: Real, carrier: Real, spin: Spin) -> tuple[Real, Real]:
+    """Turns (F, 4) and places (F, 3) of a solid that turns about an axis in the plane."""
+    from ..meshes.spatial import spin_transforms
+
+    shift, q = spin_transforms(spin, pose[:, 2] - carrier[:, 2])
+    half, c, s = 0.5 * pose[:, 2], np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    k, w = np.sin(half), np.cos(half)
+    x, y, z, r = q.T
+    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # about z after the spin
+    place = np.column_stack(
+        [pose[:, 0] + c * shift[:, 0] - s * shift[:, 1], pose[:, 1] + s * shift[:, 0] + c * shift[:, 1], shift[:, 2]]
+    )
+    return turn, place
 
 
 class SolidNodes:
@@ -58,6 +76,8 @@ class SolidNodes:
             if body is not None and self._bodies.get(link) is not body:
                 self._shape(link, body)
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
+            if body is not None and body.spin is not None:
+                self._moving[link] = _spun(pose, show.poses[body.spin.carrier], body.spin)
         self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
         self._bodies = show.bodies
 

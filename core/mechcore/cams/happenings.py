@@ -12,25 +12,31 @@ from ..events import Event, at_drive, runs
 from ..kinetostatics import Forces
 from ..laws.factors import jumps
 from ..motion import Motion
+from ..spec import Revolute
 from .followers import Flat
 from .placed import PlacedCam
+from .placed_inverse import PlacedInverse
+from .placed_spatial import PlacedSpatial
 
-__all__ = ["cam_events", "contact_force", "lost_ranges", "placed_cams"]
+__all__ = ["AnyCam", "cam_events", "contact_force", "lost_ranges", "placed_cams"]
 
 Real = NDArray[np.float64]
 
 NOISE = 1e-9  # pull below this part of the largest force is rounding
 
 
-def placed_cams(motion: Motion) -> list[PlacedCam]:
+AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
+
+
+def placed_cams(motion: Motion) -> list[AnyCam]:
     """The cams of a mechanism, in the order of its pairs."""
-    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, PlacedCam)]
+    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
 
 
-def contact_force(forces: Forces, cam: PlacedCam) -> Real:
+def contact_force(forces: Forces, cam: AnyCam) -> Real:
     """Force along the common normal (F) [N], positive where the cam presses on the follower."""
     reaction = forces.reaction(cam.name)
-    return np.real((reaction[:, 0] + 1j * reaction[:, 1]) * np.conj(cam.rows(forces.motion).normal))
+    return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
 
 
 def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
@@ -47,7 +53,7 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
     return sorted(found, key=lambda e: e.time)
 
 
-def _where(cam: PlacedCam, argument: float) -> str:
+def _where(cam: AnyCam, argument: float) -> str:
     """A place of the law in words."""
     if cam.bed is not None:
         return f"{1e3 * argument:.4g} mm of the cam"
@@ -58,12 +64,12 @@ def _at(motion: Motion, values: Real, t: float) -> float:
     return float(np.interp(t, motion.time, values))
 
 
-def _arguments(motion: Motion, cam: PlacedCam) -> Real:
+def _arguments(motion: Motion, cam: AnyCam) -> Real:
     x = cam.argument(motion)
     return x if cam.bed is not None else np.unwrap(x)
 
 
-def _lost(forces: Forces, cam: PlacedCam) -> Iterator[Event]:
+def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     """Where a follower that is only pressed on its cam would have to be pulled."""
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
@@ -81,13 +87,30 @@ def _lost(forces: Forces, cam: PlacedCam) -> Iterator[Event]:
                 t = crossing(forces, lambda f: contact_force(f, cam), *ends)
             where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
             if what == "lost":
-                text = f"contact lost {where}: the cam would have to pull with up to {-least:.4g} N. Press harder or turn slower"
+                text = (
+                    f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {-least:.4g} N. "
+                    f"Press harder by {_lacking(forces, cam, first, last):.4g} N along the follower's way, or turn slower"
+                )
                 yield Event(t, "WARN", cam.name, text, least)
             else:
                 yield Event(t, "INFO", cam.name, f"contact regained {where}")
 
 
-def _shocks(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+def _turning(motion: Motion, t: float) -> str:
+    """How fast the first drive turns, in words; empty where it slides."""
+    drives = motion.mechanism.drives
+    if not drives or not any(p.name == drives[0].pair and isinstance(p, Revolute) for p in motion.mechanism.pairs):
+        return ""
+    return f" at {abs(_at(motion, motion.coordinate(drives[0].pair)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
+
+
+def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
+    """The force along the follower's motion [N] that would just keep it on its cam over some frames."""
+    part = slice(first, last + 1)
+    return float(np.nanmax(-contact_force(forces, cam)[part] * np.cos(cam.rows(forces.motion).pressure_angle[part])))
+
+
+def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     """Steps of the law's velocity and acceleration, each time the cam comes by."""
     law = cam.cam.law
     steps = jumps(law, (1, 2), ends=law.repeats)
@@ -105,7 +128,7 @@ def _shocks(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
             yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
 
 
-def _passes(motion: Motion, cam: PlacedCam, place: float) -> list[float]:
+def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
     """Times at which the law's argument passes a place of the law."""
     law = cam.cam.law
     x = _arguments(motion, cam) * cam.ahead
@@ -122,8 +145,10 @@ def _passes(motion: Motion, cam: PlacedCam, place: float) -> list[float]:
     return times
 
 
-def _leaps(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     """Where the contact leaves a given profile and lands elsewhere on it, and what the cutter took away of an intended one."""
+    if not isinstance(cam, PlacedCam):
+        return
     for bridge in cam.bridges:
         before, after = bridge.velocity
         knock = ": the velocity jumps, a knock" if bridge.shock else ""
@@ -147,7 +172,7 @@ def _leaps(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
             yield Event(t, "WARN", cam.name, text, miss)
 
 
-def lost_ranges(cam: PlacedCam) -> list[tuple[float, float, float, float]]:
+def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     """Ranges of the law that the cutter takes away: from, to, where the follower misses the law most, and by how much there."""
     found = []
     for first, last in cam.lost if cam.intended is not None else ():
@@ -158,7 +183,7 @@ def lost_ranges(cam: PlacedCam) -> list[tuple[float, float, float, float]]:
     return found
 
 
-def _beyond(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
+def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     """Pressure angles beyond the limit, and contacts beyond the ends of a flat face."""
     rows = cam.rows(motion)
     x = _arguments(motion, cam)
@@ -171,7 +196,7 @@ def _beyond(motion: Motion, cam: PlacedCam) -> Iterator[Event]:
                 f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
-    face = cam.cam.follower.face
+    face = cam.face
     if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
         for first, last in runs((rows.eccentricity < -face.left) | (rows.eccentricity > face.right)):
             far = rows.eccentricity[first : last + 1]

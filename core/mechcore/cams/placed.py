@@ -15,14 +15,15 @@ from .analysis import Bridge
 from .closures import breadth
 from .contour import Contour, cam_contour
 from .design import least_base
-from .followers import Flat, Oscillating, Translating
+from .followers import Face, Flat, Oscillating, Translating
 from .limits import Requirement, find_limits
 from .synthesis import Cam, Synthesis
 
 if TYPE_CHECKING:
+    from ..laws.curve import MotionCurve
     from ..motion import Motion
 
-__all__ = ["ContactRows", "PlacedCam"]
+__all__ = ["ContactRows", "PlacedCam", "on_knots"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -30,6 +31,21 @@ Complex = NDArray[np.complex128]
 
 
 SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
+
+
+def on_knots(law: MotionCurve, x: Array) -> Array:
+    """Arguments that rounding has moved off a knot of a law put back on it.
+
+    Where the law's derivatives jump, kinematics and contact would else take different sides.
+    """
+    knots = np.asarray(law.knots)
+    local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
+    k = np.clip(np.searchsorted(knots, local), 1, len(knots) - 1)
+    near = np.where(local - knots[k - 1] < knots[k] - local, knots[k - 1], knots[k])
+    close = np.abs(near - local) < SAME * law.length
+    if law.repeats:
+        near = np.where(near == knots[-1], knots[0], near)
+    return np.where(close, near, x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +90,7 @@ class PlacedCam:
     phase: float
     pressure_limit: float | None
     ahead: float = 1.0  # of a wedge: the law's x over the argument
+    mate: PlacedCam | None = None  # the second cam of a conjugate pair, which touches where the first would have to pull
     given: Contour | None = None  # the profile, where it is not the one that the law asks for; the theory's axes
     bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
     intended: Cam | None = None  # what was to be cut, where the cutter leaves something else
@@ -89,6 +106,10 @@ class PlacedCam:
     def side(self) -> int:
         guide = self.cam.follower.guide
         return guide.side if isinstance(guide, Oscillating) else 0
+
+    @property
+    def face(self) -> Face:
+        return self.cam.follower.face
 
     @property
     def offset(self) -> float:
@@ -112,7 +133,7 @@ class PlacedCam:
     @property
     def groove(self) -> bool:
         """Whether the knife or roller runs in a groove."""
-        return self.form and not self.yoke
+        return self.form and not self.yoke and self.mate is None
 
     @cached_property
     def contour(self) -> Contour:
@@ -128,26 +149,11 @@ class PlacedCam:
 
     def law(self, argument: Array) -> Array:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
-        x = self._on_knots(np.asarray(argument, float) * self.ahead)
+        x = on_knots(self.cam.law, np.asarray(argument, float) * self.ahead)
         known = np.isfinite(x)
         s = self.cam.law(np.where(known, x, self.cam.law.start), 2)
         s[1] *= self.ahead
         return np.where(known, s, np.nan)
-
-    def _on_knots(self, x: Array) -> Array:
-        """Arguments that rounding has moved off a knot of the law put back on it.
-
-        Where the law's derivatives jump, kinematics and contact would else take different sides.
-        """
-        law = self.cam.law
-        knots = np.asarray(law.knots)
-        local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-        k = np.clip(np.searchsorted(knots, local), 1, len(knots) - 1)
-        near = np.where(local - knots[k - 1] < knots[k] - local, knots[k - 1], knots[k])
-        close = np.abs(near - local) < SAME * law.length
-        if law.repeats:
-            near = np.where(near == knots[-1], knots[0], near)
-        return np.where(close, near, x)
 
     def check(self) -> None:
         """Raises where the cam cannot be cut, or where a yoke does not fit."""
@@ -167,6 +173,8 @@ class PlacedCam:
                 )
         if self.given is not None:
             return
+        if self.mate is not None:
+            self.mate.check()
         for outer in (False, True) if self.groove and not cam.wedge and cam.follower.radius else (False,):
             limits = find_limits(replace(cam, outer=outer), count=720)
             if not limits.undercut:
@@ -225,7 +233,7 @@ class PlacedCam:
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
-        x = self._on_knots(self.argument(motion) * self.ahead)
+        x = on_knots(self.cam.law, self.argument(motion) * self.ahead)
         known = np.isfinite(x)
         found = self.cam.at(np.where(known, x, self.cam.law.start))
         if not known.all():
@@ -248,10 +256,30 @@ class PlacedCam:
             away = np.full(touch.shape, 1j)
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        if self.form:
+        if self.mate is not None:
+            other, normal = self._second(motion)
+            if isinstance(self.cam.follower.guide, Oscillating):
+                away = -1j * self.side * (other - self.cam.follower.guide.pivot)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                pulls = self.scale * normal / np.real(np.conj(normal) * away)
+            pressed = np.real(multiplier) >= 0.0
+            touch, direction = np.where(pressed, touch, other), np.where(pressed, direction, pulls)
+        elif self.form:
             touch = np.where(np.real(multiplier) >= 0.0, touch, self._opposite(s))
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
         return self.place(motion, touch), direction * world
+
+    def pressing(self, motion: Motion, reaction: Complex) -> Real:
+        """Force along the common normal (F) [N] from the reaction on the follower, positive where the cam presses on it."""
+        along = np.real(reaction * np.conj(self.rows(motion).normal))
+        # of a conjugate pair either roller is pressed along the normal of its own cam
+        return along if self.mate is None else np.copysign(np.abs(reaction), along)
+
+    def _second(self, motion: Motion) -> tuple[Complex, Complex]:
+        """Contact and normal of the second cam in this one's ground axes."""
+        assert self.mate is not None
+        s, flip = self.mate.at(motion), self.mate.axes / self.axes
+        return flip * s.contact, flip * s.ground_normal
 
     def _opposite(self, s: Synthesis) -> Complex:
         """Where the other flank of a groove or the other face of a yoke touches, ground axes."""

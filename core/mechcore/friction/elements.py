@@ -8,6 +8,7 @@ Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r
 Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
 its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
 count, whatever the pressure between them; beyond that they press on opposite sides.
+Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags.
 Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
 """
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..closed_forms import cross
 from ..motion import Motion
-from ..spec import Cylinder, Friction, Pair, PinSlot, Prismatic, Revolute, Rolling, friction_of
+from ..spec import CamPair, Cylinder, Friction, Pair, PinSlot, Prismatic, Revolute, Rolling, friction_of
 
 Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
@@ -50,6 +51,7 @@ class Element:
     along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
     rate: Real
     sign: Real
+    place: Array = None  # of a cam: where they touch
 
     @property
     def unit(self) -> str:
@@ -69,7 +71,8 @@ class Element:
             else:
                 f = sign * value * self.along
                 force[k] = force[k] + f
-                moment[k] = moment[k] + cross(motion.joint_point(self.joint) - motion.origins[k], f)
+                at = motion.joint_point(self.joint) if self.place is None else self.place
+                moment[k] = moment[k] + cross(at - motion.origins[k], f)
 
     def normal(
         self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
@@ -119,6 +122,9 @@ def _parts(
     if isinstance(pair, Cylinder):
         pushed: list[Any] = [("slide", "drive", mu)] if mu else []
         return [*pushed, ("slide", "brake", f.brake)] if f.brake else pushed
+    if isinstance(pair, CamPair):
+        roller = getattr(pair.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
+        return [("slide", "contact", mu * f.radius / roller if roller else mu)]
     if isinstance(pair, PinSlot):
         turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
         return [("slide", "normal", mu), *turn]
@@ -131,11 +137,30 @@ def _element(motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, le
     assert friction is not None
     j = model.joint_index.get(pair.name, -1)
     first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
+    if isinstance(pair, CamPair):
+        return _of_cam(motion, pair, friction, factor, (first, second), least["slide"])
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
     still = max(STILL * _peak(rate), least[what])
     sign = np.where(np.abs(rate) <= still, 0.0, np.sign(rate))
     return Element(pair.name, what, kind, friction, factor, (first, second), j, along, rate, sign)
+
+
+def _of_cam(motion: Motion, pair: CamPair, friction: Friction, factor: float, links: tuple[int, int], least: float) -> Element:
+    """Sliding of the follower on its cam: along the common tangent at the contact, at the difference of both surfaces' speeds.
+
+    A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
+    """
+    geometry = next(r.geometry for r in motion.model.relations if r.name == pair.name)
+    place, direction = geometry.contact(motion, np.ones(motion.frames))
+    with np.errstate(invalid="ignore"):
+        along = 1j * direction / np.abs(direction)
+    spin = motion.model.angles.spin
+    speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
+    rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
+    still = max(STILL * _peak(rate), least)
+    sign = np.where(np.abs(rate) <= still, 0.0, np.sign(rate))
+    return Element(pair.name, "slide", "contact", friction, factor, links, -1, along, rate, sign, place)
 
 
 def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:

@@ -44,7 +44,7 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
     motion = forces.motion
     found = []
     for e in friction.elements:
-        if not np.isfinite(e.rate).all() or not e.sign.any():
+        if not np.isfinite(e.rate).all() or not e.sign.any() or e.place is not None:  # the sliding of cams is known at frames only
             continue
 
         def rows(m: Motion, e: Element = e) -> Real:

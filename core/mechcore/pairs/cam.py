@@ -36,13 +36,22 @@ def build(pair: CamPair, builder: Builder) -> None:
     if carrier == pair.links[0]:
         raise _fault(pair, "guide", "it guides the follower on the cam itself.", "Guide both on one link.")
     follower = builder.links[pair.links[1]]
+    if pair.inverse:
+        _build_inverse(pair, builder, carrier, guide)
+        return
     if pair.point not in follower.points:
         known = ", ".join(follower.points)
         raise _fault(pair, "point", f"link '{follower.name}' has no point '{pair.point}'.", f"Its points: {known}.")
     try:
-        made = _wedge(pair, builder, carrier, guide) if pair.bed else _disc(pair, builder, carrier, guide)
-        placed = PlacedCam(**made)
-        placed.check()
+        placed: Any
+        if pair.spatial is not None:
+            from .spatial_cam import place_spatial
+
+            placed = place_spatial(pair, builder, carrier, guide, _place_on, _guide_in)
+        else:
+            made = _wedge(pair, builder, carrier, guide) if pair.bed else _disc(pair, builder, carrier, guide)
+            placed = PlacedCam(**made)
+            placed.check()
     except MechanismError as error:
         raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
     scale = placed.scale
@@ -60,7 +69,8 @@ def build(pair: CamPair, builder: Builder) -> None:
         c = scale * placed.side
         angles = ((pair.links[1], c), (carrier, -c))
         slides = ()
-        home = cmath.phase((placed.centre - pivot) / (point_of(follower, pair.point) - own))
+        towards = placed.centre - pivot if pair.spatial is None else -placed.axes  # where the arm points at coordinate zero
+        home = cmath.phase(towards / (point_of(follower, pair.point) - own))
         constant = c * home
     cam_angles: tuple[tuple[str, float], ...] = ()
     cam_slides: tuple[tuple[str, float], ...] = ()
@@ -78,6 +88,81 @@ def build(pair: CamPair, builder: Builder) -> None:
             contact=placed.contact,
             curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=placed.phase),
             constant=constant,
+            geometry=placed,
+        )
+    )
+
+
+def _build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
+    """The roller on the crank, the groove on the driven link."""
+    from ..cams import InverseCam, Roller
+    from ..cams.placed_inverse import PlacedInverse
+
+    crank = builder.links[pair.links[0]]
+    if pair.point not in crank.points:
+        raise _fault(pair, "point", f"link '{crank.name}' has no point '{pair.point}'.", f"Its points: {', '.join(crank.points)}.")
+    law = pair.lift
+    assert law is not None
+    if not law.length < 2.0 * math.pi:
+        raise _fault(
+            pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg: where the crank turns round, it cannot drive.",
+            "Let the crank swing, and give its range.",
+        )  # fmt: skip
+    way = (-pair.phase, law.length - pair.phase)
+    law = _levelled(MotionCurve(law.raised(pair.base).pieces, -pair.phase))
+    axis, own = builder.axis_between(pair, pair.links[0], carrier)
+    tip = point_of(crank, pair.point) - own
+    if tip == 0.0:
+        raise _fault(pair, "point", "it is the crank's own axis.", "Name the roller's centre.")
+    slides = isinstance(guide, Prismatic)
+    angles: tuple[tuple[str, float], ...] = ()
+    joints: tuple[tuple[str, float], ...] = ()
+    if slides:
+        up, sign = _guide_in(carrier, guide)  # type: ignore[arg-type]  # prismatic here
+        axes, centre, hub = up / 1j, axis, 0j
+        side = guide.links.index(carrier)
+        turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))  # type: ignore[union-attr]
+        # at coordinate zero the driven link's axes lie where the guide puts them
+        start = _place_on(builder, carrier, guide, 0j)  # type: ignore[arg-type]
+        origin, mount = turn * (centre - start), turn * axes
+        joints = ((guide.name, -sign),)
+        if sign < 0.0:
+            law = MotionCurve(tuple(p.scaled(1.0, -1.0) for p in law.pieces), law.start)
+    else:
+        pivot, origin = builder.axis_between(pair, pair.links[1], carrier)
+        if pivot == axis:
+            raise _fault(pair, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
+        axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
+        r = abs(tip)
+        angles = ((pair.links[1], -r), (carrier, r))
+    phase = pair.sense * (cmath.phase(tip) - cmath.phase(axes))
+    if not isinstance(pair.face, Roller):
+        raise _fault(pair, "follower", "a groove without a roller.", "Give groove = ...")
+    cam = InverseCam(law, hub, abs(tip), pair.face.radius, not slides, phase)
+    if pair.sense < 0:
+        raise _fault(pair, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
+    placed = PlacedInverse(
+        name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide, cam=cam, way=way, centre=centre, axes=axes, own=origin,
+        mount=mount, tip=point_of(crank, pair.point), sense=pair.sense, pressure_limit=pair.pressure_limit,
+    )  # fmt: skip
+    try:
+        placed.check()
+    except MechanismError as error:
+        raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
+
+    def lift(argument: Any) -> Any:
+        return placed.scale * placed.law(argument)
+
+    builder.relations.append(
+        Relation(
+            name=pair.name,
+            kind="cam",
+            links=pair.links,
+            angles=angles,
+            slides=joints,
+            contact=placed.contact,
+            curve=Curve(function=lift, angles=((pair.links[0], 1.0), (carrier, -1.0)), slides=(), shift=0.0),
+            constant=0.0,
             geometry=placed,
         )
     )
@@ -114,7 +199,7 @@ def _place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> 
     return own + turn * (at - other)
 
 
-def _along_guide(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic, placed: PlacedCam) -> tuple[float, float]:
+def _along_guide(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic, placed: Any) -> tuple[float, float]:
     """How the follower's height follows from the guide's coordinate s: sign * s + zero."""
     at = _place_on(builder, carrier, guide, point_of(builder.links[pair.links[1]], pair.point))
     _, sign = _guide_in(carrier, guide)
@@ -170,6 +255,8 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     cam = cam_on_base(law, follower, pair.base, turn=pair.sense)
     mount = axes * cmath.exp(1j * pair.sense * pair.phase)
     made = _common(pair, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm}
+    if pair.second is not None:
+        made["mate"] = _mate(pair, builder, carrier, guide, cam, made)
     if pair.undercut == "cut" and find_limits(cam, count=720).undercut:
         if pair.closure == "form":
             raise _fault(pair, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
@@ -179,6 +266,43 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
             "intended": cam, "lost": left.lost,
         }  # fmt: skip
     return made
+
+
+def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute, cam: Cam, made: dict[str, Any]) -> PlacedCam:
+    """The second cam of a conjugate pair: its roller stands on the follower, fixed against the first."""
+    from ..cams import Oscillating, conjugate
+    from ..cams.placed import PlacedCam
+
+    assert pair.second is not None
+    name, radius = pair.second
+    follower = builder.links[pair.links[1]]
+    if name not in follower.points:
+        raise _fault(pair, "second", f"link '{follower.name}' has no point '{name}'.", f"Its points: {', '.join(follower.points)}.")
+    first, second = point_of(follower, pair.point), point_of(follower, name)
+    theory = cam.follower.guide
+    if isinstance(theory, Oscillating):
+        _, own = builder.axis_between(pair, pair.links[1], carrier)
+        apart = -theory.side * cmath.phase((second - own) / (first - own))  # as the coordinate grows
+        arm = abs(second - own)
+        total = -apart
+        if not 0.0 < total < math.pi:
+            raise _fault(
+                pair, "second", f"the second arm lies {math.degrees(apart):.6g} deg from the first, on its far side.", "Swap them."
+            )
+        other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
+    else:
+        at = _place_on(builder, carrier, guide, second) - _place_on(builder, carrier, guide, first)  # type: ignore[arg-type]  # prismatic
+        away = at / made["axes"]
+        if not away.imag < 0.0:
+            raise _fault(
+                pair, "second", "the second roller does not lie below the first, on the far side of the cam's axis.", "Move it."
+            )
+        other, flip = conjugate(cam, radius, span=-away.imag, offset=theory.offset + away.real)[0], -1.0 + 0j
+    plain = {k: v for k, v in made.items() if k != "mate"}
+    turned = {"cam": other, "axes": made["axes"] * flip, "mount": made["mount"] * flip, "form": False}
+    if isinstance(theory, Oscillating):
+        turned["arm"] = abs(second - own)
+    return PlacedCam(**(plain | turned))
 
 
 @lru_cache(maxsize=16)

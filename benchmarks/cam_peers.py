@@ -1,0 +1,103 @@
+"""Cams: mechcore against the package `mechanism` 1.1.10, side by side in one process of an environment of its own.
+
+    python benchmarks/cam_peers.py
+
+Offset roller follower, dwell-rise-dwell-fall, cycloidal, 3,600 angles. The environment is that of `peers/run.py`.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+LIFT, BASE, OFFSET, ROLLER, STEEP = 0.02, 0.04, 0.01, 0.01, 30.0  # m, degrees
+SEGMENTS = (("Dwell", 60), ("Rise", LIFT, 120), ("Dwell", 60), ("Fall", LIFT, 120))
+
+
+def main() -> None:
+    """Make the environment, and measure in it."""
+    sys.path.insert(0, str(HERE / "peers"))
+    import run
+
+    python, failed = run.environment({"peer_mechanism": ("mechanism==1.1.10",)})
+    if failed:
+        sys.exit(f"mechanism cannot be installed: {failed['peer_mechanism']}")
+    paths = os.pathsep.join([str(HERE.parent / "core"), str(HERE)])
+    sys.exit(subprocess.run([python, __file__, "measure"], env={**os.environ, "PYTHONPATH": paths}, check=False).returncode)
+
+
+def measure() -> None:
+    """Times and errors of both."""
+    from timing import interleaved, machine  # isort: skip  # first: it sets one thread
+
+    import matplotlib
+
+    matplotlib.use("Agg")  # the package draws as well; nothing is drawn here
+    import numpy as np
+    from mechanism import Cam as Peer
+    from scipy.spatial import cKDTree
+
+    from mechcore.cams import Cam, Follower, Requirement, Roller, Translating, find_limits, least_base
+    from mechcore.laws import Segment, program
+
+    angles = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    turns = [np.radians(s[-1]) for s in SEGMENTS]
+    rise = program([Segment(turns[0]), Segment(turns[1], LIFT), Segment(turns[2]), Segment(turns[3], 0.0)])
+    follower = Follower(Translating(OFFSET), Roller(ROLLER))
+    start = follower.base_coordinate(BASE)
+    cam = Cam(rise.raised(start), follower)
+    want = Requirement(pressure_rise=np.radians(STEEP), pressure_fall=np.radians(STEEP))
+
+    def synthesis():
+        s = cam.at(angles)
+        return s, s.pitch, s.working, s.pressure_angle, s.radius
+
+    def limits():
+        return find_limits(cam, synthesis()[0])
+
+    def laws():
+        return Peer(motion=list(SEGMENTS), degrees=True, omega=1.0, h=2.0 * np.pi / 3600)
+
+    peer = laws()
+
+    def profile():
+        return peer.cycloidal.get_profile(BASE, peer.thetas_r)
+
+    def circle():
+        return peer.get_base_circle(
+            kind="cycloidal", follower="roller", roller_radius=ROLLER, eccentricity=OFFSET, max_pressure_angle=STEEP
+        )
+
+    times = interleaved(
+        {
+            "mechcore: profile, pressure angle, curvature": synthesis,
+            "mechcore: the same with all limits": limits,
+            "mechcore: least base circle": lambda: least_base(rise, follower, want),
+            "mechanism: laws alone": laws,
+            "mechanism: profile (without roller and offset)": profile,
+            "mechanism: base circle": circle,
+        }
+    )
+    print(machine("numpy", "scipy", "mechanism"))
+    for name, seconds in times.items():
+        print(f"{name:<52} {1e3 * seconds:8.3f} ms")
+    x, y = profile()
+    exact = cam.at(np.linspace(0.0, 2.0 * np.pi, 72001)).working
+    off = min(
+        cKDTree(np.column_stack([w.real, w.imag])).query(np.column_stack([x, y]))[0].max()
+        for w in (exact * np.exp(1j * a) for a in np.linspace(-np.pi, np.pi, 721))
+    )
+    ours, theirs = least_base(rise, follower, want).base, float(circle()["Rb"])
+    print(f"mechanism's profile, turned as well as it can be, is off by {100.0 * off / LIFT:.2g} % of the lift")
+    print(f"base circle for {STEEP:g} deg: mechanism {1e3 * theirs:.5g} mm, mechcore {1e3 * ours:.5g} mm")
+    for radius, whose in ((abs(theirs), "mechanism"), (ours, "mechcore")):
+        found = find_limits(Cam(rise.raised(follower.base_coordinate(radius)), follower))
+        steep = np.degrees(max(found.rise.value, found.fall.value))
+        print(f"largest pressure angle on the circle of {whose}: {steep:.6g} deg")
+
+
+if __name__ == "__main__":
+    measure() if sys.argv[1:] == ["measure"] else main()

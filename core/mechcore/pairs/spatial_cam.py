@@ -1,0 +1,117 @@
+"""Barrel, end and globoidal cams: where they lie in the plane mechanism, and the roller's way in space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import Fault, MechanismError
+from ..spec import CamPair, Prismatic, Revolute, SpatialBlank
+from .joint import point_of
+from .parts import Builder
+
+__all__ = ["place_spatial"]
+
+_SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
+
+PlaceOn = Callable[[Builder, str, Prismatic, complex], complex]
+GuideIn = Callable[[str, Prismatic], tuple[complex, float]]
+
+
+def _fault(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault(f"pairs.{pair.name}.{key}", message, remedy))
+
+
+def place_spatial(
+    pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute, place_on: PlaceOn, guide_in: GuideIn
+) -> Any:
+    """The placed cam; raises where its parts do not lie as its kind wants them."""
+    from ..cams import Barrel, BarrelArm, Globoid, Roller, SpatialCam
+    from ..cams.placed_spatial import PlacedSpatial
+
+    blank = pair.spatial
+    assert blank is not None and pair.lift is not None
+    if not isinstance(pair.face, Roller):
+        raise _fault(pair, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
+    law = pair.lift
+    if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
+        raise _fault(pair, "profile.lift", "it does not close after 360 deg.", "Let it return to its start after a whole turn.")
+    law = law if law.repeats else law.repeating()
+    centre, own = builder.axis_between(pair, pair.links[0], carrier)
+    at = point_of(builder.links[pair.links[1]], pair.point)
+    pivot, arm, r = None, 0.0, pair.face.radius
+    stated = None if blank.axis is None else complex(*blank.axis) / abs(complex(*blank.axis))
+    if isinstance(guide, Prismatic):
+        if blank.kind == "globoid":
+            raise _fault(pair, "follower.guide", "a globoidal cam moves an arm.", "Guide the follower by a revolute pair.")
+        up = guide_in(carrier, guide)[0]
+        if stated is not None and abs((stated * up.conjugate()).imag) > _SQUARE:
+            raise _fault(pair, "profile.axis", "the follower does not slide along it.", "Leave it out.")
+        axes, place = up / 1j, place_on(builder, carrier, guide, at)
+        off = ((place - centre) / axes).real
+        if abs(off) > _SQUARE * max(1.0, abs(place - centre)):
+            raise _fault(
+                pair,
+                "follower.point",
+                f"the roller's axis passes the cam's axis at {1e3 * abs(off):.6g} mm.",
+                "Guide it over the axis.",
+            )
+        mount: Any = Barrel()
+        start = pair.base
+    else:
+        pivot, hinge = builder.axis_between(pair, pair.links[1], carrier)
+        arm = abs(at - hinge)
+        if arm == 0.0:
+            raise _fault(pair, "follower.point", "it is the follower's own pivot.", "Name the middle of the roller.")
+        if blank.kind == "globoid":
+            if pivot == centre:
+                raise _fault(pair, "follower.guide", "the arm's pivot lies on the cam's pin.", "Move it away from the axis.")
+            axes = (pivot - centre) / abs(pivot - centre)
+            if stated is not None and abs((stated * (1j * axes).conjugate()).imag) > _SQUARE:
+                raise _fault(pair, "profile.axis", "it is not perpendicular to the line to the arm's pivot.", "Leave it out.")
+            mount, height = Globoid(abs(pivot - centre)), 0.0
+        else:
+            if blank.kind == "rib":
+                raise _fault(
+                    pair, "profile.rib", "two rollers on an arm do not keep to a rib.", "Give barrel = ..., or a guide that slides."
+                )
+            if stated is None:
+                raise _fault(
+                    pair, "profile.axis", "missing: an arm does not say where the cam's axis points.", "Give axis = [1, 0]."
+                )
+            axes = stated / 1j
+            w = (pivot - centre) / axes
+            if w.real <= 0.0:
+                raise _fault(pair, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
+            mount, height = BarrelArm((w.real, w.imag), arm), w.imag
+        sine = (pair.base - height) / arm
+        if not -1.0 < sine < 1.0:
+            raise _fault(
+                pair, "profile.base", f"the arm does not reach {1e3 * pair.base:.6g} mm along the axis.",
+                f"Give between {1e3 * (height - arm):.6g} and {1e3 * (height + arm):.6g} mm.",
+            )  # fmt: skip
+        start = math.asin(sine)
+    inner, outer = _reach(pair, blank, arm)
+    placed = PlacedSpatial(
+        name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide,
+        cam=SpatialCam(law.raised(start), mount, r, inner, outer, pair.sense), blank=blank, centre=centre, axes=axes, own=own,
+        pivot=pivot, arm=arm, base=pair.base, form=pair.closure == "form", sense=pair.sense, phase=pair.phase,
+        pressure_limit=pair.pressure_limit,
+    )  # fmt: skip
+    placed.check()
+    return placed
+
+
+def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float]:
+    """The range of the roller's axis that touches: from the cam's axis, or from the pivot of a globoid's arm [m]."""
+    if blank.kind == "globoid":
+        return arm - 0.5 * blank.depth, arm + 0.5 * blank.depth
+    if not 0.0 < blank.depth < blank.radius:
+        raise _fault(
+            pair,
+            "profile",
+            f"a depth of {1e3 * blank.depth:.6g} mm in a radius of {1e3 * blank.radius:.6g} mm.",
+            "Give a smaller one.",
+        )
+    return blank.radius - blank.depth, blank.radius

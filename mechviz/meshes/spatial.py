@@ -1,0 +1,331 @@
+"""Barrel, end and globoidal cams with their real flanks, on shafts that lie in the plane; their rollers, ribs and bearings.
+
+A cam is a chain of rings around its axis: plain circles where it is turned, edges and floors of the groove where it is milled. In
+between the surface is ruled, as the flank of a cylindrical roller nearly is. Lengths are in units of the mechanism's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.pairs import Builder, point_of
+from mechcore.spec import CamPair, Mechanism, Vec2
+
+from .extrude import Shell, revolve
+from .outline import disc
+from .palette import PIN
+
+if TYPE_CHECKING:
+    from mechcore.cams.placed_spatial import PlacedSpatial
+
+    from .model import Model
+    from .parts import Part
+    from .stack import Levels
+
+__all__ = ["SpatialDrawing", "Spin", "find_spatial", "spatial_parts", "spin_transforms"]
+
+Real = NDArray[np.float64]
+
+_ROUND = 360  # points of a ring
+_ACROSS = 9  # places along the roller between which the flank is interpolated
+_CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialDrawing:
+    """A spatial cam as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's plane axes into them at angle 0."""
+
+    pair: str
+    cam: str
+    follower: str
+    placed: PlacedSpatial
+    size: float
+    bore: Vec2
+    tip: Vec2
+    hinge: Vec2 | None  # of an arm, in the follower's axes
+    up: complex  # of a sliding follower: the cam's axis in its own axes
+
+    @property
+    def flat(self) -> bool:
+        """Whether the roller lies in the plane (globoid), else it stands across it, before the cam."""
+        return self.placed.blank.kind == "globoid"
+
+
+@dataclass(frozen=True)
+class Spin:
+    """A solid that turns about an axis in the plane, not across it: a point of it [m] and its direction, in the link's frame."""
+
+    origin: tuple[float, float, float]
+    along: Vec2
+    carrier: str
+
+
+def spin_transforms(spin: Spin, turn: Real) -> tuple[Real, Real]:
+    """Relative angles of the link (F) [rad] -> translations (F, 3) and quaternions x, y, z, w (F, 4) of the solid in its link."""
+    half = 0.5 * np.asarray(turn, float)
+    c, s = np.cos(half), np.sin(half)
+    ux, uy = spin.along
+    # back about z, then about the axis: q = (0, 0, -s; c) (ux s, uy s, 0; c)
+    q = np.stack([c * ux * s + s * uy * s, c * uy * s - s * ux * s, -s * c, c * c], axis=-1)
+    o = np.array(spin.origin)
+    v, w = q[:, :3], q[:, 3:]
+    turned = o + 2.0 * np.cross(v, np.cross(v, o) + w * o)
+    return o - turned, q
+
+
+def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[SpatialDrawing, ...]:
+    """All spatial cams of a mechanism."""
+    by_name = {r.name: r.geometry for r in parts.relations}
+    found = []
+    for pair in mechanism.pairs:
+        if not isinstance(pair, CamPair) or pair.spatial is None:
+            continue
+        placed = by_name[pair.name]
+        tip = point_of(parts.links[pair.links[1]], pair.point)
+        hinge, up = None, 0j
+        if placed.pivot is not None:
+            own = parts.axis_between(pair, pair.links[1], placed.carrier)[1]
+            hinge = (own.real / size, own.imag / size)
+        else:
+            joint = next(j for j in parts.joints if j.name == pair.guide)
+            first = joint.links[0] == placed.carrier
+            up = complex(1j * placed.axes * np.exp(1j * (-joint.angle if first else joint.angle)))
+        found.append(
+            SpatialDrawing(
+                pair.name, pair.links[0], pair.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
+                (tip.real / size, tip.imag / size), hinge, up,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+# -- the cam in its own axes ----------------------------------------------------------------------------------------------
+
+
+def _radius(placed: PlacedSpatial, p: Real) -> Real:
+    """How deep points (..., 3) of the cam lie, as the roller's axis counts: from the axis, of a globoid from the pivot's circle."""
+    rho = np.hypot(p[..., 0], p[..., 1])
+    if placed.blank.kind != "globoid":
+        return rho
+    distance = abs(placed.pivot - placed.centre) if placed.pivot is not None else 0.0
+    return np.hypot(distance - rho, p[..., 2])
+
+
+def _edge(placed: PlacedSpatial, side: int, at: float, shift: float = 0.0) -> Real:
+    """The line of a flank (n, 3) at a depth; ``shift``: of the roller along the follower's motion."""
+    from dataclasses import replace
+
+    cam = placed.cam if shift == 0.0 else replace(placed.cam, law=placed.cam.law.raised(shift))
+    law = cam.law
+    theta = law.start + law.length * np.arange(_ROUND) / _ROUND
+    low, high = cam.inner, cam.outer
+    along = np.linspace(low - 0.3 * (high - low), high + 0.3 * (high - low), _ACROSS)
+    p = cam.flank(theta, along, side).point
+    depth = _radius(placed, p)
+    k = np.clip((depth < at).sum(axis=1), 1, _ACROSS - 1)
+    rows = np.arange(_ROUND)
+    a, b = p[rows, k - 1], p[rows, k]
+    da, db = depth[rows, k - 1], depth[rows, k]
+    return a + ((at - da) / (db - da))[:, None] * (b - a)
+
+
+def _circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
+    return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
+
+
+def _rings(placed: PlacedSpatial, bore: float) -> list[Real]:
+    """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the bore around to the bore."""
+    blank, r = placed.blank, placed.cam.radius
+    if blank.kind == "globoid":
+        return _globoid(placed, bore)
+    wall = 0.9 * r
+    if blank.kind == "rib":
+        reach = 0.5 * blank.thickness + r
+        core = blank.radius - blank.depth
+        low, high = [_edge(placed, -1, x, -reach) for x in (core, blank.radius)]
+        up_high, up_low = [_edge(placed, 1, x, reach) for x in (blank.radius, core)]
+        a = np.arctan2(low[:, 1], low[:, 0])
+        z0, z1 = low[:, 2].min() - 2.0 * r - wall, up_low[:, 2].max() + 2.0 * r + wall
+        return [_circle(a, bore, z0), _circle(a, core, z0), low, high, up_high, up_low, _circle(a, core, z1), _circle(a, bore, z1)]
+    edge = _edge(placed, 1, blank.radius)
+    a = np.arctan2(edge[:, 1], edge[:, 0])
+    z0 = edge[:, 2].min() - wall
+    if blank.kind == "end":
+        hollow = blank.radius - blank.depth
+        inner = _edge(placed, 1, hollow)
+        z0 -= wall
+        return [
+            _circle(a, bore, z0),
+            _circle(a, blank.radius, z0),
+            edge,
+            inner,
+            _circle(a, hollow, z0 + wall),
+            _circle(a, bore, z0 + wall),
+        ]
+    floor = blank.radius - blank.depth
+    lower, upper, far = _edge(placed, 1, floor), _edge(placed, -1, floor), _edge(placed, -1, blank.radius)
+    z1 = far[:, 2].max() + wall
+    below, above = ([_circle(a, rho, z) for rho in (bore, blank.radius)] for z in (z0, z1))
+    return [*below, edge, lower, upper, far, *above[::-1]]
+
+
+def _globoid(placed: PlacedSpatial, bore: float) -> list[Real]:
+    assert placed.pivot is not None
+    distance = abs(placed.pivot - placed.centre)
+    cam = placed.cam
+    near, low, up, far = (_edge(placed, *which) for which in ((1, cam.inner), (1, cam.outer), (-1, cam.outer), (-1, cam.inner)))
+    psi = [np.arctan2(p[:, 2], distance - np.hypot(p[:, 0], p[:, 1])) for p in (near, far)]
+    wall = 0.9 * cam.radius / cam.inner
+    ends = (float(psi[0].min()) - wall, float(psi[1].max()) + wall)
+    rings = []
+    for edge, angle, end in ((near, psi[0], ends[0]), (far, psi[1], ends[1])):
+        a = np.arctan2(edge[:, 1], edge[:, 0])
+        steps = [end + (angle - end) * t for t in np.linspace(0.0, 1.0, 7)[:-1]]
+        hollow = [_circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps]
+        rings.append([_circle(a, bore, cam.inner * np.sin(end)), *hollow])
+    return [*rings[0], near, low, up, far, *rings[1][::-1]]
+
+
+# -- parts ----------------------------------------------------------------------------------------------------------------
+
+
+def _closed(rings: list[Real]) -> Shell:
+    """A closed surface around an axis through rings of as many points each; the last one joins the first."""
+    n, m = len(rings[0]), len(rings)
+    first = np.arange(n)
+    after = np.roll(first, -1)
+    faces = []
+    for k in range(m):
+        a, b = k * n, ((k + 1) % m) * n
+        faces.append(np.column_stack([a + first, b + after, a + after]))
+        faces.append(np.column_stack([a + first, b + first, b + after]))
+    vertices, index = np.vstack(rings), np.vstack(faces)
+    p, q, r = (vertices[index[:, k]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", p, np.cross(q, r)))
+    return Shell(vertices, index if volume > 0.0 else index[:, ::-1])
+
+
+def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+    """Points (n, 3) of the cam's axes [m] -> its link's axes, its shaft's axis at a height."""
+    placed = drawing.placed
+    angle = placed.sense * placed.phase
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1], p[:, 2]
+    if drawing.flat:
+        w, out = placed.own + placed.axes * (x + 1j * z), -y
+    else:
+        w, out = placed.own + placed.axes * (y + 1j * z), x
+    return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
+
+
+def spatial_parts(model: Model, levels: Levels) -> tuple[list[Part], dict[str, Spin]]:
+    """Solids of all spatial cams with their shafts, bearings and rollers, and about what the cams' links turn."""
+    parts: list[Part] = []
+    spins: dict[str, Spin] = {}
+    for drawing in model.spatial:
+        height = _height(model, levels, drawing)
+        parts += _cam_parts(model, drawing, height)
+        parts += _rollers(model, levels, drawing, height)
+        u = 1j * drawing.placed.axes
+        origin = (drawing.placed.own.real, drawing.placed.own.imag, height * drawing.size)
+        spins[drawing.cam] = Spin(origin, (u.real, u.imag), drawing.placed.carrier)
+    return parts, spins
+
+
+def _height(model: Model, levels: Levels, drawing: SpatialDrawing) -> float:
+    low, high = levels.plate(levels.of(drawing.follower))
+    if drawing.flat:
+        return 0.5 * (low + high)
+    return low - 0.5 * model.proportions.r - drawing.placed.blank.radius / drawing.size
+
+
+def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Part]:
+    from .parts import Part, Prism
+
+    placed, r = drawing.placed, model.proportions.r
+    least = placed.blank.radius - placed.blank.depth
+    if drawing.flat and placed.pivot is not None:
+        least = abs(placed.pivot - placed.centre) - placed.cam.outer
+    shaft = max(0.35 * least, 0.1 * drawing.size * r)
+    rings = _rings(placed, shaft)
+    z0, z1 = (float(f(np.concatenate(rings)[:, 2])) for f in (np.min, np.max))
+    mates = frozenset([drawing.pair])
+    spot = disc(drawing.bore, 0.2 * r, 12)
+
+    def part(link: str, kind: str, shell: Shell, color: Any = None) -> Part:
+        points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
+        low, high = float(points[:, 2].min()), float(points[:, 2].max())
+        return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)
+
+    free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
+    long, wide = 1.6 * r * drawing.size, 2.0 * shaft
+    bar = revolve(((0.0, z0 - free), (0.995 * shaft, z0 - free), (0.995 * shaft, z1 + free), (0.0, z1 + free)), segments=48)
+    found = [part(drawing.cam, "wheel", _closed(rings)), part(drawing.cam, "pin", bar, PIN)]
+    for a, b in ((z0 - free - long, z0 - free), (z1 + free, z1 + free + long)):
+        box = revolve(((0.0, a), (1.414 * wide, a), (1.414 * wide, b), (0.0, b)), segments=4)
+        turned = box.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, 1.414]]) / 1.414
+        found.append(part(placed.carrier, "pedestal", Shell(turned, box.faces)))
+    return found
+
+
+def _still(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+    """Points of the cam's axes [m] -> the carrier's axes."""
+    placed = drawing.placed
+    x, y, z = p.T
+    if drawing.flat:
+        w, out = placed.centre + placed.axes * (x + 1j * z), -y
+    else:
+        w, out = placed.centre + placed.axes * (y + 1j * z), x
+    return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
+
+
+def _outwards(shell: Shell) -> Shell:
+    p, q, r = (shell.vertices[shell.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", p - shell.vertices[0], np.cross(q - shell.vertices[0], r - shell.vertices[0])))
+    return shell if volume > 0.0 else Shell(shell.vertices, shell.faces[:, ::-1])
+
+
+def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
+    from .parts import Part, Prism
+
+    placed, size = drawing.placed, drawing.size
+    radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
+    depth = placed.blank.depth / size
+    mates = frozenset([drawing.pair])
+    inner, outer = placed.cam.inner / size, placed.cam.outer / size
+    if drawing.flat:
+        assert drawing.hinge is not None
+        way = complex(*drawing.tip) - complex(*drawing.hinge)
+        way /= abs(way)
+        start = model.proportions.r
+        mouth, end = inner - 0.1 * depth, outer - _CLEAR * depth
+        profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
+        upright = revolve(profile, segments=96).vertices
+        xy = complex(*drawing.hinge) + way * (upright[:, 2] + 1j * upright[:, 0])
+        shell = _outwards(Shell(np.column_stack([xy.real, xy.imag, upright[:, 1] + height]), revolve(profile, segments=96).faces))
+        prism = Prism(disc(drawing.tip, 0.5 * radius, 24), height - radius, height + radius)
+        return [Part(drawing.follower, "roller", shell, PIN, (prism,), mates)]
+    top = levels.plate(levels.of(drawing.follower))[0]
+    low = height + inner + _CLEAR * depth
+    edge = min(height + outer + 0.1 * depth, top)
+    profile = ((0.0, low), (radius, low), (radius, edge), (pin, edge), (pin, top), (0.0, top))
+    spots = [complex(*drawing.tip)]
+    if placed.blank.kind == "rib":
+        reach = drawing.up * (0.5 * placed.blank.thickness + placed.cam.radius) / size
+        spots = [spots[0] - reach, spots[0] + reach]
+    found = []
+    for z in spots:
+        at = (z.real, z.imag)
+        shell = revolve(profile, at, segments=96)
+        found.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
+    return found
+
+
+def spun_links(model: Model) -> Mapping[str, SpatialDrawing]:
+    """Links that turn about an axis in the plane."""
+    return {drawing.cam: drawing for drawing in model.spatial}

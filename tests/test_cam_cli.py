@@ -1,0 +1,78 @@
+"""Exports of cams and solids from the command line: drawings, tables, 3MF; what a cutter leaves is told."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+from typer.testing import CliRunner
+
+import mechviz
+from mechviz.cli import app
+from mechviz.scene.cam_files import read_dxf
+from mechviz.solids import solids_of
+
+CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["export", *arguments])
+
+
+def test_profiles_from_the_command_line(tmp_path):
+    """The drawing is one closed outline in millimetres; the SVG has its size; the table has the columns that it names."""
+    files = {key: tmp_path / f"cam.{key}" for key in ("dxf", "svg", "csv")}
+    done = run(
+        "cam-roller", "--dxf", str(files["dxf"]), "--svg", str(files["svg"]), "--profile", str(files["csv"]), "--frames", "12"
+    )
+    assert done.exit_code == 0, done.output
+    assert done.stdout.split() == [str(files[key]) for key in ("dxf", "svg", "csv")] and not done.stderr
+    z, bulges, unit = read_dxf(files["dxf"])
+    assert unit == 1e-3 and np.abs(bulges).max() > 0.0
+    assert np.abs(z).min() == pytest.approx(40.0, abs=1e-6), "the base circle"
+    root = ET.fromstring(files["svg"].read_text())
+    assert root.get("width").endswith("mm") and float(root.get("width")[:-2]) == pytest.approx(np.ptp(z.real) + 10.0, abs=0.1)
+    head, *rows = files["csv"].read_text().splitlines()
+    assert head.startswith("curve,cam [rad or m],x [mm],y [mm],nx,ny") and len(rows) > 360
+
+
+def test_what_the_cutter_leaves_is_told(tmp_path):
+    done = run("cam-undercut", "--dxf", str(tmp_path / "left.dxf"), "--frames", "12")
+    assert done.exit_code == 0
+    assert done.stderr.count("what the cutter leaves") == 2 and "0.6398 mm" in done.stderr
+
+
+def test_scenes_without_a_cam_have_no_profile(tmp_path):
+    done = run("crank-rocker", "--dxf", str(tmp_path / "none.dxf"), "--frames", "12")
+    assert done.exit_code == 1 and "has no cam" in done.stderr and not (tmp_path / "none.dxf").exists()
+    assert run("crank-rocker").exit_code == 2
+
+
+@pytest.mark.parametrize("name", ["cam-roller", "cam-barrel"])
+def test_solids_as_3mf(tmp_path, name):
+    """Objects, triangles and places are those of the solids, in millimetres, and the same run gives the same file."""
+    first, second = tmp_path / "a.3mf", tmp_path / "b.3mf"
+    for path in (first, second):
+        done = run(name, "--3mf", str(path), "--frames", "12")
+        assert done.exit_code == 0, done.output
+    assert first.read_bytes() == second.read_bytes()
+    with zipfile.ZipFile(first) as archive:
+        assert set(archive.namelist()) == {"[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"}
+        model = ET.fromstring(archive.read("3D/3dmodel.model"))
+    assert model.get("unit") == "millimeter"
+    solved = mechviz.run.run_scene(mechviz.load(name), frames=12)
+    solids = solids_of(solved)
+    objects = {o.get("name"): o for o in model.iter(f"{CORE}object")}
+    assert set(objects) == set(solids.links)
+    items = {i.get("objectid"): [float(v) for v in i.get("transform").split()] for i in model.iter(f"{CORE}item")}
+    for link, entry in objects.items():
+        points = np.array([[float(v.get(k)) for k in "xyz"] for v in entry.iter(f"{CORE}vertex")])
+        faces = np.array([[int(t.get(f"v{k}")) for k in (1, 2, 3)] for t in entry.iter(f"{CORE}triangle")])
+        mesh = trimesh.Trimesh(points, faces, process=False)
+        assert mesh.volume == pytest.approx(1e9 * solids.links[link].mesh.volume, rel=1e-6)
+        np.testing.assert_allclose(points, 1e3 * solids.links[link].mesh.vertices, atol=1e-5)
+        x, y, _ = solved.motion.pose(link)[0]
+        np.testing.assert_allclose(items[entry.get("id")][9:], [1e3 * x, 1e3 * y, 0.0], atol=1e-6)
