@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -464,6 +465,46 @@ def test_arrows_are_those_of_the_frame_and_families_switch(viewer):
     viewer.set_frame(301)
     assert not node.visible
     viewer.scene.arrows.switch("reaction", True)
+
+
+def test_what_browsers_play_by_themselves_is_what_the_server_would_draw(viewer):
+    tracks = viewer.inspector.tracks()
+    assert {t.name for t in tracks.poses} >= {link_path(n) for n in ("crank", "coupler", "rocker")}
+    assert tracks.points and tracks.plots and json.loads(tracks.text())["slider"] == viewer.timeline.slider._impl.uuid
+    for frame in (0, 123, 300):
+        viewer.set_frame(frame)
+        for t in tracks.poses:
+            node = viewer.server.scene.get_handle_by_name(t.name)
+            np.testing.assert_allclose(node.position, t.places[frame], atol=1e-7)
+            if t.turns is not None:
+                np.testing.assert_allclose(node.wxyz, t.turns[frame], atol=1e-12)
+        for p in tracks.points:
+            node, count = viewer.server.scene.get_handle_by_name(p.name), p.counts[frame]
+            assert node.visible == (count > 0)
+            if count:
+                np.testing.assert_allclose(np.ravel(getattr(node, p.prop)), p.values[frame, :count], atol=1e-7)
+
+
+def test_a_run_that_is_played_elsewhere_goes_along_and_stops_where_it_is(screen):
+    said: list[tuple] = []
+    remote = SimpleNamespace(
+        begin=lambda clock, rate, loop: said.append(("begin", rate)) or True,
+        end=lambda frame: said.append(("end", frame)),
+        glance=lambda frame: said.append(("glance", frame)),
+    )
+    made = Player(np.linspace(0.0, 1.0, 101), screen.show, screen.errors.append, rate=0.2, remote=remote)
+    made.start()
+    try:
+        made.play()
+        until(lambda: made.aside)
+        drawn = len(screen.frames)
+        until(lambda: made.frame > 5)
+        assert len(screen.frames) == drawn, "nothing is drawn here meanwhile"
+        made.pause()
+        assert made.wait() and said[-1] == ("end", made.frame) and screen.frames[-1] == made.frame
+        assert not made.aside and said[0] == ("begin", 0.2)
+    finally:
+        made.close()
 
 
 def test_a_kinematic_scene_offers_no_forces(kinematic):

@@ -132,13 +132,51 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
     assert viewer.frame == frame and page.evaluate(POSE, NODES[1]) == pose
 
 
+def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page):
+    traffic: list[int] = []
+    viewer.play()
+    until(page, lambda: page.evaluate("() => !!window.mechvizPlayback && window.mechvizPlayback.running"), "playing in the browser")
+    buffer = viewer.server._websock_server._broadcast_buffer
+    first = page.evaluate("() => window.mechvizPlayback.frames")
+    before = buffer.message_counter
+    until(page, lambda: page.evaluate("() => window.mechvizPlayback.frames") >= first + 5, "some frames")
+    traffic.append(buffer.message_counter - before)
+    page.evaluate("() => { const p = window.mechvizPlayback; p.running = false; p.show(123, true); }")
+    page.wait_for_function(READY, arg=list(NODES))
+    for link in ("crank", "coupler", "rocker"):
+        assert np.abs(np.array(page.evaluate(POSE, link_path(link))) - _pose_of_core(viewer, link, 123)).max() < 1e-6
+    torque = viewer.run.forces.effort("A")[123]
+    page.get_by_text(f"{torque:.5g} N m".replace("-", "−")).first.wait_for()
+    assert page.evaluate(CURSOR, viewer.plots.slots[0].chart._impl.uuid) == pytest.approx([123.0, 123.0])
+    assert traffic == [0] and viewer.player.aside
+    viewer.pause()
+    _until_drawn(viewer, page)
+    frame = viewer.frame
+    page.get_by_text(f"frame {frame} of 360").first.wait_for()
+    assert not viewer.player.aside
+
+
+def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch):
+    monkeypatch.setattr("mechviz.viewer.playback.LARGEST", 1000)
+    viewer.inspector.playback.change()
+    viewer.play()
+    until(page, lambda: viewer.frame not in (300, 0), "playing")
+    before = page.evaluate(POSE, NODES[1])
+    until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
+    assert not viewer.player.aside and not page.evaluate("() => window.mechvizPlayback.running")
+    viewer.pause()
+    _until_drawn(viewer, page)
+    monkeypatch.undo()
+    viewer.inspector.playback.change()
+
+
 @pytest.mark.parametrize("frame", [0, 91, 360])
 def test_scrubbing_brings_the_frame_and_its_poses(viewer, page, frame):
     box = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] ~ div input')
     box.fill(str(frame))
     until(page, lambda: viewer.frame == frame, "the frame")
     _until_drawn(viewer, page)
-    assert f"frame {frame} of 360" in page.content()
+    page.get_by_text(f"frame {frame} of 360").first.wait_for()
 
 
 def test_keys_play_and_step_without_turning_the_camera(viewer, page):

@@ -14,6 +14,7 @@ from typing import Any
 from ..run import Run
 from .browser import prepare_page
 from .inspector import Inspector, theme
+from .playback import BrowserPlayback
 from .player import Player
 from .plots import Plots
 from .scene3d import Scene3D
@@ -64,12 +65,16 @@ class Viewer:
 
         theme(server, dark=False)
         prepare_page(server, f"{show.title} · mechviz")
+        playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.glance(frame))
         self.player = Player(
             show.time,
             lambda frame, playing: self.inspector.draw(frame, playing),
             lambda error: report(server, "Drawing", error),
+            remote=playback,
         )
-        self.inspector = Inspector(server, show, self.player, self.studio, folder, callback, note)
+        self.inspector = Inspector(server, show, self.player, self.studio, folder, callback, playback, note)
+        server.on_client_connect(lambda client: playback.greet(client, self.player.clock))
+        server.on_client_disconnect(playback.forget)
         self.player.start()
         self.set_frame(show.opening)
 

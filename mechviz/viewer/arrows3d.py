@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from ..vectors import FAMILIES
+from .playback import PointTrack, ragged
 from .show import Show
 
 __all__ = ["ArrowNodes", "arc_vertices", "arrow_points"]
@@ -152,14 +152,24 @@ class ArrowNodes:
             if corners is not None:
                 arc.vertices = corners
 
-    def point_tracks(self) -> Iterator[tuple[str, str, Callable[[int], NDArray[np.float32] | None]]]:
-        """Name of a node, the property that moves and its value at a frame, of all that is on."""
-        for family in self._tracks:
+    def tracks(self) -> Iterator[PointTrack]:
+        """How all arrows and arcs that are on move over the run: what ``show`` draws, for all frames at once."""
+        for family, (origins, lengths, z) in self._tracks.items():
             if self._on[family]:
-                yield f"/vectors/{family}", "points", partial(self.points, family)
+                drawn = lengths * self._factors[family]
+                with np.errstate(invalid="ignore"):
+                    seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= 1.3 * HEAD_LENGTH * self._size
+                seen &= np.isfinite(origins).all(axis=2) & np.isfinite(drawn).all(axis=2)
+                flat = np.stack([origins, origins + drawn], axis=2)
+                heights = np.broadcast_to(z[None, :, None, None], (*flat.shape[:3], 1))
+                yield PointTrack(f"/vectors/{family}", "points", *ragged(np.concatenate([flat, heights], axis=3), seen))
         for key in self._turns:
             if self._on[key[0]]:
-                yield _arc_path(*key), "vertices", partial(self.corners, key)
+                corners = [self.corners(key, frame) for frame in range(len(self._turns[key][1]))]
+                empty = np.zeros((2 * ARC_STEPS + 5, 3), np.float32)
+                values = np.stack([empty if c is None else c for c in corners]).reshape(len(corners), -1)
+                counts = np.array([0 if c is None else values.shape[1] for c in corners])
+                yield PointTrack(_arc_path(*key), "vertices", values, counts)
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(

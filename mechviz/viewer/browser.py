@@ -59,10 +59,29 @@ if (!window.mechvizNames) {
 }
 """
 
+# The cursor of the health strip goes where the numbers above the slider say: the strip itself need not be sent again.
+CURSOR = """
+if (!window.mechvizCursor) {
+  window.mechvizCursor = true;
+  let waiting = false;
+  const move = () => {
+    waiting = false;
+    const place = document.querySelector("[data-mv-part]");
+    if (!place || (window.mechvizPlayback && window.mechvizPlayback.running)) return;
+    for (const line of document.querySelectorAll(".mechviz-now"))
+      for (const end of ["x1", "x2"]) line.setAttribute(end, 1000 * Number(place.dataset.mvPart));
+  };
+  new MutationObserver(() => {
+    if (!waiting) { waiting = true; setTimeout(move, 30); }
+  }).observe(document.body, { childList: true, subtree: true });
+  move();
+}
+"""
+
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
 
 

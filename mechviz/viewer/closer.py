@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import viser
 
 from . import words
 from .callbacks import Callback
+from .playback import NumberTrack, PlotTrack
 from .plots import CURSOR_RATE, Slot
 from .quantities import Axis, Quantity
 from .show import Show
@@ -52,7 +53,7 @@ class Closer:
             self._values = server.gui.add_html("")
         self.choice.on_update(callback("Looking closer", lambda _: self.look_at(self.choice.value)))
         self.item = items[0]
-        self.slot = Slot(server, tab, "Plot", self._titles(), self._first(), self._axis())
+        self.slot = Slot(server, tab, "Its plot", self._titles(), self._first(), self._axis())
         self.slot.choice.on_update(callback("Changing the plot", lambda _: self._plot(self.slot.choice.value)))
         self._read()
         self.show(0, False)
@@ -95,6 +96,16 @@ class Closer:
             rows.append((q.label.split(": ", 1)[1], q.curves, at, q.unit))
         self._values.content = words.values(self.item, rows)
         self.slot.show(frame)
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the numbers and the cursor of the plot move over the run."""
+        k = 0
+        for _, values in self._tables.values():
+            least = 1e-9 * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+            for column in values.T:
+                yield NumberTrack(f"closer:{k}", np.where(np.abs(column) <= least, 0.0, column))
+                k += 1
+        yield from self.slot.tracks()
 
     def _read(self) -> None:
         self._tables = {q.title: (q, q.values()) for q in members(self._show, self.item)}

@@ -62,7 +62,10 @@ class Controls:
                 self.lists[c.key].value = c.value
 
     def tell(self, status: Status) -> None:
-        """Say how a change went: at the top, and below the slider that went too far."""
+        """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
+        undone, may concern any control."""
+        if not status.fault and status.key not in self.sliders:
+            self.update(self._studio.run.scene)
         if self._note is not None:
             with contextlib.suppress(RuntimeError):
                 self._note.remove()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .playback import PlotTrack
+
 __all__ = ["Curves", "padded_range", "thinned"]
 
 Real = NDArray[np.float64]
@@ -56,6 +58,10 @@ class Curves:
         low, high = self.range
         if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
             self.range = old
+
+    def track(self, uuid: str) -> PlotTrack:
+        """How the line moves through the plot ``uuid`` over the frames."""
+        return PlotTrack(uuid, self._shown_x, self._shown_y, self._x, self._y, self.range)
 
     def at(self, frame: int) -> tuple[Real, ...]:
         """x, the curves and the cursor line, each (n + 2,), the cursor at ``frame``."""

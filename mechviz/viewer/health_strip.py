@@ -15,6 +15,7 @@ __all__ = ["columns", "health_svg", "in_words", "shade"]
 Real = NDArray[np.float64]
 
 COLUMNS = 240
+STEPS = 20  # of shades from green to red
 WIDTH, ROW, GAP, EVENTS = 1000.0, 11.0, 3.0, 15.0
 NAMES, BOX = 103, 55  # [px] left and right of the track of the slider above
 GOOD, FAIR, BAD = (46, 160, 96), (230, 168, 23), (208, 48, 48)
@@ -46,13 +47,12 @@ def health_svg(health: Sequence[Health], events: Sequence[Happening], time: Real
         said = in_words(h)
         y = k * (ROW + GAP)
         row = [f"<title>{escape(said)}</title>"]
-        shades = [shade(t) for t in np.round(columns(h.trouble) * 20.0) / 20.0]
-        first = 0
-        for j in range(1, len(shades) + 1):
-            if j == len(shades) or shades[j] != shades[first]:
-                x, w = WIDTH * first / len(shades), WIDTH * (j - first) / len(shades)
-                row.append(f'<rect x="{x:.1f}" y="{y:g}" width="{w + 0.4:.1f}" height="{ROW:g}" fill="{shades[first]}"/>')
-                first = j
+        steps = np.round(columns(h.trouble) * STEPS).astype(int)
+        starts = np.flatnonzero(np.diff(steps, prepend=-1))
+        per = WIDTH / len(steps)
+        for first, after in zip(starts, [*starts[1:], len(steps)], strict=True):
+            left, wide, fill = per * first, per * (after - first), shade(steps[first] / STEPS)
+            row.append(f'<rect x="{left:.1f}" y="{y:g}" width="{wide + 0.4:.1f}" height="{ROW:g}" fill="{fill}"/>')
         rows.append(f"<g>{''.join(row)}</g>")
         names.append(f'<div title="{escape(said)}" style="height:{ROW + GAP:g}px;white-space:nowrap">{escape(h.name)}</div>')
     base = len(health) * (ROW + GAP)

@@ -17,6 +17,7 @@ from .controls import Controls
 from .diagrams import Diagrams
 from .effects_tab import EffectsTab
 from .pivots import Pivots
+from .playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from .player import Player
 from .plots import Plots
 from .saving import Saver
@@ -49,12 +50,14 @@ class Inspector:
         studio: Studio | None,
         folder: Path,
         callback: Callback,
+        playback: BrowserPlayback,
         note: str = "",
         edit: Any = None,
     ):
         self._server, self._player, self._studio = server, player, studio
         self._lock = threading.RLock()
         self._tracing = False
+        self.playback = playback
         gui = server.gui
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT_WIDTH)
@@ -100,6 +103,7 @@ class Inspector:
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
+        self.plots.changed = self._changed
         self._explain()
 
     @property
@@ -119,6 +123,7 @@ class Inspector:
     def present(self, show: Show) -> None:
         """Take another run of the same scene: everything changes in one step."""
         with self._lock:
+            self.playback.hold(True)
             self._player.retime(show.time)
             frame = min(self._player.frame, show.frames - 1)
             with self._server.atomic():
@@ -130,14 +135,35 @@ class Inspector:
                 self.switches.update(show)
                 if self.effects is not None:
                     self.effects.update(show)
-                if self.controls is not None and show.run is not None:
-                    self.controls.update(show.run.scene)
                 if self.pivots is not None:
                     self.pivots.update(show)
                 self.scene.show(frame)
-                self._panels(frame, False)
+                self.timeline.show(frame, self._player.playing)
+                self.diagrams.show(frame, False)
                 self._explain()
             self._server.flush()
+            if self._player.aside:
+                self._player.refresh()
+
+    def tracks(self) -> Tracks | None:
+        """All that moves while the run is played; None where only the server can draw it."""
+        with self._lock:
+            scene = self.scene.tracks()
+            if scene is None:
+                return None
+            others = [*self.timeline.tracks(), *self.plots.tracks(), *self.closer.tracks()]
+            return Tracks(
+                self.show.time,
+                self.timeline.slider._impl.uuid,
+                *scene,
+                tuple(t for t in others if isinstance(t, NumberTrack)),
+                tuple(t for t in others if isinstance(t, PlotTrack)),
+            )
+
+    def glance(self, frame: int) -> None:
+        """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
+        with self._lock:
+            self.diagrams.show(min(frame, self.show.frames - 1), True)
 
     def tell(self, status: Status) -> None:
         """Say how an edit went."""
@@ -154,7 +180,10 @@ class Inspector:
             if self.pivots is not None:
                 self.pivots.update(self.show)
             self.scene.refit()
+            self.playback.hold(False)
         self._server.flush()
+        if self._player.playing:
+            self._player.refresh()
 
     def weighed(self, found: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
@@ -183,6 +212,7 @@ class Inspector:
     def _changed(self) -> None:
         """What is drawn is another: say so in the legend, and draw it."""
         self._explain()
+        self.playback.change()
         self._player.refresh()
 
     def _explain(self) -> None:
@@ -197,6 +227,7 @@ class Inspector:
     def _compare(self, on: bool) -> None:
         with self._lock:
             self.scene.ghost.switch(on)
+        self.playback.change()
         self._player.refresh()
 
     def _handles(self, on: bool) -> None:
@@ -213,6 +244,7 @@ class Inspector:
 
     def _picked(self, item: str) -> None:
         """Mark what is looked at."""
+        self.playback.change()
         kind, _, name = item.partition(" ")
         self.scene.joints.pick([name] if kind in ("pair", "drive", "cam") else [])
         self.scene.links.pick(name if kind == "link" else "")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from ..linkers import Linker
+from .playback import PointTrack
 from .show import Show
 
 __all__ = ["LinkerNodes", "segments"]
@@ -66,11 +66,15 @@ class LinkerNodes:
             for path in self._linkers:
                 self._nodes[path].points = self.points(path, frame)
 
-    def point_tracks(self) -> Iterator[tuple[str, str, Callable[[int], NDArray[np.float32] | None]]]:
-        """Name of a node, the property that moves and its value at a frame, of all that is on."""
+    def tracks(self, frames: int) -> Iterator[PointTrack]:
+        """How all lines move over the run, if they are on."""
         if self._on:
-            for path in self._linkers:
-                yield path, "points", partial(self.points, path)
+            for path, linker in self._linkers.items():
+                strips = linker.strips(np.arange(frames))
+                flat = np.concatenate([np.stack([s[:, :-1], s[:, 1:]], axis=2) for s in strips], axis=1)
+                height = np.full((*flat.shape[:3], 1), self._z)
+                values = np.concatenate([flat, height], axis=3).reshape(frames, -1).astype(np.float32)
+                yield PointTrack(path, "points", values, np.full(frames, values.shape[1]))
 
 
 def _path(name: str) -> str:

@@ -95,6 +95,7 @@ class Construction:
 
     nodes: tuple[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle, ...]
     show: Callable[[int], None]
+    moves: bool = True
 
 
 class PlanNodes:
@@ -143,6 +144,11 @@ class PlanNodes:
 
     def __len__(self) -> int:
         return len(self.constructions)
+
+    @property
+    def moves(self) -> bool:
+        """Whether something is drawn that changes from frame to frame."""
+        return any(self._on[name] and c.moves for name, c in self.constructions.items())
 
     def switch(self, name: str, on: bool) -> None:
         """Draw a construction from the next ``show`` on, or no more."""
@@ -296,7 +302,7 @@ class PlanNodes:
                     nodes.append(
                         self._server.scene.add_line_segments(path, flat, on_light(color), thickness=2.5, thickness_units="screen")
                     )
-        return Construction(tuple(nodes), lambda frame: None)
+        return Construction(tuple(nodes), lambda frame: None, moves=False)
 
     def _equivalents(self) -> Construction:
         """Bars, blocks and new pins of equivalent linkages on the mechanism."""

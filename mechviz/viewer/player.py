@@ -5,14 +5,32 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Player"]
+__all__ = ["Player", "Remote"]
 
 LARGEST_RATE = 60.0  # pictures a second
+GLANCES = 10.0  # looks a second at a run that the browsers play
 LEAST_REST = 0.002  # [s] between pictures, however slow the drawing is: viser's own thread must get its turn
+
+
+class Remote(Protocol):
+    """Who can play by themselves: the browsers, once they have the motion."""
+
+    def begin(self, clock: float, rate: float, loop: bool) -> bool:
+        """Play from ``clock`` [s]; False if they cannot."""
+        ...
+
+    def end(self, frame: int) -> None:
+        """Stop at a frame."""
+        ...
+
+    def glance(self, frame: int) -> None:
+        """It goes on, and is at this frame now."""
+        ...
 
 
 class Player:
@@ -20,6 +38,8 @@ class Player:
 
     ``rate`` is run time per wall time. After a change while paused, ``show`` is called once; nothing else happens while paused.
     ``failed(error)`` is told of an exception in ``show``; the player then pauses and lives on.
+
+    While ``remote`` plays, ``show`` is called for requests only, and the clock here just goes along.
     """
 
     def __init__(
@@ -28,7 +48,11 @@ class Player:
         show: Callable[[int, bool], None],
         failed: Callable[[Exception], None],
         rate: float = 1.0,
+        remote: Remote | None = None,
     ):
+        self._remote = remote
+        self._aside = False  # the remote plays
+        self._ticked = time.perf_counter()
         self._times = np.asarray(times, float)
         self._show = show
         self._failed = failed
@@ -57,7 +81,21 @@ class Player:
     # -- state --------------------------------------------------------------------------------------------------------
     @property
     def frame(self) -> int:
-        return self._frame
+        with self._changed:
+            self._catch_up()
+            return self._frame
+
+    @property
+    def clock(self) -> float:
+        """Time of the run now [s]."""
+        with self._changed:
+            self._catch_up()
+            return self._clock
+
+    @property
+    def aside(self) -> bool:
+        """Whether the browsers play by themselves."""
+        return self._aside
 
     @property
     def playing(self) -> bool:
@@ -81,6 +119,7 @@ class Player:
 
     def pause(self) -> None:
         with self._changed:
+            self._catch_up()
             self._playing = False
             self._ask()
 
@@ -102,6 +141,7 @@ class Player:
         """Go on by some frames, over the ends where the motion loops, and pause."""
         with self._changed:
             last = len(self._times) - 1
+            self._catch_up()
             target = self._frame + frames
             if self._loop and last > 0 and not 0 <= target <= last:
                 target %= last  # the last frame of a cycle is the first of the next
@@ -109,7 +149,9 @@ class Player:
 
     def set_rate(self, rate: float) -> None:
         with self._changed:
+            self._catch_up()
             self._rate = rate
+            self._ask()
 
     def set_loop(self, loop: bool) -> None:
         with self._changed:
@@ -162,26 +204,48 @@ class Player:
         nearer = self._clock - self._times[before] < self._times[after] - self._clock
         self._frame = before if nearer else after
 
+    def _catch_up(self) -> None:
+        """While the remote plays, the clock is brought to now only when somebody asks."""
+        if self._aside and self._playing:
+            now = time.perf_counter()
+            self._advance(now - self._ticked)
+            self._ticked = now
+
     def _run(self) -> None:
-        ticked = time.perf_counter()
         shown = -1
         while True:
             with self._changed:
                 if not self._playing and self._done >= self._wanted:
                     self._changed.wait_for(lambda: self._playing or self._closed or self._done < self._wanted)
-                    ticked = time.perf_counter()
+                    self._ticked = time.perf_counter()
+                elif self._aside and self._playing:
+                    self._changed.wait_for(lambda: self._closed or self._done < self._wanted, 1.0 / GLANCES)
                 if self._closed:
                     return
                 now = time.perf_counter()
                 if self._playing:
-                    self._advance(now - ticked)
-                ticked = now
-                frame, playing, wanted = self._frame, self._playing, self._wanted
-                needed = frame != shown or wanted > self._done
-            if needed:
+                    self._advance(now - self._ticked)
+                self._ticked = now
+                frame, playing, wanted, clock = self._frame, self._playing, self._wanted, self._clock
+                asked = wanted > self._done
+                needed = frame != shown or asked
+            if needed and self._aside and not asked:
+                shown = frame
+                assert self._remote is not None
+                self._remote.glance(frame)
+            elif needed:
                 shown = frame
                 try:
+                    if self._aside and self._remote is not None and not playing:
+                        self._aside = False
+                        self._remote.end(frame)
+                        # What viser takes to be shown already it does not send: from a neighbouring frame on everything is new
+                        self._show(max(frame - 1, 0) if frame else min(1, len(self._times) - 1), playing)
                     self._show(frame, playing)
+                    if playing and self._remote is not None:
+                        before, self._aside = self._aside, self._remote.begin(clock, self._rate, self._loop)
+                        if before and not self._aside:
+                            self._remote.end(frame)
                 except Exception as error:
                     with self._changed:
                         self._playing = False

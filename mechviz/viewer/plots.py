@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import viser
 from viser import uplot
 
 from .curves import Curves
+from .playback import NumberTrack, PlotTrack
 from .quantities import Axis, Quantity
 from .show import Show
 from .words import number
@@ -49,6 +50,7 @@ class Plots:
         ]
         for slot in self.slots:
             self._listen(slot, callback)
+        self.changed: Callable[[], None] = lambda: None
         self.show(0, playing=False)
 
     def update(self, show: Show, frame: int) -> None:
@@ -82,6 +84,7 @@ class Plots:
             self._against.value = self._axis.title
             for slot in self.slots:
                 slot.plot(slot.quantity, self._axis, self._frame)
+        self.changed()
 
     def choose(self, slot: Slot, title: str) -> None:
         """Plot another quantity; an unknown title changes nothing."""
@@ -89,6 +92,13 @@ class Plots:
             if title in self._quantities:
                 slot.plot(self._quantities[title], self._axis, self._frame)
             slot.choice.value = slot.quantity.title
+        self.changed()
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the cursors and the numbers above the plots move over the run."""
+        with self._lock:
+            for slot in self.slots:
+                yield from slot.tracks()
 
     def open(self, title: str) -> None:
         """Plot a quantity in the first place."""
@@ -116,7 +126,7 @@ class Slot:
         quantity: Quantity,
         axis: Axis,
     ):
-        self._gui, self._tab = server.gui, tab
+        self._gui, self._tab, self._label = server.gui, tab, label
         with tab:
             self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
             self._readout = self._gui.add_html("")
@@ -186,14 +196,23 @@ class Slot:
         unit = html.escape(self.quantity.unit)
         values = [number(self._rounded(value)) for value in self._values[frame]]
         parts = [
-            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> {value} {unit}</span>'
-            for name, color, value in zip(self.quantity.curves, COLORS, values, strict=False)
+            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> '
+            f'<span data-mv="{html.escape(self._label)}:{k}">{value} {unit}</span></span>'
+            for k, (name, color, value) in enumerate(zip(self.quantity.curves, COLORS, values, strict=False))
         ]
         self._readout.content = (
             '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'
             + "".join(parts)
             + "</div>"
         )
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the cursor and the numbers move over the run."""
+        assert self.chart is not None
+        yield self._curves.track(self.chart._impl.uuid)
+        for k in range(len(self.quantity.curves)):
+            values = np.where(np.abs(self._values[:, k]) <= self._least, 0.0, self._values[:, k])
+            yield NumberTrack(f"{self._label}:{k}", values, None, f" {self.quantity.unit}")
 
     def _rounded(self, value: float) -> float:
         """Zero for what is only the round-off of a quantity."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from .ghost import Ghost
 from .linkers3d import LinkerNodes
 from .marks3d import Joints, Paths
 from .plans3d import PlanNodes
+from .playback import PointTrack, PoseTrack
 from .show import Show
 from .solids3d import SolidNodes
 from .stage import Stage
@@ -26,7 +27,6 @@ SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
 FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
 
 Real = NDArray[np.float64]
-Values = Callable[[int], NDArray[np.float32] | None]
 
 
 def _ignore(_what: Any, _event: Any) -> None:
@@ -105,14 +105,14 @@ class Scene3D:
         self.joints.show(frame)
         self.plans.show(frame)
 
-    def pose_tracks(self) -> dict[str, tuple[Real, Real | None]]:
-        """By the name of a node: its places (F, 3) [m] and its turns (F, 4), if it turns."""
-        return {**self.links.tracks(), **self.ghost.tracks(), **self._paths.tracks(), **self.joints.tracks()}
-
-    def point_tracks(self) -> Iterator[tuple[str, str, Values]]:
-        """Name of a node, the property that moves and its value at a frame; None where nothing is to be seen."""
-        yield from self.arrows.point_tracks()
-        yield from self._linkers.point_tracks()
+    def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
+        """How everything moves over the run; None where something changes in another way than by poses and points."""
+        if self.plans.moves:
+            return None
+        poses = {**self.links.tracks(), **self.ghost.tracks(), **self._paths.tracks(), **self.joints.tracks()}
+        frames = self.current.frames
+        moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
+        return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames))
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""

@@ -77,7 +77,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
     """What is shown of a run with solids that were built for it, or for the same mechanism with other lengths.
 
     ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
-    dragging is quick and arrows can be compared.
+    dragging is quick and arrows can be compared; events are those of before until there are solids for the new run.
     """
     motion, mechanism, solids = run.motion, run.motion.mechanism, built.solids
     exact = built.mechanism is mechanism
@@ -141,7 +141,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         axes=tuple(find_axes(run)),
         first=tuple(first_choice(run, PLOTS)),
         health=health_of(run),
-        events=happenings(run),
+        events=happenings(run) if exact or before is None else before.events,
         linkers=tuple(find_linkers(run, solids.size)),
         opening=telling_frame(run),
         notes=words.plan_list(run),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import viser
 from . import words
 from .callbacks import Callback, finite
 from .health_strip import health_svg
+from .playback import NumberTrack
 from .player import Player
 from .show import Happening, Show
 
@@ -117,10 +118,21 @@ class Timeline:
         return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
 
     def show(self, frame: int, playing: bool) -> None:
+        """Bring the numbers, the slider, the buttons and the strip's cursor to a frame."""
         self._place.content = words.place_in_run(self._show, frame)
         self.slider.value = frame
         options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
         self.buttons.options = options
+
+    def tracks(self) -> Iterator[NumberTrack]:
+        """How the numbers above the slider move over the run."""
+        for k, d in enumerate(self._show.drives):
+            if d.sliding:
+                yield NumberTrack(f"drive:{k}", 1e3 * d.position, 2, " mm")
+            else:
+                yield NumberTrack(f"drive:{k}", np.degrees(d.position), 1, "°")
+        yield NumberTrack("time", self._show.time, 4, " s")
+        yield NumberTrack("frame", np.arange(self._show.frames), 0)
 
     def frame_at(self, time: float) -> int:
         """The frame nearest to a time [s]."""

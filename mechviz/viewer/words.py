@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from html import escape
 from typing import TYPE_CHECKING
@@ -158,9 +159,11 @@ def hint(text: str) -> str:
 def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
     """A table of the values of an item: what, its components, in which unit."""
     lines = []
+    count = itertools.count()
     for what, names, numbers, unit in rows:
         parts = [
-            f'<span style="white-space:nowrap"><span style="opacity:0.65">{escape(name)}</span> {number(value)}</span>'
+            f'<span style="white-space:nowrap"><span style="opacity:0.65">{escape(name)}</span> '
+            f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
             for name, value in zip(names, numbers, strict=True)
         ]
         lines.append(
@@ -175,10 +178,18 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
 
 def place_in_run(show: Show, frame: int) -> str:
     """Drive positions, time and frame number."""
-    parts = [f"{escape(d.name)} <b>{_position(d.sliding, float(d.position[frame]))}</b>" for d in show.drives]
-    parts.append(f"time <b>{show.time[frame]:.4f} s</b>")
-    parts.append(f'<span style="opacity:0.7">frame {frame} of {show.frames - 1}</span>')
-    return _block("".join(f"<span>{part}</span>" for part in parts), "display:flex;gap:1.6em;font-variant-numeric:tabular-nums")
+    parts = [
+        f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d.sliding, float(d.position[frame]))}</b>'
+        for k, d in enumerate(show.drives)
+    ]
+    parts.append(f'time <b data-mv="time">{show.time[frame]:.4f} s</b>')
+    parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {show.frames - 1}</span>')
+    ends = float(show.time[0]), float(show.time[-1])
+    part_of_run = (float(show.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
+    spans = "".join(f"<span>{part}</span>" for part in parts)
+    return _block(
+        f'<div data-mv-part="{part_of_run:.5f}" style="display:flex;gap:1.6em;font-variant-numeric:tabular-nums">{spans}</div>'
+    )
 
 
 def _position(sliding: bool, value: float) -> str:

@@ -1,0 +1,142 @@
+// Plays a motion in the page: see playback.py. Loaded once into a page; `load` takes a motion, `play` and `stop` do what they say.
+if (!window.mechvizPlayback) {
+  const unpack = (text, Type) => {
+    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    return new Type(bytes.buffer);
+  };
+  const player = { motion: null, running: false, frames: 0, frame: -1 };
+  const PANELS = 80; // [ms] between changes of plots and numbers
+
+  player.load = (data) => {
+    const time = unpack(data.time, Float64Array), count = time.length;
+    player.motion = {
+      time, count, slider: data.slider,
+      poses: data.poses.map(([name, p, q]) => ({ name, p: unpack(p, Float32Array), q: q && unpack(q, Float32Array) })),
+      points: data.points.map(([name, prop, v, n]) => {
+        const values = unpack(v, Float32Array);
+        return { name, prop, values, width: values.length / count, counts: unpack(n, Float32Array), seen: null };
+      }),
+      numbers: data.numbers.map(([key, v, digits, suffix]) => ({ key, values: unpack(v, Float32Array), digits, suffix })),
+      plots: data.plots.map(([uuid, sx, sy, x, y, ends]) => ({ uuid, ends, sx: unpack(sx, Float32Array),
+        sy: unpack(sy, Float32Array), x: unpack(x, Float32Array), y: unpack(y, Float32Array) })),
+    };
+    player.frame = -1;
+  };
+
+  // -- one frame ----------------------------------------------------------------------------------------------------
+  const poses = (viser, motion, k) => {
+    for (const { name, p, q } of motion.poses) {
+      const pose = viser.nodePoseData[name];
+      if (!pose) continue;
+      pose.position = [p[3 * k], p[3 * k + 1], p[3 * k + 2]];
+      if (q) pose.wxyz = [q[4 * k], q[4 * k + 1], q[4 * k + 2], q[4 * k + 3]];
+      if (pose.poseUpdateState !== "waitForMakeObject") pose.poseUpdateState = "needsUpdate";
+    }
+  };
+  const scene = (viser, motion, k) => {
+    poses(viser, motion, k);
+    for (const track of motion.points) {
+      const count = track.counts[k], seen = count > 0;
+      if (seen) {
+        const values = track.values.slice(track.width * k, track.width * k + count);
+        viser.messageQueue.push({ type: "SceneNodeUpdateMessage", name: track.name, updates: { [track.prop]: values } });
+      }
+      if (seen !== track.seen) {
+        track.seen = seen;
+        viser.messageQueue.push({ type: "SetSceneNodeVisibilityMessage", name: track.name, visible: seen });
+      }
+    }
+    viser.requestRender();
+  };
+  const text = (value, digits) => {
+    if (!Number.isFinite(value)) return "not finite";
+    const said = digits === null ? String(Number(value.toPrecision(5))) : value.toFixed(digits);
+    return said.replace("-", "−");
+  };
+  const panels = (viser, motion, k) => {
+    viser.messageQueue.push({ type: "GuiUpdateMessage", uuid: motion.slider, updates: { value: k } });
+    const found = {};
+    for (const element of document.querySelectorAll("[data-mv]")) (found[element.dataset.mv] ||= []).push(element);
+    for (const { key, values, digits, suffix } of motion.numbers)
+      for (const element of found[key] || []) element.textContent = text(values[k], digits) + suffix;
+    for (const line of document.querySelectorAll(".mechviz-now")) {
+      const part = (motion.time[k] - motion.time[0]) / Math.max(motion.time[motion.count - 1] - motion.time[0], 1e-300);
+      line.setAttribute("x1", 1000 * part);
+      line.setAttribute("x2", 1000 * part);
+    }
+    const charts = (window.__viserTestpoints || {}).uplots || {};
+    for (const plot of motion.plots) {
+      const chart = charts[plot.uuid] && charts[plot.uuid].chart;
+      if (!chart) continue;
+      const n = plot.sx.length, curves = plot.sy.length / n, now = plot.x[k];
+      let at = 0;
+      while (at < n && plot.sx[at] < now) at++;
+      const insert = (values, a, b) => {
+        const out = new Float64Array(n + 2);
+        out.set(values.subarray(0, at)); out[at] = a; out[at + 1] = b; out.set(values.subarray(at), at + 2);
+        return out;
+      };
+      const data = [insert(plot.sx, now, now)];
+      for (let c = 0; c < curves; c++) {
+        const value = plot.y[c * motion.count + k];
+        data.push(insert(plot.sy.subarray(c * n, (c + 1) * n), value, value));
+      }
+      const cursor = new Float64Array(n + 2).fill(NaN);
+      cursor[at] = plot.ends[0]; cursor[at + 1] = plot.ends[1];
+      data.push(cursor);
+      chart.setData(data, false);
+      chart.redraw(false);
+    }
+  };
+  const nearest = (time, clock) => {
+    let low = 0, high = time.length - 1;
+    while (high - low > 1) { const middle = (low + high) >> 1; if (time[middle] <= clock) low = middle; else high = middle; }
+    return clock - time[low] < time[high] - clock ? low : high;
+  };
+  player.show = (k, withPanels) => {
+    const viser = window.__viserMutable, motion = player.motion;
+    if (!viser || !viser.messageQueue || !motion) return;
+    scene(viser, motion, k);
+    if (withPanels) panels(viser, motion, k);
+    player.frame = k;
+    player.frames += 1;
+  };
+
+  // -- the clock ----------------------------------------------------------------------------------------------------
+  let clock = 0, rate = 1, loop = true, ticked = 0, panelled = 0;
+  const tick = (now) => {
+    if (!player.running) return;
+    const { time, count } = player.motion, first = time[0], last = time[count - 1];
+    clock += rate * (now - ticked) / 1000;
+    ticked = now;
+    if (clock >= last && !(loop && last > first)) { clock = last; player.running = false; }
+    else clock = first + ((clock - first) % (last - first));
+    const k = nearest(time, clock);
+    if (k !== player.frame) {
+      const due = now - panelled > PANELS;
+      if (due) panelled = now;
+      player.show(k, due);
+    }
+    if (player.running) requestAnimationFrame(tick);
+  };
+  player.play = (from, speed, again) => {
+    clock = from; rate = speed; loop = again; ticked = performance.now();
+    for (const track of player.motion.points) track.seen = null;
+    if (!player.running) { player.running = true; requestAnimationFrame(tick); }
+  };
+  // What the server sends after this comes later in the queue of messages than what is pushed here: so only poses are set, at
+  // once, and nodes that have another visibility than the server will take for granted.
+  player.stop = (k) => {
+    player.running = false;
+    const viser = window.__viserMutable, motion = player.motion;
+    if (!motion || k >= motion.count) return;
+    poses(viser, motion, k);
+    for (const track of motion.points) {
+      const seen = track.counts[k] > 0;
+      if (track.seen !== null && seen !== track.seen)
+        viser.messageQueue.push({ type: "SetSceneNodeVisibilityMessage", name: track.name, visible: seen });
+    }
+    viser.requestRender();
+  };
+  window.mechvizPlayback = player;
+}
