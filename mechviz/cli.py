@@ -449,16 +449,30 @@ def length_of(scene: Scene, text: str | None, option: str) -> float | None:
 
 @app.command()
 def view(
-    scene: SceneArg,
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE|RECORDING.rrd", help="gallery name, path of a scene file (.toml), or a recording (.rrd)")
+    ],
     port: Annotated[int, typer.Option("--port", "-p", min=0, max=65535, help="port on 127.0.0.1; 0 takes a free one")] = 8080,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
 ) -> None:
-    """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C."""
+    """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording."""
     from .viewer import ViewerError, serve
 
     with clear_errors(scene):
+        if scene.endswith(".rrd"):
+            from .record import Recording, RecordingError
+
+            if (frames, cycles, accuracy) != (None, None, None):
+                fail("--frames, --cycles and --accuracy are for scenes: a recording is played as it is.")
+            try:
+                serve(Recording(scene), port=port)
+            except RecordingError as e:
+                fail(str(e))
+            except ViewerError as e:
+                fail(str(e), 1)
+            return
         run = solve(load_scene(scene), frames, cycles, accuracy)
         try:
             serve(run, port=port, folder=Path(scene).parent.resolve() if Path(scene).is_file() else None)

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from mechviz import scene
+from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene import Scene
+from mechviz.viewer import Viewer, ViewerError
 from mechviz.viewer.camera import PRESETS, fit_view
 from mechviz.viewer.health_strip import columns, health_svg, shade
 from mechviz.viewer.history import Draft, History
@@ -18,6 +20,7 @@ from mechviz.viewer.limits import assembles, reachable
 from mechviz.viewer.parameters import find_choices, find_parameters, read, written
 from mechviz.viewer.saving import file_name
 from mechviz.viewer.show import Happening, Health
+from mechviz.viewer.show_recording import show_of_recording
 from mechviz.viewer.show_run import build, show_of_run
 from mechviz.viewer.studio import Contribution, Status, Studio
 from mechviz.viewer.tracing import traced_at, with_traced
@@ -254,6 +257,68 @@ def test_each_effect_is_weighed_by_the_peak_without_it(studio):
     without = run_scene(Draft.of(studio.run.scene).with_effect("inertia", False).scene())
     assert found["inertia"].peak_with == pytest.approx(np.abs(studio.run.forces.effort("A")).max())
     assert found["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
+
+
+# -- recordings -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["slider-crank-compressor", "valve-train", "jansen-leg"])
+def test_a_recording_shows_what_its_run_shows(name, tmp_path):
+    run = run_scene(scene.load(name), frames=90)
+    write_recording(run, tmp_path / "a.rrd")
+    recorded, solved = show_of_recording(Recording(tmp_path / "a.rrd")), show_of_run(run, build(run))
+    assert recorded.run is None and recorded.size == pytest.approx(solved.size, rel=1e-6)
+    np.testing.assert_allclose(recorded.time, solved.time, atol=1e-9)
+    for link, pose in solved.poses.items():
+        np.testing.assert_array_equal(recorded.poses[link], pose)
+        shapes = [[np.concatenate([p.vertices for p in s.bodies[link].pieces]) for s in (recorded, solved)]]
+        np.testing.assert_array_equal(*shapes[0])
+    assert set(recorded.arrows) == set(solved.arrows) and set(recorded.paths) == set(solved.paths)
+    for family, arrows in solved.arrows.items():
+        found = recorded.arrows[family]
+        assert set(found.items) == set(arrows.items)
+        for k, item in enumerate(found.items):
+            j = arrows.items.index(item)
+            largest = np.abs(arrows.values[:, j]).max()
+            np.testing.assert_allclose(found.values[:, k], arrows.values[:, j], atol=1e-12 * largest)
+            np.testing.assert_allclose(found.origins[:, k], arrows.origins[:, j], atol=1e-9)
+    assert {(a.family, a.item) for a in recorded.arcs} == {(a.family, a.item) for a in solved.arcs}
+    assert [h.name for h in recorded.health] == [h.name for h in solved.health]
+    assert [e.level for e in recorded.events] == [e.level for e in solved.events]
+    assert [q.label for q in recorded.first[:1]] == [q.label for q in solved.first[:1]]
+    known = {q.title: q for q in solved.quantities}
+    for q in recorded.quantities:
+        if q.title in known and not q.label.endswith("contact force"):  # recordings hold its size, runs its sign too
+            np.testing.assert_allclose(q.values(), known[q.title].values(), rtol=1e-9, atol=1e-12)
+    assert {q.title for q in solved.quantities if q.label.startswith(("pair", "drive"))} <= {q.title for q in recorded.quantities}
+
+
+def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch):
+    write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=60), tmp_path / "a.rrd")
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("something was computed")
+
+    for name in (
+        "mechcore.solve.solve_motion",
+        "mechviz.run.solve_motion",
+        "mechviz.run.solve_forces",
+        "mechviz.run.compile_mechanism",
+    ):
+        monkeypatch.setattr(name, never)
+    monkeypatch.setattr("mechviz.viewer.show_run.build_solids", never)
+    with Viewer(Recording(tmp_path / "a.rrd"), port=0) as shown:
+        shown.set_frame(17)
+        x, y, _ = shown.inspector.show.poses["coupler"][17]
+        assert shown.server.scene.get_handle_by_name("/mechanism/coupler").position[:2] == pytest.approx((x, y))
+        with pytest.raises(ViewerError, match="Edit"):
+            _ = shown.studio
+
+
+def test_what_is_no_recording_of_ours_is_refused_in_words(tmp_path):
+    write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=4), tmp_path / "a.rrd")
+    recording = Recording(tmp_path / "a.rrd")
+    recording.model["links"].append("nobody")
+    with pytest.raises(ViewerError, match="does not hold"):
+        Viewer(recording, port=0)
 
 
 # -- tracing ----------------------------------------------------------------------------------------------------------

@@ -302,6 +302,33 @@ def test_a_recording_is_saved(viewer, page, folder):
     np.testing.assert_allclose(poses, viewer.run.motion.pose("coupler"), atol=1e-12)
 
 
+def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
+    from mechviz.record import Recording, write_recording
+
+    write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=120), folder / "short.rrd")
+    with Viewer(Recording(folder / "short.rrd"), port=0) as shown:
+        opened = new_page(browser, SIZE)
+        try:
+            opened.goto(shown.url)
+            opened.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
+            opened.wait_for_function(READY, arg=NODES)
+            assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
+            opened.get_by_role("button", name="Play", exact=True).click()
+            until(opened, lambda: shown.player.aside, "played by the browser")
+            opened.get_by_role("button", name="Pause", exact=True).click()
+            until(opened, lambda: not shown.playing, "paused")
+            opened.get_by_role("button", name="Edit this scene").click()
+            opened.get_by_role("tab", name="Edit", exact=True).wait_for()
+            until(
+                opened, lambda: shown._studio is not None and shown.run.motion.frames == 121, "the scene, solved as it was recorded"
+            )
+            _type(opened, CRANK, "0.12")
+            until(opened, lambda: shown.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")
+            until(opened, lambda: _drawn(shown, opened), "drawn")
+        finally:
+            opened.close()
+
+
 def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a test made this fail")

@@ -11,14 +11,17 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
 
-from ..run import Run
+from ..record import Recording
+from ..run import Run, run_scene
+from ..scene import loads
+from ..scene.bodies import FOLDER
 from .browser import prepare_page
 from .inspector import Inspector, theme
 from .playback import BrowserPlayback
 from .player import Player
 from .plots import Plots
 from .scene3d import Scene3D
-from .server import HOST, report, safely, start_server, stop_server
+from .server import HOST, ViewerError, report, safely, start_server, stop_server
 from .show import Show
 from .show_run import telling_frame
 from .studio import Studio
@@ -29,35 +32,74 @@ __all__ = ["Viewer", "serve", "telling_frame"]
 
 
 class Viewer:
-    """A run served at ``url`` until ``close``. All browsers see the same frame, each through its own camera.
+    """A run or a recording served at ``url`` until ``close``. All browsers see the same frame, each through its own camera.
 
     ``port`` 0 takes a free one. Scenes and recordings are saved into ``folder``, where the scene's file is (by default the
-    working folder). Raises `ViewerError` if the port cannot be had.
+    working folder). A recording is played without computing anything; where it carries its scene, that can be solved and edited.
+    Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
     """
 
-    def __init__(self, run: Run, port: int = 8080, folder: Path | None = None):
+    def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None):
+        self._studio: Studio | None = None
+        self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
+        show = _read(shown) if isinstance(shown, Recording) else None
         self.server = start_server(port, "mechviz")
         try:
-            self._edit(run, folder or Path.cwd(), "")
+            if isinstance(shown, Recording):
+                assert show is not None
+                self._play_recording(shown, show)
+            else:
+                self._edit(shown, "")
         except BaseException:
             self.close()
             raise
 
-    def _edit(self, run: Run, folder: Path, note: str) -> None:
+    def _play_recording(self, recording: Recording, show: Show) -> None:
+        """Show a recording as it is."""
+        note = f"A recording, played as it is: {recording.path.name}." + (
+            "" if recording.properties.get("complete", True) else " It was interrupted: the frames up to then are here."
+        )
+        self._build(show, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
+
+    def _open_scene(self, recording: Recording) -> None:
+        """Solve the scene that a recording carries, and show that in its place, ready to be edited."""
+
+        def solve() -> None:
+            try:
+                token = FOLDER.set(self._folder)
+                try:
+                    name = str(recording.properties.get("scene", recording.path.stem))
+                    run = run_scene(loads(recording.scene_text, name), frames=int(recording.properties["frames"]) - 1)
+                finally:
+                    FOLDER.reset(token)
+                frame = self.frame
+                self.player.close()
+                self.inspector.close()
+                self.server.gui.reset()
+                self.server.scene.reset()
+                self._edit(run, f"The scene of {recording.path.name}, solved anew.")
+                self.set_frame(min(frame, run.motion.frames - 1))
+            except Exception as error:
+                report(self.server, "Opening the scene", error)
+
+        self.opening = threading.Thread(target=solve, name="mechviz-opening", daemon=True)
+        self.opening.start()
+
+    def _edit(self, run: Run, note: str) -> None:
         """Show a run that can be edited."""
-        self.studio = Studio(
+        self._studio = Studio(
             run,
             present=lambda show: self.inspector.present(show),
             told=lambda status: self.inspector.tell(status),
             contributed=lambda found: self.inspector.weighed(found),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
-            folder=folder,
+            folder=self._folder,
         )
-        self._build(self.studio.show, folder, note)
-        self.studio.weigh()
+        self._build(self._studio.show, note, None)
+        self._studio.weigh()
 
-    def _build(self, show: Show, folder: Path, note: str) -> None:
+    def _build(self, show: Show, note: str, edit: Callable[[], None] | None) -> None:
         server = self.server
 
         def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
@@ -72,11 +114,16 @@ class Viewer:
             lambda error: report(server, "Drawing", error),
             remote=playback,
         )
-        self.inspector = Inspector(server, show, self.player, self.studio, folder, callback, playback, note)
-        server.on_client_connect(lambda client: playback.greet(client, self.player.clock))
-        server.on_client_disconnect(playback.forget)
+        self.inspector = Inspector(server, show, self.player, self._studio, self._folder, callback, playback, note, edit)
         self.player.start()
         self.set_frame(show.opening)
+
+    @property
+    def studio(self) -> Studio:
+        """Where the scene is edited. Raises `ViewerError` of a recording that is only played."""
+        if self._studio is None:
+            raise ViewerError("A recording is played as it is: press 'Edit this scene' first.")
+        return self._studio
 
     @property
     def run(self) -> Run:
@@ -132,8 +179,8 @@ class Viewer:
         """Stop playing and serving; harmless if done before."""
         if hasattr(self, "player"):
             self.player.close()
-        if getattr(self, "studio", None) is not None:
-            self.studio.close()
+        if self._studio is not None:
+            self._studio.close()
         stop_server(self.server)
 
     def __enter__(self) -> Viewer:
@@ -143,10 +190,20 @@ class Viewer:
         self.close()
 
 
-def serve(run: Run, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:
-    """Serve a run until Ctrl-C or SIGTERM. Raises `ViewerError` if the port cannot be had."""
-    with _until_stopped() as stopped, Viewer(run, port, folder) as viewer:
-        print(f"{run.scene.title}: {viewer.url}", flush=True)
+def _read(recording: Recording) -> Show:
+    """What a recording shows, or words about what is wrong with it."""
+    from .show_recording import show_of_recording
+
+    try:
+        return show_of_recording(recording)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise ViewerError(f"'{recording.path}' does not hold what a mechviz recording holds: {error}.") from error
+
+
+def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:
+    """Serve a run or a recording until Ctrl-C or SIGTERM. Raises `ViewerError` if the port cannot be had."""
+    with _until_stopped() as stopped, Viewer(shown, port, folder) as viewer:
+        print(f"{viewer.inspector.show.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:
             webbrowser.open(viewer.url)

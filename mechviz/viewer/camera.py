@@ -95,9 +95,16 @@ class FittedCameras:
         self._server, self._bounds = server, bounds
         self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
         self._presets: dict[int, str] = {}  # by browser
+        self._closed = False
+
+    def close(self) -> None:
+        """Let the cameras be: another one looks after them."""
+        self._closed = True
 
     def follow(self, client: viser.ClientHandle) -> None:
         """From now on, fit the view of a browser that has just come."""
+        if self._closed:
+            return
         # viser's default, and our first
         self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(self._bounds, USUAL_ASPECT)]
         changes = [0]
@@ -135,7 +142,7 @@ class FittedCameras:
 
     def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
-        if camera.image_height <= 0 or camera.image_width <= 0:
+        if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return
         view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)])
         known = self._known.get(client.client_id, [])

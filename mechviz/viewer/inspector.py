@@ -56,7 +56,7 @@ class Inspector:
     ):
         self._server, self._player, self._studio = server, player, studio
         self._lock = threading.RLock()
-        self._tracing = False
+        self._tracing = self._closed = False
         self.playback = playback
         gui = server.gui
         gui.main_panel.dock_left()
@@ -89,7 +89,7 @@ class Inspector:
         self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
         if studio is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
-                gui.add_html(show.notes)
+                gui.add_markdown(show.notes)
         with view, gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         right = gui.add_panel()
@@ -104,6 +104,11 @@ class Inspector:
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
         self.plots.changed = self._changed
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(playback.forget)
+        for client in server.get_clients().values():  # those that have seen something else so far
+            self.scene.cameras.follow(client)
+            self.scene.cameras.look(client, "front")
         self._explain()
 
     @property
@@ -191,7 +196,16 @@ class Inspector:
             with self._lock:
                 self.effects.weighed(found)
 
+    def close(self) -> None:
+        """Something else is to be shown to the browsers."""
+        self._closed = True
+        self.scene.cameras.close()
+
     # -- inside -------------------------------------------------------------------------------------------------------
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        if not self._closed:
+            self.playback.greet(client, self._player.clock)
+
     def _guarded(self, what: str, action: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
         """A reaction to a click of which a failure is told to who clicked."""
 
