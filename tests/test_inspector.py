@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+import trimesh
 
 from mechviz import scene
 from mechviz.record import Recording, write_recording
@@ -19,7 +20,8 @@ from mechviz.viewer.history import Draft, History
 from mechviz.viewer.limits import assembles, reachable
 from mechviz.viewer.parameters import find_choices, find_parameters, read, written
 from mechviz.viewer.saving import file_name
-from mechviz.viewer.show import Happening, Health
+from mechviz.viewer.section import sectioned
+from mechviz.viewer.show import Body, Happening, Health, Piece
 from mechviz.viewer.show_recording import show_of_recording
 from mechviz.viewer.show_run import build, show_of_run
 from mechviz.viewer.studio import Contribution, Status, Studio
@@ -143,6 +145,32 @@ def test_a_warped_solid_is_nearly_the_one_that_is_built_for_the_new_length():
     assert show.bodies["rocker"] is built.bodies["rocker"], "what has not changed is not touched"
     same = warped_body(built.bodies["rocker"], {"A": (0.0, 0.0)}, {"A": (0.0, 0.0)})
     assert same is built.bodies["rocker"]
+
+
+def test_a_section_pushes_plates_flat_and_drops_what_lies_before_it():
+    boxes = [
+        trimesh.creation.box((2.0, 1.0, h), trimesh.transformations.translation_matrix([0, 0, z]))
+        for h, z in ((1.0, 0.5), (0.5, 2.0))
+    ]
+    offset = len(boxes[0].vertices)
+    vertices = np.concatenate([b.vertices for b in boxes]).astype(np.float32)
+    faces = np.concatenate([boxes[0].faces, boxes[1].faces + offset]).astype(np.uint32)
+    body = Body((Piece(vertices, faces, (1, 2, 3)),))
+    for height, volume, top in ((0.25, 0.5, 0.25), (1.5, 2.0, 1.0), (2.0, 2.5, 2.0), (5.0, 3.0, 2.25)):
+        (piece,) = sectioned(body, height).pieces
+        mesh = trimesh.Trimesh(piece.vertices, piece.faces)
+        assert mesh.volume == pytest.approx(volume) and piece.vertices[piece.faces.ravel(), 2].max() == pytest.approx(top)
+    assert sectioned(body, -1.0).pieces == ()
+
+
+def test_a_section_of_a_cam_mechanism_shows_the_cam(monkeypatch):
+    run = run_scene(scene.load("cam-roller"), frames=60)
+    built = build(run)
+    low, high = built.solids.bounds[:, 2]
+    for part in (0.2, 0.5, 0.8):
+        height = high - part * (high - low)
+        for body in built.bodies.values():
+            assert all(piece.vertices[piece.faces.ravel(), 2].max() <= height + 1e-9 for piece in sectioned(body, height).pieces)
 
 
 # -- the worker -------------------------------------------------------------------------------------------------------

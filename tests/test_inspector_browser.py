@@ -265,6 +265,20 @@ def test_links_become_transparent(viewer, page):
     until(page, lambda: viewer.server.scene.get_handle_by_name(f"{NODES[0]}/part_0").opacity is None, "solid")
 
 
+def test_a_section_cuts_the_front_away(viewer, page):
+    open_tab(page, "View")
+    depth = "name => { let z = -1e9; window.__viserMutable.nodeRefFromName[name].traverse(o => { const p = o.geometry && "
+    depth += "o.geometry.attributes.position; if (p) for (let k = 0; k < p.count; k++) z = Math.max(z, p.getZ(k)); }); return z; }"
+    before = max(page.evaluate(depth, node) for node in NODES)
+    uuid = page.locator("label", has_text="Section").first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("60")
+    low, high = viewer.scene.current.bounds[:, 2]
+    wanted = high - 0.6 * (high - low)
+    until(page, lambda: max(page.evaluate(depth, node) for node in NODES) < wanted + 1e-6 < before, "cut")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("0")
+    until(page, lambda: max(page.evaluate(depth, node) for node in NODES) == pytest.approx(before), "whole again")
+
+
 def test_a_scene_is_saved_and_never_replaced_untold(viewer, page, folder):
     _type(page, CRANK, "0.12")
     until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from .tracing import traced_at, with_traced
 
 __all__ = ["Inspector"]
 
+SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
 CLOSER = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
@@ -57,6 +59,7 @@ class Inspector:
         self._server, self._player, self._studio = server, player, studio
         self._lock = threading.RLock()
         self._tracing = self._closed = False
+        self._slow, self._followed = 0.0, show
         self.playback = playback
         gui = server.gui
         gui.main_panel.dock_left()
@@ -134,21 +137,29 @@ class Inspector:
             with self._server.atomic():
                 self.scene.update(show)
                 self.plots.update(show, frame)
-                self.closer.update(show, frame)
-                self.diagrams.update(show, frame)
-                self.timeline.update(show)
-                self.switches.update(show)
-                if self.effects is not None:
-                    self.effects.update(show)
                 if self.pivots is not None:
                     self.pivots.update(show)
                 self.scene.show(frame)
-                self.timeline.show(frame, self._player.playing)
-                self.diagrams.show(frame, False)
+                self.timeline.place(show, frame)
+                if time.perf_counter() - self._slow > SLOW:
+                    self._follow(show, frame)
                 self._explain()
             self._server.flush()
             if self._player.aside:
                 self._player.refresh()
+
+    def _follow(self, show: Show, frame: int) -> None:
+        """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
+        self._slow = time.perf_counter()
+        self._followed = show
+        self.closer.update(show, frame)
+        self.closer.show(frame, False)
+        self.diagrams.update(show, frame)
+        self.diagrams.show(frame, False)
+        self.timeline.update(show)
+        self.switches.update(show)
+        if self.effects is not None:
+            self.effects.update(show)
 
     def tracks(self) -> Tracks | None:
         """All that moves while the run is played; None where only the server can draw it."""
@@ -180,6 +191,9 @@ class Inspector:
     def settle(self) -> None:
         """Nothing has been edited for a while."""
         with self._lock:
+            if self._followed is not self.show:
+                with self._server.atomic():
+                    self._follow(self.show, min(self._player.frame, self.show.frames - 1))
             if self.controls is not None:
                 self.controls.settle()
             if self.pivots is not None:

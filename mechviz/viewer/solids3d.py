@@ -9,6 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from .section import sectioned
 from .show import Body, Show
 
 if TYPE_CHECKING:
@@ -58,6 +59,8 @@ class SolidNodes:
         self._server, self._clicked = server, clicked
         self._opacity: float | None = None
         self._picked = ""
+        self._height: float | None = None
+        self._drawn: dict[str, Body] = {}
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._meshes: dict[str, list[viser.MeshHandle]] = {}
         self._bodies: Mapping[str, Body] = {}
@@ -74,7 +77,7 @@ class SolidNodes:
                 self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
             body = show.bodies.get(link)
             if body is not None and self._bodies.get(link) is not body:
-                self._shape(link, body)
+                self._shape(link, self._cut_body(body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
             if body is not None and body.spin is not None:
                 self._moving[link] = _spun(pose, show.poses[body.spin.carrier], body.spin)
@@ -85,6 +88,17 @@ class SolidNodes:
         """Draw all solids with an opacity, 1 is solid."""
         self._opacity = None if opacity >= 1.0 else max(opacity, 0.0)
         self.pick(self._picked)
+
+    def cut(self, height: float | None) -> None:
+        """Cut away what lies before a height [m], None: nothing."""
+        if height != self._height:
+            self._height = height
+            for link, body in self._bodies.items():
+                if link in self._nodes:
+                    self._shape(link, self._cut_body(body))
+
+    def _cut_body(self, body: Body) -> Body:
+        return body if self._height is None else sectioned(body, self._height)
 
     def pick(self, link: str) -> None:
         """Mark a link as the one that is looked at: all others become a little paler."""
@@ -113,7 +127,7 @@ class SolidNodes:
     def _shape(self, link: str, body: Body) -> None:
         """Draw a link's pieces: other vertices where the faces are the same, else other meshes."""
         meshes = self._meshes.get(link, [])
-        old = self._bodies.get(link)
+        old, self._drawn[link] = self._drawn.get(link), body
         if old is not None and len(meshes) == len(body.pieces) and _same_faces(old, body):
             for mesh, before, piece in zip(meshes, old.pieces, body.pieces, strict=True):
                 if before.vertices is not piece.vertices:

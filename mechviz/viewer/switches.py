@@ -63,6 +63,10 @@ class Switches:
             with gui.add_folder("Looks"):
                 self.opacity = gui.add_slider("Opacity of links", 0.1, 1.0, 0.05, 1.0)
                 self.opacity.on_update(callback("Changing the opacity", lambda _: self._fade()))
+                self.section = gui.add_slider(
+                    "Section [%]", 0, 100, 1, 0, hint="cuts the front away, as far as this into the depth"
+                )
+                self.section.on_update(callback("Cutting", lambda _: self._cut()))
                 self.dark = gui.add_checkbox("Dark page", False)
                 self.dark.on_update(callback("Changing the colours", lambda _: darken(bool(self.dark.value))))
         self.update(scene.current)
@@ -102,6 +106,12 @@ class Switches:
         if value != slider.value:
             slider.value = value
         self._scene.arrows.enlarge(value, families)
+        self._changed()
+
+    def _cut(self) -> None:
+        part = finite(self.section.value, 0.0, 100.0, 0.0) / 100.0
+        low, high = self._scene.current.bounds[:, 2]
+        self._scene.links.cut(None if part == 0.0 else float(high - part * (high - low)))
         self._changed()
 
     def _fade(self) -> None:

@@ -117,6 +117,12 @@ class Timeline:
     def _none(self) -> str:
         return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
 
+    def place(self, show: Show, frame: int) -> None:
+        """Say where in another run it is."""
+        self._place.content = words.place_in_run(show, frame)
+        if self.slider.max != max(show.frames - 1, 1):
+            self.update(show)
+
     def show(self, frame: int, playing: bool) -> None:
         """Bring the numbers, the slider, the buttons and the strip's cursor to a frame."""
         self._place.content = words.place_in_run(self._show, frame)

@@ -111,9 +111,7 @@ def editing(seconds: float, can_undo: bool, can_redo: bool) -> str:
     """That all is well, and what can be undone."""
     text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
     if seconds > 0.0:
-        text = (
-            f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3, 1))} ms{"" if not text else ". " + text}'
-        )
+        text = f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3))} ms{"" if not text else ". " + text}'
     return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
 
 

@@ -22,7 +22,7 @@ class Latest(Generic[T]):
         work: Callable[[T], None],
         failed: Callable[[Exception], None],
         rest: Callable[[], None] | None = None,
-        quiet: float = 0.2,
+        quiet: float = 0.35,
     ):
         self._work, self._failed, self._rest, self._quiet = work, failed, rest, quiet
         self._changed = threading.Condition()

@@ -1,0 +1,220 @@
+"""The viewer in numbers: from a slider to the picture, the price of playing, many browsers, memory over hours.
+
+    python benchmarks/viewer.py [edit] [play] [many] [hours] [--frames N]
+
+Without names all four are run. ``edit`` needs Chromium and playwright (Debian: apt-get install chromium). Without a graphics card
+Chromium draws by software; then "drawn" tells more of that than of mechviz, and "arrived" is when the new poses are in the page.
+``hours`` shows N frames (432,000 by default: two hours at 60 a second) as fast as they can be sent.
+"""
+
+from __future__ import annotations
+
+from timing import machine  # first: it sets one thread
+
+import argparse  # isort: skip
+import asyncio
+import contextlib
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+import websockets
+
+import mechviz
+from mechviz.run import run_scene
+from mechviz.scene import Scene
+from mechviz.viewer import Viewer, playback
+
+ARGS = ["--no-sandbox", "--disable-quic", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SIZE = {"width": 900, "height": 560}
+MOVES = 80
+
+# In the page: set a slider as a hand would, wait until the coupler stands elsewhere, then until that has been drawn.
+MOVE = """([uuid, value, node]) => new Promise(done => {
+    const m = window.__viserMutable, pose = () => m.nodePoseData[node].position.join() + m.nodePoseData[node].wxyz.join();
+    const before = pose(), start = performance.now();
+    m.sendMessage({type: 'GuiUpdateMessage', uuid, updates: {value}});
+    const look = () => {
+        const now = performance.now();
+        if (now - start > 5000) return done(null);
+        if (pose() === before) { setTimeout(look, 0); return; }
+        requestAnimationFrame(() => requestAnimationFrame(() => done([now - start, performance.now() - start])));
+    };
+    look(); })"""
+
+
+def chain(stages: int) -> Scene:
+    """Four-bars one behind the other, each rocker the crank of the next: two moving links a stage, and the first crank."""
+    frame = {f"O{k}": [300.0 * k, 0.0] for k in range(stages + 1)}
+    links: dict[str, Any] = {"frame": {"points": frame}, "crank0": {"points": {"O0": [0, 0], "B0": [60, 0]}}}
+    swing = {"oscillation": {"centre": 90, "amplitude": 20, "period": "2 s"}}
+    pairs: dict[str, Any] = {"O0": {"revolute": ["frame", "crank0"], "drive": swing}}
+    for k in range(stages):
+        links[f"coupler{k}"] = {"points": {f"B{k}": [0, 0], f"C{k}": [300, 0]}}
+        links[f"crank{k + 1}"] = {"points": {f"O{k + 1}": [0, 0], f"C{k}": [60, 0], f"B{k + 1}": [0, 60]}}
+        pairs[f"B{k}"] = {"revolute": [f"crank{k}", f"coupler{k}"]}
+        pairs[f"C{k}"] = {"revolute": [f"coupler{k}", f"crank{k + 1}"], "side": "left"}
+        pairs[f"O{k + 1}"] = {"revolute": [f"crank{k + 1}", "frame"]}
+    return Scene.build(
+        name="chain", title=f"{2 * stages + 1} bodies", units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs
+    )
+
+
+def browser(playwright: Any) -> Any:
+    path = shutil.which("chromium") or "/usr/bin/chromium"
+    return playwright.chromium.launch(executable_path=path, headless=True, args=ARGS)
+
+
+def opened(chromium: Any, viewer: Viewer, nodes: list[str]) -> Any:
+    page = chromium.new_page(viewport=SIZE)
+    page.goto(viewer.url)
+    page.wait_for_function(
+        "names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && names.every(n => m.nodeRefFromName[n]); }",
+        arg=nodes,
+    )
+    page.wait_for_timeout(3000)
+    return page
+
+
+def edit() -> None:
+    """A slider is moved again and again; each move waits for the picture of the one before."""
+    from playwright.sync_api import sync_playwright
+
+    with Viewer(run_scene(mechviz.load("kinetostatic-four-bar")), port=0) as viewer, sync_playwright() as playwright:
+        chromium = browser(playwright)
+        page = opened(chromium, viewer, ["/mechanism/coupler"])
+        viewer.studio.wait(rested=True)
+        slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid
+        found, solved = [], []
+        spent = time.process_time()
+        for value in 0.1 + 0.02 * np.sin(np.arange(MOVES + 10)):
+            found.append(page.evaluate(MOVE, [slider, round(float(value), 5), "/mechanism/coupler"]))
+            solved.append(viewer.studio.status.seconds * 1e3)
+        spent = 1e3 * (time.process_time() - spent) / (MOVES + 10)
+        chromium.close()
+    print(f"edit: processor time of the server {spent:.1f} ms a move, the solids of the rests between them included")
+    found, solved = [f for f in found[10:] if f is not None], solved[10:]
+    for what, times in (("solved and sent", solved), ("arrived", [f[0] for f in found]), ("drawn", [f[1] for f in found])):
+        print(
+            f"edit: {what:16s} median {statistics.median(times):6.1f} ms, 95 % below {np.percentile(times, 95):6.1f} ms ({len(times)})"
+        )
+
+
+def cpu(seconds: float) -> float:
+    """Part of one core that this process uses over some seconds."""
+    start, before = time.perf_counter(), time.process_time()
+    time.sleep(seconds)
+    return (time.process_time() - before) / (time.perf_counter() - start)
+
+
+async def listen(url: str, count: int, seconds: float) -> list[float]:
+    """Messages a second at each of ``count`` web sockets over some seconds."""
+
+    async def one() -> float:
+        async with websockets.connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as socket:
+            end = time.perf_counter() + 2.0
+            while time.perf_counter() < end:  # what was there before
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(socket.recv(), 0.2)
+            n, start = 0, time.perf_counter()
+            while time.perf_counter() < start + seconds:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(socket.recv(), 0.5)
+                    n += 1
+            return n / (time.perf_counter() - start)
+
+    return list(await asyncio.gather(*(one() for _ in range(count))))
+
+
+def listeners(viewer: Viewer, count: int, seconds: float) -> list[float]:
+    """``count`` browsers of which only the sockets are there, in a process of their own: their processor time does not count."""
+    code = (
+        "import asyncio, json, sys; sys.path.insert(0, 'benchmarks'); import viewer;"
+        f"print(json.dumps(asyncio.run(viewer.listen('ws://127.0.0.1:{viewer.port}', {count}, {seconds}))))"
+    )
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ}, check=True)
+    return list(json.loads(process.stdout.splitlines()[-1]))
+
+
+def play() -> None:
+    """Processor time of the server while 51 bodies play at 60 frames a second, sent frame by frame and played by the browser."""
+    run = run_scene(chain(25), frames=360)
+    with Viewer(run, port=0) as viewer:
+        viewer.studio.wait(rested=True)
+        idle = cpu(2.0)
+        for box in viewer.switches.families:
+            viewer.scene.arrows.switch(box, False)
+        viewer.scene.joints.switch(False)
+        largest, playback.LARGEST = playback.LARGEST, 0
+        viewer.inspector.playback.change()
+        rates: list[float] = []
+        other = threading.Thread(target=lambda: rates.extend(listeners(viewer, 1, 8.0)))
+        viewer.play()
+        other.start()
+        time.sleep(5.0)
+        pushed = cpu(4.0)
+        other.join()
+        viewer.pause()
+        bodies = len(run.motion.mechanism.links) - 1
+        print(f"play: {bodies} bodies, every frame sent: {100 * pushed:.0f} % of a core, {rates[0]:.0f} messages a second")
+        playback.LARGEST = largest
+        viewer.inspector.playback.change()
+        viewer.play()
+        time.sleep(2.0)
+        own = cpu(4.0)
+        print(f"play: the same played by the browsers: {100 * own:.0f} % of a core, nothing sent (idle {100 * idle:.0f} %)")
+
+
+def many() -> None:
+    """Twenty browsers at once, each frame sent to all of them."""
+    run = run_scene(mechviz.load("kinetostatic-four-bar"))
+    with Viewer(run, port=0) as viewer:
+        viewer.studio.wait(rested=True)
+        playback.LARGEST = 0
+        viewer.inspector.playback.change()
+        viewer.play()
+        rates = listeners(viewer, 20, 8.0)
+        viewer.pause()
+    print(f"many: 20 browsers, frames pushed: {min(rates):.0f} to {max(rates):.0f} messages a second at each")
+
+
+def memory() -> float:
+    """Resident memory [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def hours(frames: int) -> None:
+    """Frames one after the other with nothing between them, at a browser of which only the socket is there."""
+    run = run_scene(mechviz.load("kinetostatic-four-bar"))
+    with Viewer(run, port=0) as viewer:
+        viewer.studio.wait(rested=True)
+        seen, start = [], time.perf_counter()
+        for k in range(frames):
+            viewer.inspector.draw(k % run.motion.frames, False)
+            if k % max(frames // 10, 1) == frames // 20:
+                seen.append(memory())
+        spent = time.perf_counter() - start
+    print(
+        f"hours: {frames} frames in {spent:.0f} s ({1e3 * spent / frames:.2f} ms each); memory {seen[0]:.0f} MB at the start, "
+        f"{seen[len(seen) // 2]:.0f} MB in the middle, {seen[-1]:.0f} MB at the end"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="*", choices=["edit", "play", "many", "hours", []])
+    parser.add_argument("--frames", type=int, default=432_000)
+    chosen = parser.parse_args()
+    print(machine())
+    for name in chosen.what or ["edit", "play", "many", "hours"]:
+        {"edit": edit, "play": play, "many": many, "hours": lambda: hours(chosen.frames)}[name]()
