@@ -104,9 +104,8 @@ def edit() -> None:
     print(f"edit: processor time of the server {spent:.1f} ms a move, the solids of the rests between them included")
     found, solved = [f for f in found[10:] if f is not None], solved[10:]
     for what, times in (("solved and sent", solved), ("arrived", [f[0] for f in found]), ("drawn", [f[1] for f in found])):
-        print(
-            f"edit: {what:16s} median {statistics.median(times):6.1f} ms, 95 % below {np.percentile(times, 95):6.1f} ms ({len(times)})"
-        )
+        median, most = statistics.median(times), np.percentile(times, 95)
+        print(f"edit: {what:16s} median {median:6.1f} ms, 95 % below {most:6.1f} ms ({len(times)})")
 
 
 def cpu(seconds: float) -> float:
