@@ -20,6 +20,7 @@ import viser
 import websockets
 from viser import _messages
 
+from mechcore.accuracy import Accuracy
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Drive, Gear, Link, Mechanism, Revolute, Torque
 from mechviz import scene, vectors
@@ -240,7 +241,8 @@ def test_gears_have_quantities_and_reactions_where_they_mesh():
         drives=(Drive(pair="A", law=ConstantSpeed(0.0, 5.0)),),
         loads=(Torque(name="load", link="gear", moment=-3.0),),
     )
-    run = run_scene(SimpleNamespace(mechanism=mechanism, frames=20, cycles=1, simulation=None))
+    said = SimpleNamespace(run=SimpleNamespace(model_fields_set={"frames"}))
+    run = run_scene(SimpleNamespace(mechanism=mechanism, frames=20, cycles=1, simulation=None, accuracy=Accuracy(), document=said))
     for q in find_quantities(run):
         assert q.values().shape == (21, len(q.curves)), q.title
     mesh = vectors.find_vectors(run)["reaction"]["G"]

@@ -86,6 +86,7 @@ class Studio:
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
         self.run = run
+        self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
         self.opened = self.show = show_of_run(run, self._built)
         self.status = Status()
         self._patient = False
@@ -152,7 +153,7 @@ class Studio:
                     draft = draft.with_value(what.parameter.path, what.parameter.written(what.value))
                 else:
                     draft = what(draft)
-            run = run_scene(draft.scene())
+            run = run_scene(draft.scene(), accuracy=self._accuracy)
             with self._lock:
                 show = show_of_run(run, self._built, self.show)
                 self.run, self.show = run, show
