@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from mechcore.events import Event
 
 from ..tables import pair_unit
 from ..vectors import FORCE_FAMILIES, plotted_against
+from .marks import mark_path
 from .paths import entity
 from .plots import Output, cam_outputs, effort_outputs, free_outputs, main_outputs, reaction_outputs, study_outputs
 from .polygons import OVERLAYS
@@ -18,7 +20,7 @@ from .polygons import OVERLAYS
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["legend_place", "make_blueprint", "opening_timeline"]
+__all__ = ["legend_place", "make_blueprint", "opening_timeline", "spans_of_plots"]
 
 BACKGROUND = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
@@ -30,23 +32,34 @@ LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
 PICTURE = 1.5  # width of the 3D view over its height, about
 
 
-def make_blueprint(run: Run, bounds: Mapping[str, np.ndarray], events: Sequence[Event], polygons: Sequence[Any] = ()) -> Any:
+def make_blueprint(
+    run: Run,
+    bounds: Mapping[str, np.ndarray],
+    events: Sequence[Event],
+    polygons: Sequence[Any] = (),
+    diagrams: Sequence[Any] = (),
+    spans: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> Any:
     """The blueprint of a run (`rerun.blueprint.Blueprint`).
 
-    ``polygons``: views of graphical constructions. ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and
+    ``polygons``: views of graphical constructions; ``diagrams``: views of one quantity against another; ``spans``: axes of
+    the plots with lines at events, see `spans_of_plots`. ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and
     around the mechanism with its "motion" arrows.
     """
     import rerun.blueprint as rrb
 
     pictures = _pictures(run, bounds)
     mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
-    plots = _plots(run)
-    left = rrb.Vertical(mechanism, _below(run, events), row_shares=[3, 1])
+    plots = _plots(run, spans)
+    below = _below(run, events)
+    if diagrams and not polygons:  # beside the events, which leave room
+        below = rrb.Horizontal(below, _stacked(list(diagrams)), column_shares=[1, 1])
+    left = rrb.Vertical(mechanism, below, row_shares=[5, 3] if diagrams else [3, 1])
     if polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
         flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
-        below = list(_below(run, events).contents)
+        views = [*_below(run, events).contents, *diagrams]
         pages = [*polygons, rrb.Tabs(*flat, active_tab=0)] if len(polygons) % 2 and len(polygons) > 1 and flat else [*polygons]
-        low = rrb.Tabs(*(below if pages[-1] not in polygons else [*flat, *below]), active_tab=0)
+        low = rrb.Tabs(*(views if pages[-1] not in polygons else [*flat, *views]), active_tab=0)
         columns: list[Any] = [rrb.Vertical(mechanism, low, row_shares=[9, 4])]
         columns += [rrb.Vertical(*pages[i : i + 2]) for i in range(0, len(pages), 2)]
         body = rrb.Horizontal(*columns, column_shares=[10, *(9 if len(columns) == 2 else 8 for _ in columns[1:])])
@@ -139,14 +152,39 @@ def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return middle + away * direction / np.linalg.norm(direction), middle
 
 
-def _plots(run: Run) -> list[Any]:
-    times = _axis_values(run)
+def _stacks(run: Run) -> list[list[Output]]:
+    """The plots beside the mechanism; those of one stack are tabs."""
     stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run), *free_outputs(run))]
     stacks += [cam_outputs(run)]
     stacks.append(reaction_outputs(run))
     motion = main_outputs(run)
     stacks += [[output] for output in motion] if run.forces is None else [motion]
-    return [_stacked([_plot(output, times) for output in stack]) for stack in stacks if stack]
+    return [stack for stack in stacks if stack]
+
+
+def _plots(run: Run, spans: Mapping[str, tuple[float, float]]) -> list[Any]:
+    times = _axis_values(run)
+    return [_stacked([_plot(output, times, spans.get(output.name)) for output in stack]) for stack in _stacks(run)]
+
+
+def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
+    """Least and greatest value on the vertical axis of every plot whose curves are known, by the plot's name."""
+    times = _axis_values(run)
+    found = {}
+    for output in (output for stack in _stacks(run) for output in stack):
+        if output.values is not None:
+            curves = output.values.shape[1]
+            # the lines take a row in the legend of several curves
+            found[output.name] = _span(output.values) if curves == 1 else legend_place(times, output.values, curves + 1)[1]
+    return found
+
+
+def _span(values: np.ndarray) -> tuple[float, float]:
+    """The range of an axis around a curve (F, 1)."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
+    room = 0.05 * (high - low) or 0.05 * abs(low) or 1.0
+    return low - room, high + room
 
 
 def _stacked(views: list[Any]) -> Any:
@@ -161,8 +199,8 @@ def _axis_values(run: Run) -> np.ndarray:
     return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
 
 
-def _plot(output: Output, times: np.ndarray | None = None) -> Any:
-    """A plot over the whole run: rerun's own choice is a window around the cursor."""
+def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, float] | None = None) -> Any:
+    """A plot over the whole run: rerun's own choice is a window around the cursor. ``marked``: the axis, if it has event lines."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -175,23 +213,27 @@ def _plot(output: Output, times: np.ndarray | None = None) -> Any:
     curves = 0 if output.values is None else output.values.shape[1]
     corner, span = rrb.Corner2D.RightTop, None
     if curves > 1 and times is not None and output.values is not None:
-        name, span = legend_place(times, output.values)
+        name, span = legend_place(times, output.values, curves + (marked is not None))
         corner = rrb.Corner2D.auto(name)
+    marks = [] if marked is None else [mark_path(output.name)]
+    span = marked or span
     return rrb.TimeSeriesView(
         origin="/",
-        contents=[f"+ {path}" for path, _ in output.entities],
+        contents=[f"+ {path}" for path in (*(path for path, _ in output.entities), *marks)],
         name=output.name,
         overrides=overrides,
         axis_x=rrb.TimeAxis(view_range=whole),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        plot_legend=rrb.PlotLegend(corner=corner, visible=curves != 1),  # one curve is told by the view's name
+        plot_legend=rrb.PlotLegend(
+            corner=corner, visible=curves != 1 and not output.single
+        ),  # one curve is told by the view's name
     )
 
 
-def legend_place(times: np.ndarray, values: np.ndarray) -> tuple[str, tuple[float, float]]:
+def legend_place(times: np.ndarray, values: np.ndarray, lines: int | None = None) -> tuple[str, tuple[float, float]]:
     """The corner of a plot's legend and the range of its vertical axis: the least range at which the legend hides no curve.
 
-    ``times`` (F,), ``values`` (F, n): the curves.
+    ``times`` (F,), ``values`` (F, n): the curves; ``lines``: those of the legend, where they are not as many.
     """
     known = np.isfinite(values)
     low = float(np.min(values, initial=np.inf, where=known))
@@ -200,7 +242,7 @@ def legend_place(times: np.ndarray, values: np.ndarray) -> tuple[str, tuple[floa
         return "RightTop", (-1.0, 1.0)
     span = max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-300)
     low, high = low - 0.05 * span, high + 0.05 * span
-    part = min(0.04 + LEGEND_ROW * values.shape[1], 0.6)  # of the plot's height that the legend takes
+    part = min(0.04 + LEGEND_ROW * (lines or values.shape[1]), 0.6)  # of the plot's height that the legend takes
     along = (times - times[0]) / (float(np.ptp(times)) or 1.0)
     best: tuple[str, tuple[float, float]] | None = None
     for side, near in (("Right", np.abs(along - 1.0) <= LEGEND_WIDTH), ("Left", np.abs(along) <= LEGEND_WIDTH)):

@@ -5,7 +5,7 @@ A family that a scene does not call for yields nothing, and costs nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from ..tables import Table
 from ..vectors import Scales
 from .arrows import Arc, Arrow
 from .blueprint import BACKGROUND
+from .diagrams import Diagram, diagram_shapes, diagram_streams
 from .frictions import friction_streams, friction_styles
 from .legend import legend_shapes
 from .lumps import lump_shapes
@@ -54,6 +55,7 @@ class Content:
     drawings: dict[str, Drawing]  # graphical constructions
     linkers: list[Linker]  # springs and dampers
     every: int  # pictures are drawn at every so many frames
+    diagrams: Sequence[Diagram] = ()  # of one quantity against another
 
 
 def _nothing(_: Content) -> Iterable[Any]:
@@ -92,6 +94,7 @@ FAMILIES: tuple[Family, ...] = (
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
     Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
+    Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
     Family(
         "polygons",
         streams=lambda c: polygon_streams(c.run, c.drawings, c.solids, c.every),

@@ -21,6 +21,7 @@ __all__ = [
     "Output",
     "cam_outputs",
     "effort_outputs",
+    "free_outputs",
     "main_outputs",
     "plot_streams",
     "plot_styles",
@@ -57,6 +58,7 @@ class Output:
     name: str
     entities: tuple[tuple[str, tuple[bool, ...]], ...]
     values: Real | None = None
+    single: bool = False  # one curve, which the view's name tells
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +122,15 @@ def cam_outputs(run: Run) -> list[Output]:
     names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
     if not names:
         return []
+    from mechcore.cams.happenings import placed_cams
+
     contacts = [entity("data", "cams", name, "contact") for name in names]
-    found = [Output("Lift", tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names))]
+    single = len(names) == 1
+    units = {cam.name: "m" if cam.arm == 0.0 else "rad" for cam in placed_cams(run.motion)}
+    lift = f"Lift [{units[names[0]]}]" if single else "Lift"
+    found = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
     for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
-        found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts)))
+        found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
     return found
 
 
@@ -178,16 +185,24 @@ def free_outputs(run: Run) -> list[Output]:
     """Where forces decide the motion: speeds of the free coordinates, angular and linear in separate plots, and the energy."""
     if run.simulation is None or run.forces is None:
         return []
+    found = [gathered.output for gathered in _speeds(run)]
+    return [*found, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+
+
+def _speeds(run: Run) -> list[Gathered]:
+    if run.simulation is None:
+        return []
     found = []
     prescribed = {d.pair for d in run.motion.mechanism.drives}
     pairs = [d.pair for d in run.scene.mechanism.drives if d.pair not in prescribed]
-    for unit in ("rad", "m"):
+    for unit, path in (("rad", "angular speed"), ("m", "speed")):
         some = [p for p in pairs if pair_unit(run.motion, p) == unit]
         if some:
-            shown = tuple((entity("data", "joints", p, "motion"), (False, True, False)) for p in some)
             rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
-            found.append(Output(f"Speed [{unit}/s]", shown, rates))
-    return [*found, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+            alone = (entity("data", "joints", some[0], "motion"), (False, True, False)) if len(some) == 1 else None
+            names = tuple(f"{p} [{unit}/s]" for p in some)
+            found.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
+    return found
 
 
 def reaction_outputs(run: Run) -> list[Output]:
@@ -232,7 +247,8 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
 def _gathered(run: Run) -> list[Gathered]:
     joints, _ = _moved(run)
-    return [g for g in [*(_of_joints(run, joints) if joints else []), *_efforts(run), *_shaking(run)] if g.alone is None]
+    every = [*(_of_joints(run, joints) if joints else []), *_efforts(run), *_speeds(run), *_shaking(run)]
+    return [g for g in every if g.alone is None]
 
 
 def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:

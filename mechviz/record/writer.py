@@ -23,11 +23,13 @@ from ..tables import tables
 from ..vectors import Scales
 from . import simulations
 from .arrows import LEGEND_ROOM, extent, shapes
-from .blueprint import make_blueprint
+from .blueprint import BACKGROUND, make_blueprint, spans_of_plots
 from .describe import accuracy_words, notes, properties, recorded_frames, scene_text
+from .diagrams import diagram_views, find_diagrams
 from .events import peak_events
 from .families import Content, find_statics, find_streams, find_views
 from .frictions import send_lanes
+from .marks import mark_times, send_marks
 from .paths import entity
 from .references import link_properties
 from .stream_file import Part, recording_file
@@ -119,6 +121,7 @@ def write_recording(
             drawings_of(run, solids.size),
             list(find_linkers(run, solids.size)),
             every,
+            find_diagrams(run),
         )
         thin = run.accuracy.decimation
         streams = [s if thin == 1 else replace(s, every=s.every * thin) for s in find_streams(content)]
@@ -133,8 +136,10 @@ def write_recording(
             drawn[0, 1] -= LEGEND_ROOM * solids.size
         bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
-        views = find_views(content)
-        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views)
+        marks = mark_times(events)
+        spans = spans_of_plots(run) if len(marks) else {}
+        views, diagrams = find_views(content), diagram_views(content.diagrams, BACKGROUND)
+        blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views, diagrams, spans)
         statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
         with stopwatch(stages, "writing"):
@@ -144,6 +149,7 @@ def write_recording(
             for link in _properties_of_links(run):
                 part.stream.log(*link, static=True)
             _send_events(part.stream, timelines, events)
+            send_marks(part.stream, timelines, marks, spans)
             if run.simulation is None:
                 send_lanes(part.stream, timelines, run)
             else:

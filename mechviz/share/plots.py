@@ -66,7 +66,12 @@ def find_plots(recording: Recording, frames: Frames) -> list[Plot]:
     found: list[Plot] = []
     for path in recording.entities:
         parts = parts_of(path)
-        if parts[0] not in ("plots", "data", "health") or (parts[1], parts[-1]) in SKIPPED or parts[1:3] == ("links", frame):
+        if (
+            parts[0] not in ("plots", "data", "health")
+            or (parts[1], parts[-1]) in SKIPPED
+            or parts[1:3] == ("links", frame)
+            or parts[:2] == ("plots", "events")
+        ):
             continue
         if not recording.has(path):
             continue
