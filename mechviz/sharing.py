@@ -40,7 +40,7 @@ def share(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
-    from .cli import clear_errors, fail, say
+    from .cli import clear_errors, fail, interruptible, progress_bar, say
     from .files import OutputError, check_target, replacing
 
     with clear_errors(source):
@@ -53,9 +53,10 @@ def share(
         from .share import make_page
 
         try:
-            text, chosen = make_page(recording, most=most)
-            with replacing(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            with interruptible(), progress_bar("sharing") as bar:
+                text, chosen = make_page(recording, most=most, progress=bar)
+                with replacing(path) as temporary:
+                    temporary.write_text(text, encoding="utf-8")
         except OutputError as e:
             fail(str(e), 1)
         held = (

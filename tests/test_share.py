@@ -136,7 +136,9 @@ def test_events_and_notes_are_there(ten):
 
 
 def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
-    page, frames = make_page(TEN.recording, most=50)
+    told: list[tuple[int, int]] = []
+    page, frames = make_page(TEN.recording, most=50, progress=lambda done, total: told.append((done, total)))
+    assert len({total for _, total in told}) == 1 and told == sorted(told) and told[0][0] == 0 and told[-1][0] == told[-1][1] - 1
     header, arrays = content(page)
     assert len(frames.chosen) == header["frames"] == 50 and header["total"] == 361 == frames.total
     assert frames.chosen[0] == 0 and frames.chosen[-1] == 360 and np.ptp(np.diff(frames.chosen)) <= 1

@@ -174,6 +174,21 @@ def test_dragging_the_cursor_of_a_plot_moves_the_mechanism(wide):
     assert float(said.split()[1].replace("−", "-")) == pytest.approx(torque, rel=1e-3, abs=1e-3)
 
 
+def test_names_give_way_to_each_other(wide):
+    page = wide.page
+    boxes = """[...document.querySelectorAll('#labels span:not([hidden])')].map((s) => {
+        const b = s.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; })"""
+    page.evaluate("mechviz.player.show('names', true); mechviz.player.view('front'); mechviz.player.drawNow()")
+    assert len(page.evaluate(boxes)) == len(BAR.mechanism.pairs)
+    page.evaluate("mechviz.player.stage.camera.zoom(0.02); mechviz.player.drawNow()")
+    seen = page.evaluate(boxes)
+    assert 1 <= len(seen) < len(BAR.mechanism.pairs)
+    for k, (left, top, right, bottom) in enumerate(seen):
+        for x0, y0, x1, y1 in seen[:k]:
+            assert right <= x0 + 1 or x1 <= left + 1 or bottom <= y0 + 6 or y1 <= top + 6
+    page.evaluate("mechviz.player.view('3d'); mechviz.player.show('names', false)")
+
+
 def test_an_event_is_jumped_to(wide):
     page = wide.page
     page.get_by_role("tab", name="Events").click()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,20 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from ..record import Recording
 
-__all__ = ["MOST_FRAMES", "Frames", "find_frames", "parts_of", "rows_at"]
+__all__ = ["MOST_FRAMES", "Frames", "Progress", "find_frames", "parts_of", "quiet", "rows_at"]
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+Progress = Callable[[int, int], None]
+"""Is told how much is done, and of how much."""
+
 MOST_FRAMES = 1000
 """Frames of a page, where nothing else is asked for. The browser moves smoothly between them."""
+
+
+def quiet(done: int, total: int) -> None:
+    """No progress bar."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from .frames import MOST_FRAMES, Frames
+from .frames import MOST_FRAMES, Frames, Progress, quiet
 from .show import show_text
 
 if TYPE_CHECKING:
@@ -17,9 +17,11 @@ __all__ = ["make_page"]
 SCRIPTS = ("decode.js", "camera.js", "stage.js", "plots.js", "player.js")
 
 
-def make_page(recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None) -> tuple[str, Frames]:
+def make_page(
+    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, progress: Progress = quiet
+) -> tuple[str, Frames]:
     """The HTML of a page with at most ``most`` frames of a recording, that at the time ``keep`` [s] among them; and the frames."""
-    text, frames = show_text(recording, most=most, keep=keep)
+    text, frames = show_text(recording, most=most, keep=keep, progress=progress)
     title = str(recording.properties.get("title", "")) or "Mechanism"
     pieces = {
         "title": escape(title),

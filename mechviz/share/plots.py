@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import Frames, parts_of
+from .frames import Frames, Progress, parts_of, quiet
 
 if TYPE_CHECKING:
     from ..record import Recording
@@ -60,11 +60,12 @@ class Plot:
     equal: bool = False
 
 
-def find_plots(recording: Recording, frames: Frames) -> list[Plot]:
+def find_plots(recording: Recording, frames: Frames, progress: Progress = quiet) -> list[Plot]:
     """All plots of a recording, those of the whole mechanism first."""
     frame = recording.model["frame"]
     found: list[Plot] = []
-    for path in recording.entities:
+    for done, path in enumerate(recording.entities):
+        progress(done, len(recording.entities))
         parts = parts_of(path)
         if (
             parts[0] not in ("plots", "data", "health")

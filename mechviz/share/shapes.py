@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..vectors import FAMILIES
-from .frames import Frames, parts_of, rows_at
+from .frames import Frames, Progress, parts_of, quiet, rows_at
 from .pack import Pack
 
 if TYPE_CHECKING:
@@ -67,11 +67,12 @@ def bounds_of(recording: Recording, frames: Frames) -> Real:
     return np.array([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 
 
-def find_drawables(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+def find_drawables(recording: Recording, frames: Frames, pack: Pack, progress: Progress = quiet) -> list[dict[str, Any]]:
     """Arrows, strips and points; ``group`` says what shows and hides them, ``view`` in which construction they stand."""
     numbers = {name: k for k, name in enumerate(recording.model["links"])}
     found = []
-    for path in recording.entities:
+    for done, path in enumerate(recording.entities):
+        progress(done, len(recording.entities))
         place = _placed(parts_of(path), numbers)
         if place is None:
             continue

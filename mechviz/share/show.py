@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..vectors import FAMILIES, FORCE_FAMILIES, round_value
-from .frames import MOST_FRAMES, Frames, find_frames
+from .frames import MOST_FRAMES, Frames, Progress, find_frames, quiet
 from .markdown import html_of
 from .pack import Pack
 from .plots import find_plots, first_plots, pack_plot
@@ -38,13 +38,15 @@ GROUPS = {
 """What can be shown and hidden beside the families of arrows."""
 
 
-def show_text(recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None) -> tuple[str, Frames]:
+def show_text(
+    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, progress: Progress = quiet
+) -> tuple[str, Frames]:
     """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s]."""
     pack = Pack()
     frames = find_frames(recording, most, keep)
     properties = recording.properties
-    plots = find_plots(recording, frames)
-    drawables = find_drawables(recording, frames, pack)
+    plots = find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
+    drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + total, 2 * total))
     bounds = bounds_of(recording, frames)
     header = {
         "schema": SCHEMA,

@@ -287,6 +287,7 @@ class Stage {
 
   placeTags(frame, clip) {
     const box = this.canvas.getBoundingClientRect();
+    const taken = []; // places of names: one that would lie over another is left out
     for (const { d, k, span } of this.tags) {
       const place = d.link === undefined ? (x, y) => [x, y] : this.carried(this.header.links[d.link], frame);
       const spot = d.kind === "points" && this.names && this.shown[d.group] !== false ? this.spot(d, k, frame) : null;
@@ -296,6 +297,9 @@ class Stage {
       const w = clip[3] * x + clip[7] * y + clip[11] * d.z + clip[15];
       const px = (0.5 + (0.5 * (clip[0] * x + clip[4] * y + clip[8] * d.z + clip[12])) / w) * box.width;
       const py = (0.5 - (0.5 * (clip[1] * x + clip[5] * y + clip[9] * d.z + clip[13])) / w) * box.height;
+      const width = 8 + 7.5 * span.textContent.length;
+      span.hidden = taken.some(([x0, y0, w]) => Math.abs(py - y0) < 13 && px < x0 + w && x0 < px + width);
+      if (!span.hidden) taken.push([px, py, width]);
       span.style.transform = `translate(${px.toFixed(1)}px, ${(py - 16).toFixed(1)}px)`;
     }
   }
