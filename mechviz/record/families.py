@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..drawings import Drawing
 from ..linkers import Linker
 from ..overlays import overlay_box
+from ..rollers import RollerMark
 from ..tables import Table
 from ..vectors import Scales
 from .arrows import Arc, Arrow
@@ -22,6 +23,7 @@ from .legend import legend_shapes
 from .lumps import lump_shapes
 from .plots import plot_streams, plot_styles
 from .polygons import polygon_shapes, polygon_streams, polygon_views
+from .rollers import roller_shapes, roller_streams
 from .simulations import simulation_styles
 from .streams import (
     Static,
@@ -54,6 +56,7 @@ class Content:
     scales: Scales
     drawings: dict[str, Drawing]  # graphical constructions
     linkers: list[Linker]  # springs and dampers
+    rollers: list[RollerMark]  # of cams
     every: int  # pictures are drawn at every so many frames
     diagrams: Sequence[Diagram] = ()  # of one quantity against another
 
@@ -91,6 +94,7 @@ FAMILIES: tuple[Family, ...] = (
         statics=lambda c: friction_styles(c.run, c.solids),
     ),
     Family("simulation", statics=lambda c: simulation_styles(c.run)),
+    Family("rollers", streams=lambda c: roller_streams(c.rollers), statics=lambda c: roller_shapes(c.rollers)),
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
     Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),

@@ -17,6 +17,7 @@ from mechcore.loads import BeltTension
 from ..drawings import drawings_of
 from ..linkers import find_linkers
 from ..overlays import overlay_box
+from ..rollers import find_rollers
 from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import tables
@@ -120,6 +121,7 @@ def write_recording(
             scales,
             drawings_of(run, solids.size),
             list(find_linkers(run, solids.size)),
+            find_rollers(run, solids),
             every,
             find_diagrams(run),
         )

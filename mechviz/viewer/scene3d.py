@@ -17,6 +17,7 @@ from .linkers3d import LinkerNodes
 from .marks3d import Joints, Paths
 from .plans3d import PlanNodes
 from .playback import PointTrack, PoseTrack
+from .rollers3d import RollerNodes
 from .show import Show
 from .solids3d import SolidNodes
 from .stage import Stage
@@ -53,6 +54,7 @@ class Scene3D:
             self.arrows = ArrowNodes(server, show)
             self._paths = Paths(server, show)
             self._linkers = LinkerNodes(server, show)
+            self._rollers = RollerNodes(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
         for family in SHOWN_FIRST:
@@ -83,6 +85,7 @@ class Scene3D:
         self.arrows.update(show)
         self._paths.update(show)
         self._linkers.update(show)
+        self._rollers.update(show)
         self.joints.update(show)
         self.plans.update(show)
 
@@ -102,6 +105,7 @@ class Scene3D:
         self.arrows.show(frame)
         self._paths.show(frame)
         self._linkers.show(frame)
+        self._rollers.show(frame)
         self.joints.show(frame)
         self.plans.show(frame)
 
@@ -109,7 +113,8 @@ class Scene3D:
         """How everything moves over the run; None where something changes in another way than by poses and points."""
         if self.plans.moves:
             return None
-        poses = {**self.links.tracks(), **self.ghost.tracks(), **self._paths.tracks(), **self.joints.tracks()}
+        nodes = (self.links, self.ghost, self._paths, self.joints, self._rollers)
+        poses = {name: track for node in nodes for name, track in node.tracks().items()}
         frames = self.current.frames
         moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
         return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames))

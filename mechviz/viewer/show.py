@@ -15,6 +15,7 @@ from .quantities import Axis, Quantity
 if TYPE_CHECKING:
     from ..linkers import Linker
     from ..meshes.spatial import Spin
+    from ..rollers import RollerMark
     from ..run import Run
 
 __all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Piece", "Show"]
@@ -123,6 +124,7 @@ class Show:
     health: tuple[Health, ...] = ()
     events: tuple[Happening, ...] = ()
     linkers: tuple[Linker, ...] = ()
+    rollers: tuple[RollerMark, ...] = ()
     opening: int = 0  # the frame to open at
     notes: str = ""  # what was computed and left out, as HTML
     run: Run | None = None  # not of a recording

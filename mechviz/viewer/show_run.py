@@ -17,6 +17,7 @@ from ..linkers import find_linkers
 from ..meshes import Solid, Solids, build_solids
 from ..record.events import peak_events
 from ..record.simulations import simulation_events
+from ..rollers import find_rollers
 from ..run import Run
 from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vectors
 from . import words
@@ -143,6 +144,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         health=health_of(run),
         events=happenings(run) if exact or before is None else before.events,
         linkers=tuple(find_linkers(run, solids.size)),
+        rollers=tuple(find_rollers(run, solids)),
         opening=telling_frame(run),
         notes=words.plan_list(run),
         run=run,

@@ -1,0 +1,51 @@
+"""Marks on the rollers of cams in the browser: they turn as the rollers roll."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ..rollers import COLOR, RollerMark
+from .show import Show
+from .solids3d import link_path, quaternions
+
+__all__ = ["RollerNodes"]
+
+Real = NDArray[np.float64]
+
+
+class RollerNodes:
+    """A node below the follower's for every roller; ``show`` turns them, ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._marks: tuple[RollerMark, ...] = ()
+        self._nodes: list[viser.FrameHandle] = []
+        self._turns: list[Real] = []
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Take the rollers of ``show``."""
+        for node in self._nodes:
+            node.remove()
+        self._marks, self._nodes, self._turns = show.rollers, [], []
+        for mark in self._marks:
+            path = f"{link_path(mark.link)}/roller {mark.name.replace('/', '_')}"
+            node = self._server.scene.add_frame(path, show_axes=False, position=mark.centre)
+            self._server.scene.add_mesh_simple(
+                f"{path}/mark", mark.vertices, mark.faces, color=COLOR, side="double", cast_shadow=False, receive_shadow=False
+            )
+            self._nodes.append(node)
+            self._turns.append(quaternions(mark.angle))
+
+    def show(self, frame: int) -> None:
+        for node, turn in zip(self._nodes, self._turns, strict=True):
+            node.wxyz = turn[min(frame, len(turn) - 1)]
+
+    def tracks(self) -> dict[str, tuple[Real, Real]]:
+        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        return {
+            node.name: (np.tile(np.array(mark.centre), (len(turn), 1)), turn)
+            for node, mark, turn in zip(self._nodes, self._marks, self._turns, strict=True)
+        }
