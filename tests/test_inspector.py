@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 
@@ -15,6 +16,7 @@ from mechviz.run import run_scene
 from mechviz.scene import Scene
 from mechviz.viewer import Viewer, ViewerError
 from mechviz.viewer.camera import PRESETS, fit_view
+from mechviz.viewer.diagrams import diagram_svg, diagrams_of
 from mechviz.viewer.health_strip import columns, health_svg, shade
 from mechviz.viewer.history import Draft, History
 from mechviz.viewer.limits import assembles, reachable
@@ -378,6 +380,19 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
     text = health_svg([health], [Happening(0.5, "WARN", "A: <b>dead</b>")], np.linspace(0.0, 1.0, 5000))
     assert shade(1.0) in text and shade(0.0) in text and "&lt;b&gt;" in text and "<b>dead" not in text
     assert Health("condition", "1", np.array([np.inf, np.nan, 1.0]), 30.0, 1e8).trouble.tolist() == [1.0, 1.0, 0.0]
+
+
+# -- diagrams ---------------------------------------------------------------------------------------------------------
+def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
+    run = run_scene(scene.load("plans-four-bar"), frames=24)
+    found = diagrams_of(show_of_run(run, build(run)))
+    assert {"Velocity plan", "Acceleration plan", "Force plan"} <= set(found) and any(t.startswith("Path of") for t in found)
+    for title, diagram in found.items():
+        first, later = diagram_svg(diagram, 3), diagram_svg(diagram, 15)
+        assert first != later and title in first
+        numbers = [float(v) for spots in re.findall(r'points="([^"]*)"', first) for v in re.split("[ ,]", spots)]
+        assert all(-20.0 <= v <= 350.0 for v in numbers), title
+        assert diagram.unit in first, "the unit of its scale"
 
 
 # -- cameras, names ---------------------------------------------------------------------------------------------------

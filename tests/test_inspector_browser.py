@@ -343,6 +343,21 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
             opened.close()
 
 
+def test_who_comes_later_or_reloads_sees_what_has_been_made_of_the_scene(viewer, page):
+    _type(page, CRANK, "0.125")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.125), "edited")
+    until(page, lambda: _drawn(viewer, page), "drawn")
+    longer = page.evaluate(EXTENT, NODES[0])
+    page.reload()
+    page.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
+    page.wait_for_function(READY, arg=NODES)
+    _until_drawn(viewer, page)
+    until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=2e-3), "the longer crank")
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    assert float(page.locator(f'[id="{uuid}"] ~ div input').input_value()) == pytest.approx(0.125)
+    until(page, lambda: len(viewer.server.get_clients()) == 1, "the old page has gone")
+
+
 def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a test made this fail")

@@ -13,6 +13,7 @@ import viser
 from numpy.typing import NDArray
 
 from ..drawings import Drawing, drawings_of
+from ..vectors import round_value
 from . import words
 from .callbacks import Callback
 from .plans3d import on_light
@@ -41,11 +42,13 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Diagram:
-    """Something flat that moves: a drawing with arrows and points, or curves; ``note`` says its scale."""
+    """Something flat that moves: a drawing with arrows and points, or curves, in metres of a plane, one of which means
+    ``per_metre`` of ``unit``."""
 
     title: str
-    note: str
     bounds: NDArray[np.float64]  # (2, 2)
+    per_metre: float
+    unit: str
     drawing: Drawing | None = None
     curves: tuple[Curve, ...] = ()
 
@@ -60,20 +63,18 @@ def diagrams_of(show: Show) -> dict[str, Diagram]:
             if drawing.name == "shaking":
                 ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
                 curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
-            unit = drawing.unit.replace("^2", "²")
-            note = f"10 mm = {words.number(float(f'{drawing.per_metre * 0.01:.3g}'))} {unit}"
-            found[title] = Diagram(title, note, drawing.bounds, drawing, curves)
+            found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
         for name, polode in show.run.studies.polodes.items():
             title = f"Polodes of {name}"
             way = polode.fixed @ np.array([1.0, 1.0j])
             near = np.isfinite(way) & (np.abs(way - np.nanmedian(way.real) - 1j * np.nanmedian(way.imag)) < 1.5 * show.size)
             fixed = Curve("fixed", (176, 120, 0), way[near], way)
             box = _box([fixed.way])
-            found[title] = Diagram(title, "the fixed polode in the world, and the pole", box, curves=(fixed,))
+            found[title] = Diagram(title, box, 1e3, "mm", curves=(fixed,))
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        found[title] = Diagram(title, "true to scale", _box([z]), curves=(Curve(name, (32, 78, 138), z, z),))
+        found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, (32, 78, 138), z, z),))
     return found
 
 
@@ -110,12 +111,13 @@ def diagram_svg(diagram: Diagram, frame: int) -> str:
             middle_of = start + 0.5 * vector
             if ink.label and abs(vector) >= LEAST and all(abs(middle_of - z) > 11.0 for z in taken):
                 taken.append(middle_of)
-                parts.append(_text(place(middle_of), ink.label, _hex(on_light(ink.color))))
+                parts.append(_text(place(middle_of), ink.label, "currentColor"))
         for mark in diagram.drawing.marks:
             z = complex(at(mark.at[frame]))
             if np.isfinite(z) and all(abs(z - other) > 9.0 for other in taken):
                 taken.append(z)
                 parts.append(_text(place(z + 7 + 7j), mark.label, "currentColor"))
+    parts.append(_scale_bar(diagram, scale))
     return (
         f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
         f'style="display:block;width:100%;max-height:{HEIGHT:g}px;overflow:hidden">{"".join(parts)}</svg>'
@@ -155,9 +157,20 @@ class Diagrams:
             text = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
             content = words.hint(text)
         else:
-            content = f"{diagram_svg(diagram, frame)}{words.hint(diagram.note)}"
+            content = diagram_svg(diagram, frame)
         if content != self._picture.content:
             self._picture.content = content
+
+
+def _scale_bar(diagram: Diagram, scale: float) -> str:
+    """A line of a round value, about a quarter of the picture long, with ``scale`` pixels a metre."""
+    if not (diagram.per_metre > 0.0 and np.isfinite(diagram.per_metre)):
+        return ""
+    value = round_value(0.3 * WIDTH / scale * diagram.per_metre)
+    long, y = value / diagram.per_metre * scale, HEIGHT - 9.0
+    line = f'<path d="M8,{y - 4} v8 M8,{y} h{long:.1f} m0,-4 v8" stroke="currentColor" fill="none" stroke-width="1.2"/>'
+    text = f"{words.number(value)} {diagram.unit}"
+    return f'{line}<text x="{14 + long:.1f}" y="{y + 3.5}" font-size="11" fill="currentColor">{escape(text)}</text>'
 
 
 def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, plain: bool, width: float) -> str:

@@ -111,7 +111,8 @@ class PlanNodes:
         """Draw the constructions of ``show`` instead of those so far; a recording has none."""
         for construction in self.constructions.values():
             for node in construction.nodes:
-                node.remove()
+                if not node._impl.removed:  # it goes with the node that it lies below
+                    node.remove()
         self.constructions = {}
         self.bounds: Real | None = None
         """Box (2, 2) [m] around what stands beside the mechanism."""
