@@ -28,6 +28,9 @@ _ACCELERATION: Columns = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s^2")
 _WRENCH: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
+ROUND_OFF = 1e-12  # of the largest reaction
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component."""
@@ -71,6 +74,16 @@ def joints_of(motion: Motion) -> list[JointInfo]:
 def pair_unit(motion: Motion, pair: str) -> str:
     """Unit of a joint's coordinate."""
     return next(j.unit for j in joints_of(motion) if j.name == pair)
+
+
+def rounding_of_efforts(run: Run, unit: str) -> float:
+    """Driving forces [N] (``unit`` "m") or torques [N m] below this are rounding beside the reactions of the run."""
+    if run.forces is None:
+        return 0.0
+    largest = max(
+        (float(np.nanmax(np.abs(run.forces.reaction(j.name)[:, :2]), initial=0.0)) for j in joints_of(run.motion)), default=0.0
+    )
+    return ROUND_OFF * largest * (1.0 if unit == "m" else run.motion.model.size)
 
 
 def tables(run: Run) -> list[Table]:

@@ -183,3 +183,24 @@ def test_torque_on_two_links_is_internal():
     m = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0)
     table = power_table(run(replace(m, loads=(Torque(name="M", link="coupler", moment=2.0, against="crank"),)), 36))
     assert table.items[1].place == "internal" and table.closure < 1e-12
+
+
+def test_friction_absorbs_and_a_steady_load_drives_or_resists_even_where_it_rests():
+    """A slider to and fro against a weight (no work at its turns) and dry friction; a load that goes along is driving."""
+    table = power_table(run_scene(mechviz.load("slider-crank-friction"), frames=90).forces)
+    rubbed = [i for i in table.items if i.cause == "dry friction"]
+    assert rubbed and all(i.role == "resisting" and i.use == "harmful" and i.supplied <= 1e-12 * i.absorbed for i in rubbed)
+    assert sum(i.absorbed for i in rubbed) > 0.0 and table.closure < 1e-9
+    m = slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),))
+    along = next(i for i in power_table(load(m, np.linspace(0.0, 6.0, 40), np.linspace(0.0, 3.0, 40))).items if i.label == "along")
+    assert (along.role, along.absorbed) == ("driving", 0.0) and along.power[0] == 0.0
+
+
+def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
+    """The gas of an engine bends sharply: said or not, lines from frame to frame; a spline would swing beyond them."""
+    forces = run_scene(mechviz.load("four-stroke-cycle"), frames=180).forces
+    assert (
+        flywheel(forces, 0.02).inertia
+        == flywheel(forces, 0.02, smooth=False).inertia
+        != flywheel(forces, 0.02, smooth=True).inertia
+    )

@@ -11,7 +11,8 @@ from mechviz.heights import arrow_height, path_height
 from mechviz.linkers import find_linkers
 from mechviz.overlays import overlay_box
 from mechviz.record.arrows import shapes
-from mechviz.record.blueprint import legend_place, opening_timeline
+from mechviz.record.blueprint import calm_range, legend_place, opening_timeline, spans_of_plots
+from mechviz.record.events import peak_events
 from mechviz.record.families import FAMILIES, Content, Family, find_statics, find_streams
 from mechviz.record.streams import Static, Stream, picture_stride
 from mechviz.run import run_scene
@@ -176,3 +177,15 @@ def test_springs_are_in_the_picture():
     run = run_scene(mechviz.load("cam-sine-acceleration"), frames=24)
     box = overlay_box(run, solids_of(run))
     assert box[1, 1] >= run.motion.point("frame", "H")[:, 1].max() - 1e-12 > solids_of(run).bounds[1, 1]
+
+
+def test_plots_of_rounding_show_a_calm_axis():
+    """An arm at constant speed: its reaction is constant and its torque zero, but for rounding that would fill the plots."""
+    run = run_scene(mechviz.load("inertia-uniform-rotation"), frames=60)
+    spans = spans_of_plots(run)
+    assert spans["Driving torque [N m]"] == (-1.0, 1.0)
+    low, high = next(v for k, v in spans.items() if k.startswith("Joint reactions"))
+    size = np.hypot(*run.forces.reaction("A")[0, :2])
+    assert (low, high) == pytest.approx((0.9 * size, 1.1 * size))
+    assert not [e for e in peak_events(run) if "driving torque" in e.text] and [e for e in peak_events(run) if "reaction" in e.text]
+    assert calm_range(np.array([[1.0], [1.5]]), 0.0) is None and calm_range(np.array([[np.nan]]), 0.0) is None

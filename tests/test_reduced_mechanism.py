@@ -13,7 +13,7 @@ import mechviz
 from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.balancing import Counterweight, FourBar, SliderCrank, balance, counterweights, find_linkage, with_counterweights
 from mechcore.errors import MechanismError
-from mechcore.reduction import reduce_mechanism, shaking
+from mechcore.reduction import Shaking, reduce_mechanism, shaking
 from mechcore.spec import Force
 from tests.mechanisms import case, four_bar, slider_crank
 
@@ -174,3 +174,11 @@ def test_what_is_no_linkage_is_refused():
         find_linkage(mechviz.load("ten-link").mechanism)
     with pytest.raises(MechanismError, match="radius"):
         balance(four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES), 0.0)
+
+
+def test_the_mean_square_of_a_cycle_counts_its_closing_frame_once():
+    """cos over a turn in n equal steps: exactly 1 / sqrt(2) without the frame that closes the cycle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)
+    force = np.column_stack([np.cos(angle), 0.0 * angle])
+    s = Shaking(force=force, moment=3.0 * np.cos(angle), about=(0.0, 0.0))
+    assert s.rms == pytest.approx(np.sqrt(0.5), rel=1e-14) and s.rms_moment == pytest.approx(3.0 * np.sqrt(0.5), rel=1e-14)

@@ -28,6 +28,7 @@ SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion und
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
 LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
+FLAT = 1e-9  # curves that vary by less than this part of their size are constants
 LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
 PICTURE = 1.5  # width of the 3D view over its height, about
 
@@ -175,7 +176,10 @@ def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
         if output.values is not None:
             curves = output.values.shape[1]
             # the lines take a row in the legend of several curves
-            found[output.name] = _span(output.values) if curves == 1 else legend_place(times, output.values, curves + 1)[1]
+            calm = calm_range(output.values, output.least)
+            found[output.name] = calm or (
+                _span(output.values) if curves == 1 else legend_place(times, output.values, curves + 1)[1]
+            )
     return found
 
 
@@ -216,6 +220,8 @@ def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, 
         name, span = legend_place(times, output.values, curves + (marked is not None))
         corner = rrb.Corner2D.auto(name)
     marks = [] if marked is None else [mark_path(output.name)]
+    if output.values is not None:
+        span = calm_range(output.values, output.least) or span
     span = marked or span
     return rrb.TimeSeriesView(
         origin="/",
@@ -228,6 +234,18 @@ def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, 
             corner=corner, visible=curves != 1 and not output.single
         ),  # one curve is told by the view's name
     )
+
+
+def calm_range(values: np.ndarray, least: float) -> tuple[float, float] | None:
+    """A range of the vertical axis for curves (F, n) that would fill it with rounding: constant ones, or none above ``least``."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return None
+    low, high = float(known.min()), float(known.max())
+    size = max(abs(low), abs(high))
+    if size <= least:
+        return -1.0, 1.0
+    return (low - 0.1 * size, high + 0.1 * size) if high - low <= FLAT * size else None
 
 
 def legend_place(times: np.ndarray, values: np.ndarray, lines: int | None = None) -> tuple[str, tuple[float, float]]:

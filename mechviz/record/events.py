@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechcore.events import SINGULAR, Event
 
-from ..tables import joints_of, pair_unit
+from ..tables import joints_of, pair_unit, rounding_of_efforts
 
 if TYPE_CHECKING:
     from ..run import Run
@@ -27,7 +27,7 @@ def peak_events(run: Run) -> list[Event]:
     for drive in motion.mechanism.drives:
         what, unit = ("force", "N") if pair_unit(motion, drive.pair) == "m" else ("torque", "N m")
         effort = forces.effort(drive.pair)
-        k = _largest(effort, sound)
+        k = _largest(effort, sound, rounding_of_efforts(run, pair_unit(motion, drive.pair)))
         if k is not None:
             text = f"largest driving {what} of the run, {effort[k]:.5g} {unit}"
             found.append(Event(float(motion.time[k]), "INFO", drive.pair, text))
@@ -40,7 +40,7 @@ def peak_events(run: Run) -> list[Event]:
     return found
 
 
-def _largest(values: NDArray[np.float64], sound: NDArray[np.bool_]) -> int | None:
+def _largest(values: NDArray[np.float64], sound: NDArray[np.bool_], least: float = 0.0) -> int | None:
     size = np.where(sound & np.isfinite(values), np.abs(values), 0.0)
     k = int(np.argmax(size))
-    return k if size[k] > 0 else None
+    return k if size[k] > least else None

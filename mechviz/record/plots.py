@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import JointInfo, Table, joints_of, pair_unit
+from ..tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
 from ..vectors import point_name
 from .paths import entity
 from .streams import Index, Static, Stream
@@ -59,6 +59,7 @@ class Output:
     entities: tuple[tuple[str, tuple[bool, ...]], ...]
     values: Real | None = None
     single: bool = False  # one curve, which the view's name tells
+    least: float = 0.0  # curves none of which is above this are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +71,13 @@ class Gathered:
     names: tuple[str, ...]  # of the series
     values: Real  # (F, n)
     alone: tuple[str, tuple[bool, ...]] | None = None  # where a single item has them: its entity, and which of the series
+    least: float = 0.0  # as in `Output`
 
     @property
     def output(self) -> Output:
         if self.alone is not None:
-            return Output(self.view, (self.alone,), self.values)
-        return Output(self.view, ((entity(*self.path), ()),), self.values)
+            return Output(self.view, (self.alone,), self.values, least=self.least)
+        return Output(self.view, ((entity(*self.path), ()),), self.values, least=self.least)
 
 
 def main_outputs(run: Run) -> list[Output]:
@@ -177,7 +179,9 @@ def _efforts(run: Run) -> list[Gathered]:
         if pairs:
             values = np.column_stack([forces.effort(p) for p in pairs])
             alone = (entity("data", "drive", pairs[0]), (False, False, False, True, False)) if len(pairs) == 1 else None
-            found.append(Gathered(("plots", path), f"{name} [{u}]", tuple(f"{p} [{u}]" for p in pairs), values, alone))
+            series = tuple(f"{p} [{u}]" for p in pairs)
+            least = rounding_of_efforts(run, unit)
+            found.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
     return found
 
 
