@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shapely import Polygon, polygons, union_all
 
 from ..files import replacing
+from .frames import MOST_FRAMES
 from .pack import unpack
 from .show import show_text
 
@@ -39,7 +40,8 @@ def write_svg(
 
 def svg_of(recording: Recording, *, time: float | None = None, width: int = 1280, height: int = 800, dark: bool = False) -> str:
     """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
-    header, arrays = unpack(show_text(recording, most=2, keep=time)[0] if time is not None else show_text(recording)[0])
+    most = MOST_FRAMES if time is None else 2
+    header, arrays = unpack(show_text(recording, most=most, keep=time, plots=False)[0])
     times = arrays[header["time"]]
     frame = header["opening"] if time is None else float(np.interp(time, times, np.arange(len(times))))
     low, high = np.array(header["drawn"])[:, :2]

@@ -18,10 +18,10 @@ SCRIPTS = ("decode.js", "camera.js", "stage.js", "plots.js", "player.js")
 
 
 def make_page(
-    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, progress: Progress = quiet
+    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
 ) -> tuple[str, Frames]:
     """The HTML of a page with at most ``most`` frames of a recording, that at the time ``keep`` [s] among them; and the frames."""
-    text, frames = show_text(recording, most=most, keep=keep, progress=progress)
+    text, frames = show_text(recording, most=most, keep=keep, plots=plots, progress=progress)
     title = str(recording.properties.get("title", "")) or "Mechanism"
     pieces = {
         "title": escape(title),

@@ -134,7 +134,7 @@ def _stage(
     """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         page = Path(folder) / "page.html"
-        page.write_text(make_page(recording, keep=keep)[0], encoding="utf-8")
+        page.write_text(make_page(recording, keep=keep, plots=False)[0], encoding="utf-8")
         with Chromium(look.width, look.height, dark=look.dark) as browser:
             browser.go(page)
             browser.evaluate("mechviz.ready")

@@ -39,13 +39,16 @@ GROUPS = {
 
 
 def show_text(
-    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, progress: Progress = quiet
+    recording: Recording, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
 ) -> tuple[str, Frames]:
-    """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s]."""
+    """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s].
+
+    Pictures need no ``plots``.
+    """
     pack = Pack()
     frames = find_frames(recording, most, keep)
     properties = recording.properties
-    plots = find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
+    curves = [] if not plots else find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
     drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + total, 2 * total))
     bounds = bounds_of(recording, frames)
     header = {
@@ -64,8 +67,8 @@ def show_text(
         "links": find_links(recording, frames, pack),
         "drawables": drawables,
         "groups": _groups(recording, drawables, bounds),
-        "plots": [pack_plot(p, pack) for p in plots],
-        "first": first_plots(recording, plots),
+        "plots": [pack_plot(p, pack) for p in curves],
+        "first": first_plots(recording, curves),
         "lanes": _lanes(recording),
         "events": [{"time": e.time, "level": e.level, "text": e.text} for e in recording.events],
         "notes": html_of(recording.notes),

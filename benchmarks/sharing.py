@@ -1,0 +1,71 @@
+"""What a recording, a page and a picture of a mechanism of 100 bodies cost: processor time (without Chromium's), size, memory.
+
+python benchmarks/sharing.py [--short]
+"""
+
+from __future__ import annotations
+
+from timing import machine  # first: it sets one thread
+
+import resource  # isort: skip
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mechviz import loads
+from mechviz.record import Recording, write_recording
+from mechviz.run import run_scene
+from mechviz.share import make_page
+from mechviz.share.browser import ChromiumError
+from mechviz.share.drawing import write_svg
+from mechviz.share.pictures import Look, Moment, shot
+
+
+def train(count: int) -> str:
+    """A train of crank-rockers, each driven by the rocker before: 2 count + 1 moving links."""
+    lines = [f'title = "Train of {count} four-bars"', 'units = { length = "mm", angle = "deg" }', "[links]"]
+    lines.append(f"frame = {{ points = {{ {', '.join(f'D{k} = [{200 * k}, 0]' for k in range(count + 1))} }} }}")
+    lines.append("rocker0 = { points = { D0 = [0, 0], B1 = [60, 0] } }")
+    for k in range(1, count + 1):
+        lines.append(f"coupler{k} = {{ points = {{ B{k} = [0, 0], C{k} = [190, 0] }} }}")
+        lines.append(f"rocker{k} = {{ points = {{ D{k} = [0, 0], C{k} = [120, 0], B{k + 1} = [90, 20] }} }}")
+    lines += ["[pairs]", 'D0 = { revolute = ["frame", "rocker0"], drive = { speed = "60 rpm" } }']
+    for k in range(1, count + 1):
+        lines.append(f'B{k} = {{ revolute = ["rocker{k - 1}", "coupler{k}"] }}')
+        lines.append(f'C{k} = {{ revolute = ["coupler{k}", "rocker{k}"], side = "left" }}')
+        lines.append(f'D{k} = {{ revolute = ["rocker{k}", "frame"] }}')
+    return "\n".join(lines)
+
+
+def main(short: bool) -> None:
+    print(machine())
+    frames, count = (1000, 10) if short else (10_000, 50)
+    with tempfile.TemporaryDirectory() as folder:
+        recording, page, picture = (Path(folder) / name for name in ("run.rrd", "page.html", "picture.png"))
+        start = time.process_time()
+
+        def tell(what: str, file: Path) -> None:
+            nonlocal start
+            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            size = file.stat().st_size / 1e6
+            print(f"{what:<40} {time.process_time() - start:6.1f} s  {size:8.2f} MB  at most {memory:6.0f} MiB", flush=True)
+            start = time.process_time()
+
+        write_recording(run_scene(loads(train(count)), frames=frames), recording)
+        tell(f"{2 * count + 1} bodies, {frames} frames, recorded", recording)
+        read = Recording(recording)
+        text, chosen = make_page(read)
+        page.write_text(text, encoding="utf-8")
+        tell(f"page with {len(chosen.chosen)} of {chosen.total} frames", page)
+        drawing = write_svg(read, picture.with_suffix(".svg"))
+        tell("drawing (SVG)", drawing)
+        try:
+            shot(read, picture, Look(view="front"), Moment())
+            tell("picture (PNG, Chromium without a graphics card)", picture)
+        except ChromiumError as error:
+            print(error)
+
+
+if __name__ == "__main__":
+    main("--short" in sys.argv)
