@@ -312,3 +312,13 @@ def test_the_command_prints_writes_and_refuses(tmp_path: Path):
     ):
         run = CliRunner().invoke(app, ["vibrations", *arguments])
         assert run.exit_code == 2 and words in " ".join(run.output.split()), (arguments, run.output)
+
+
+def test_the_governor_stands_at_the_height_that_its_speed_wants():
+    """Porter's governor: h = (m + M) g / (m w^2) whatever the length of the arms, and there its motion ends."""
+    scene = mechviz.load("flyball-governor")
+    found = vibrations_of(scene)
+    height = -found.equilibrium.motion.point("right_arm", "R")[0, 1]
+    assert height == pytest.approx((1.5 + 6.0) * 9.81 / 370.11, rel=1e-12)
+    simulation = simulate(scene.mechanism, 12.0)
+    assert simulation.motion([12.0]).point("sleeve", "P")[0, 1] == pytest.approx(-2.0 * height, rel=1e-6)
