@@ -9,6 +9,7 @@ import numpy as np
 from mechcore import Compiled, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.answers import grashof
 from mechcore.assembly import all_modes
+from mechcore.clearance import journals_of, made_pairs
 from mechcore.equations import contour_equations
 from mechcore.friction.events import friction_events
 from mechcore.laws.free import Free
@@ -32,6 +33,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     """
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
+    loose = journals_of(scene.mechanism)
     free = [d.pair for d in scene.mechanism.drives if isinstance(d.law, Free)]
     times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # forces decide what comes after
     motion = solve_motion(compiled, times)
@@ -46,7 +48,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     ]
     if scene.simulation is not None:
         lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
-        moved = [f"the motion of {', '.join(free)}"] if free else []
+        moving = [p for p in free if p not in made_pairs(scene.mechanism)]
+        moved = [f"the motion of {', '.join(moving)}"] if moving else []
+        moved += [f"the motion of the journal of {pair} in its bearing" for pair in loose]
         duration, turns = scene.simulation.duration, scene.simulation.steady
         span = f"{duration:g} s" if duration == duration else "one cycle"
         begin = f", from the steady state whose cycle is {turns} turn{'s' * (turns > 1)}" if turns else ""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mechcore.clearance import journals_of
 
 if TYPE_CHECKING:
     from .meshes import Solids
@@ -19,9 +22,13 @@ LOOKS = 721
 def solids_of(run: Run) -> Solids:
     """Meshes of all links, in layers that do not collide during the run."""
     from .meshes import build_solids
+    from .tables import links_of
 
     motion = run.motion
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
     dials = run.accuracy
-    poses = {link: motion.pose(link)[frames] for link in motion.model.links}
-    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile)
+    poses = {link: motion.pose(link)[frames] for link in links_of(motion)}
+    solids = build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile)
+    loose = [{load.links[0], load.links[2]} for load in journals_of(motion.model.mechanism).values()]
+    # a journal strikes its bearing, and is drawn as wide as that
+    return replace(solids, clashes=tuple(c for c in solids.clashes if set(c) not in loose)) if loose else solids

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore import Motion, answers
+from mechcore.clearance import journals_of, made_pairs
 from mechcore.powers import power_table
 
 from .vectors import centre_name, point_name
@@ -17,7 +18,7 @@ from .vectors import centre_name, point_name
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Columns", "JointInfo", "Table", "joints_of", "links_with_mass", "pair_unit", "tables"]
+__all__ = ["Columns", "JointInfo", "Table", "joints_of", "links_of", "links_with_mass", "pair_unit", "tables"]
 
 Real = NDArray[np.float64]
 Columns = tuple[tuple[str, str], ...]
@@ -66,9 +67,21 @@ class JointInfo:
 def joints_of(motion: Motion) -> list[JointInfo]:
     """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
     model = motion.model
-    found = [JointInfo(j.name, j.kind, j.links, "m" if j.coordinate == "slide" else "rad") for j in model.joints]
+    journals = journals_of(model.mechanism)
+    bearing = {name: load.links[::2] for name, load in journals.items()}
+    found = [
+        JointInfo(j.name, j.kind, bearing.get(j.name, j.links), "m" if j.coordinate == "slide" else "rad")
+        for j in model.joints
+        if not journals or j.name not in made_pairs(model.mechanism)
+    ]
     known = {j.name for j in found}
     return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
+
+
+def links_of(motion: Motion) -> list[str]:
+    """All links, the frame first, those that a pair brings along among them; without the journals of pairs with clearance."""
+    made = made_pairs(motion.model.mechanism)
+    return [name for name in motion.model.links if name not in made]
 
 
 def pair_unit(motion: Motion, pair: str) -> str:
@@ -107,7 +120,7 @@ def _links(run: Run) -> Iterator[Table]:
     motion = run.motion
     inertia = run.forces is not None and "inertia" in motion.mechanism.effects
     heavy = links_with_mass(run)
-    for name in motion.model.links:
+    for name in links_of(motion):
         path = ("data", "links", name)
         yield Table((*path, "pose"), name, _POSE, motion.pose(name))
         yield Table((*path, "velocity"), name, _VELOCITY, motion.velocity(name))
@@ -139,10 +152,21 @@ def _joints(run: Run) -> Iterator[Table]:
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
             yield Table((*path, "reaction"), f"{name}.reaction", columns, forces.reaction(name))
+            if name in journals_of(motion.model.mechanism):
+                yield _journal(run, name)
             if forces.friction is not None and name in forces.friction.pairs:
                 yield Table((*path, "friction"), f"{name}.friction", columns, forces.friction.wrench(name))
                 loss = forces.friction.losses(name)[:, None]
                 yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
+
+
+def _journal(run: Run, pair: str) -> Table:
+    """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
+    load = journals_of(run.motion.model.mechanism)[pair]
+    x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
+    columns: Columns = (("x", "m"), ("y", "m"), ("gap", "m"))
+    values = np.column_stack([x, y, load.radial - np.hypot(x, y)])
+    return Table(("data", "joints", pair, "journal"), f"{pair}.journal", columns, values)
 
 
 def _cams(run: Run) -> Iterator[Table]:

@@ -10,6 +10,7 @@ import pytest
 
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
+from mechviz.scene.clearances import ClearanceDocument
 from mechviz.scene.document import LinkDocument, LoadDocument, PairDocument, SceneDocument
 from mechviz.scene.frictions import FrictionDefaults, FrictionDocument
 from mechviz.scene.motions import DriveDocument
@@ -61,6 +62,15 @@ def test_the_report_of_the_page_is_the_real_one():
 
 def test_every_key_of_the_format_is_on_the_page():
     page = PAGE.read_text(encoding="utf-8")
-    for table in (SceneDocument, LinkDocument, PairDocument, DriveDocument, LoadDocument, FrictionDocument, FrictionDefaults):
+    for table in (
+        SceneDocument,
+        LinkDocument,
+        PairDocument,
+        DriveDocument,
+        LoadDocument,
+        FrictionDocument,
+        FrictionDefaults,
+        ClearanceDocument,
+    ):
         for key in table.model_fields:
             assert re.search(rf"(`{key}`|\b{key} = )", page), f"{table.__name__}.{key}"

@@ -26,7 +26,7 @@ from .spec import EFFECTS, Belt, Cylinder, Mechanism, Prismatic, Revolute, Weld
 
 __all__ = ["load_faults"]
 
-_POSITIVE = ("gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
+_POSITIVE = ("radial", "gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
 _NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
 _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back", "slack")
 

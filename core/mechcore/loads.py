@@ -27,6 +27,8 @@ __all__ = [
     "GasSpring",
     "Governor",
     "InductionMotor",
+    "JournalContact",
+    "JournalLoss",
     "Load",
     "Machine",
     "Polynomial",
@@ -261,7 +263,34 @@ class Governor(_Machine):
     most: float  # [N m]
 
 
+@dataclass(frozen=True, kw_only=True)
+class JournalContact(_Load):
+    """What presses between bearing and journal of a revolute ``pair`` with clearance; `mechcore.clearance` makes it.
+
+    ``links``: bearing, massless journal, shaft; ``slides``: the pairs whose coordinates are the journal's place in the bearing;
+    ``point`` of the bearing. In contact ``stiffness d (d / radial)^(exponent - 1)`` [N], d the indentation [m].
+    """
+
+    pair: str
+    links: tuple[str, str, str]
+    slides: tuple[str, str]
+    point: str
+    radial: float  # [m]
+    stiffness: float  # [N/m]
+    exponent: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JournalLoss(JournalContact):
+    """What is lost there: ``loss`` times the rate of the indentation as a part of the force, friction between the surfaces."""
+
+    loss: float = 0.0  # [s/m]
+    friction: float = 0.0
+    radius: float = 0.0  # of the journal [m]
+    slow: float = 0.01  # speed below which friction is smoothed [m/s]
+
+
 Machine = DcMotor | InductionMotor | ConstantPower | Governor
 Prescribed = Force | Torque
 Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper
-Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | Machine
+Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | JournalContact | Machine

@@ -10,7 +10,7 @@ from mechcore.powers import power_table
 
 from ..power_report import power_markdown
 from ..study_words import study_lines
-from ..tables import joints_of
+from ..tables import joints_of, links_of
 from ..vectors import Scales
 from .simulations import simulation_notes
 
@@ -46,7 +46,7 @@ def model_json(run: Run) -> str:
     loads = {} if run.forces is None else run.forces.loads
     model = {
         "frame": mechanism.frame,
-        "links": list(run.motion.model.links),
+        "links": links_of(run.motion),
         "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in joints_of(run.motion)},
         "drives": [d.pair for d in mechanism.drives],
         "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in loads.items()},

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.clearance import journals_of, made_pairs
+
 from ..tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
 from ..vectors import point_name
 from .paths import entity
@@ -190,14 +192,14 @@ def free_outputs(run: Run) -> list[Output]:
     if run.simulation is None or run.forces is None:
         return []
     found = [gathered.output for gathered in _speeds(run)]
-    return [*found, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+    return [*found, *_gaps(run), Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
 
 
 def _speeds(run: Run) -> list[Gathered]:
     if run.simulation is None:
         return []
     found = []
-    prescribed = {d.pair for d in run.motion.mechanism.drives}
+    prescribed = {d.pair for d in run.motion.mechanism.drives} | made_pairs(run.scene.mechanism)
     pairs = [d.pair for d in run.scene.mechanism.drives if d.pair not in prescribed]
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
         some = [p for p in pairs if pair_unit(run.motion, p) == unit]
@@ -207,6 +209,16 @@ def _speeds(run: Run) -> list[Gathered]:
             names = tuple(f"{p} [{unit}/s]" for p in some)
             found.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
     return found
+
+
+def _gaps(run: Run) -> list[Output]:
+    """How far journals and bearings of pairs with clearance are apart."""
+    journals = journals_of(run.scene.mechanism)
+    if not journals:
+        return []
+    gaps = tuple((entity("data", "joints", p, "journal"), (False, False, True)) for p in journals)
+    apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
+    return [Output("Gap in the bearing [m]", gaps, np.column_stack(apart))]
 
 
 def reaction_outputs(run: Run) -> list[Output]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 from typing import TYPE_CHECKING
 
-from ..tables import links_with_mass
+from ..tables import links_of, links_with_mass
 
 if TYPE_CHECKING:
     from mechcore.model import Model
@@ -29,7 +29,8 @@ def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
     model = run.motion.model
     heavy = set(links_with_mass(run))
     found = {}
-    for k, name in enumerate(model.links[1:], start=1):
+    for name in links_of(run.motion)[1:]:
+        k = model.index[name]
         mass, centre, inertia = model.masses[k]
         if name not in heavy:
             mass, centre, inertia = 0.0, reference_point(model, k), 0.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import Linker
-from ..tables import Table, joints_of, pair_unit
+from ..tables import Table, joints_of, links_of, pair_unit
 from ..vectors import Scales, Vector, point_name
 from .arrows import ARC_RADIUS, COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
@@ -141,7 +141,7 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
     import rerun as rr
 
     motion = run.motion
-    for link in motion.model.links:
+    for link in links_of(motion):
         pose = motion.pose(link)
 
         def place(frames: Index, pose: Real = pose) -> Any:

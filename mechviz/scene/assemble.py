@@ -11,6 +11,7 @@ from mechcore.reduction import Body
 from mechcore.spec import Drive, Link, Mechanism, friction_of
 
 from .accuracies import accuracy_faults
+from .clearances import clearances_of
 from .convert import Converter
 from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
@@ -112,6 +113,7 @@ def assemble(
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += accuracy_faults(document, starts, convert)
+    clearances = clearances_of(document, convert)
     faults += convert.faults
     if faults or reading.faults:
         return None, None, faults
@@ -135,6 +137,10 @@ def assemble(
     )
     if outlines is None and drawn_links(document):
         return assemble(reading, name, drawn_bodies(mechanism, document))
+    if clearances:
+        from mechcore.clearance import with_clearances
+
+        mechanism = with_clearances(mechanism, clearances)
     return mechanism, simulation, []
 
 

@@ -11,6 +11,7 @@ from pydantic import PlainValidator, WithJsonSchema, model_validator
 
 from mechcore.errors import Fault
 
+from .clearances import clearance_faults
 from .fields import Coordinate, Flag, Name, Quantity, Rate, Text, describe, fault
 from .tables import Table, Unknown, refuse
 
@@ -161,7 +162,7 @@ def simulation_spec(
     """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
     from .pairs import KINDS
 
-    if not starts and not any(entry.liftoff for entry in document.pairs.values()):
+    if not starts and not any(entry.liftoff or entry.clearance for entry in document.pairs.values()):
         return None
     from mechcore.dynamics import Liftoff, Stop, Watch
 
@@ -207,13 +208,16 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     run, pairs = document.run, document.pairs
     free = [name for name, pair in pairs.items() if pair.free is not None]
     lifting = [name for name, pair in pairs.items() if pair.liftoff is not None]
-    if not free and not lifting:
+    loose = [name for name, pair in pairs.items() if pair.clearance is not None]
+    yield from clearance_faults(document)
+    if not free and not lifting and not loose:
         if not reading.shapeless and not any("free" in pair.unread for pair in pairs.values()):
             yield from _idle(document)
         return
-    what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff"
+    what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff" if lifting else f"{loose[0]} has clearance"
     if run.duration is None and run.steady is None and run.sound("duration") and run.sound("steady"):
-        yield Fault("run", f"'duration' is missing: how long does {(free or lifting)[0]} move?", 'Add duration = "5 s" to [run].')
+        why = f"'duration' is missing: how long does {(free or lifting or loose)[0]} move?"
+        yield Fault("run", why, 'Add duration = "5 s" to [run].')
     if run.cycles != 1:
         remedy = 'Leave out cycles and write duration = "5 s".'
         yield Fault("run.cycles", f"{run.cycles} cycles of a motion that forces decide.", remedy)
@@ -236,7 +240,10 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     if lifting and "friction" in document.effects:
         why = f"{lifting[0]} has liftoff beside dry friction: what then sticks is not found."
         yield Fault("effects", why, "Leave out friction, or liftoff.")
-    yield from _stops(document, free)
+    if lifting and loose:
+        why = f"clearance beside liftoff ({lifting[0]}) is not computed."
+        yield Fault(f"pairs.{loose[0]}.clearance", why, "Leave out one of them.")
+    yield from _stops(document, [*free, *loose])
     yield from _watches(reading)
 
 

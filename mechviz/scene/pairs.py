@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from .cams import FollowerDocument, ProfileDocument
+from .clearances import ClearanceDocument
 from .fields import Angle, Direction, Flag, Size, Text
 from .free_motion import FreeDocument, LiftoffDocument, StopDocument
 from .frictions import FrictionDocument, friction_faults
@@ -48,7 +49,11 @@ class Kind:
 _WHEELS = "Drive the revolute pair of one of its wheels instead."
 
 KINDS: Mapping[str, Kind] = {
-    "revolute": Kind("a revolute pair", ("at", "side", "assembly", "branch", "friction", "drive", "free", "stops"), driven="angle"),
+    "revolute": Kind(
+        "a revolute pair",
+        ("at", "side", "assembly", "branch", "friction", "clearance", "drive", "free", "stops"),
+        driven="angle",
+    ),
     "prismatic": Kind(
         "a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive", "free", "stops"), driven="length"
     ),
@@ -179,6 +184,8 @@ class PairDocument(Table):
     """Cam: the follower may leave it, flies under the forces and lands with an impact; the run then has a duration."""
     friction: FrictionDocument | None = None
     """Dry friction in this pair, where `effects` names friction."""
+    clearance: ClearanceDocument | None = None
+    """Revolute: clearance between journal and bearing, whose motion forces decide."""
     drive: DriveDocument | None = None
     """Prescribed motion of this pair."""
     free: FreeDocument | None = None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import Wrench, power_of
+from ..effects.journal import IN_PAIRS, RUBBING, rubbing_name
 from ..kinetostatics import Forces, LoadResult
 from ..model import Model
 from ..motion import Motion
@@ -176,7 +177,7 @@ class JoinedForces:
     def reaction(self, pair: str) -> Array:
         """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
         follower has left its cam."""
-        return self._join(lambda f: f.reaction(pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
+        return self._join(lambda f: _transmitted(f, pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
 
     def position(self, pair: str) -> Array:
         relation = self.motion._relation(pair)
@@ -224,7 +225,7 @@ class JoinedForces:
             turns = model.joints[model.joint_index[stop.pair]].coordinate == "angle"
             out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held), turns)
         for name, load in self.parts[0][1].loads.items():
-            if name not in out:
+            if name not in out and load.kind not in IN_PAIRS:
                 values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]
                 out[name] = replace(load, values=values)
         return out
@@ -296,6 +297,15 @@ class JoinedFriction:
 def _has(forces: Forces, pair: str) -> bool:
     model = forces.motion.model
     return pair in model.joint_index or any(r.name == pair for r in model.relations)
+
+
+def _transmitted(forces: Forces, pair: str) -> Array:
+    """What a pair transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
+    found = forces.reaction(pair)
+    for w in forces.applied:
+        if w.kind == RUBBING and w.name == rubbing_name(pair):
+            found = found + np.column_stack([np.zeros((forces.motion.frames, 2)), w.moment])
+    return found
 
 
 def _leads(forces: Forces, pair: str) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..clearance import without_clearances
 from ..effects import potential
 from ..kinetostatics import solve_forces
 from ..solve import Compiled
@@ -129,6 +130,7 @@ class Simulation:
         parts = [(rows, piece.motion(t[rows])) for piece, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
+        shown = without_clearances(shown)
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self._coordinates(t), model=self._model)
 
     def _coordinates(self, t: Array) -> dict[str, Array]:

@@ -20,6 +20,8 @@ from ..loads import (
     GasSpring,
     Governor,
     InductionMotor,
+    JournalContact,
+    JournalLoss,
     Spring,
     Torque,
     TorsionDamper,
@@ -35,6 +37,7 @@ from .dry_friction import DryFriction
 from .gas import CylinderGas
 from .gravity import Gravity
 from .inertia import Inertia
+from .journal import JournalFriction, JournalPressure
 from .machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
@@ -76,6 +79,8 @@ LOADS: dict[type, Callable[[Any], Effect]] = {
     Viscous: ViscousFriction,
     BeltTension: BeltPull,
     GasPressure: CylinderGas,
+    JournalContact: JournalPressure,
+    JournalLoss: JournalFriction,
     DcMotor: DirectCurrent,
     InductionMotor: Induction,
     ConstantPower: ConstantPowerMachine,
