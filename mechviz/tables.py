@@ -70,7 +70,12 @@ def joints_of(motion: Motion) -> list[JointInfo]:
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
     found = [
-        JointInfo(j.name, j.kind, bearing.get(j.name, j.links), "m" if j.coordinate == "slide" else "rad")
+        JointInfo(
+            j.name,
+            "revolute with clearance" if j.name in bearing else j.kind,
+            bearing.get(j.name, j.links),
+            "m" if j.coordinate == "slide" else "rad",
+        )
         for j in model.joints
         if not journals or j.name not in made_pairs(model.mechanism)
     ]

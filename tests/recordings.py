@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mechviz
+from mechcore.clearance import without_clearances
 from mechcore.spec import Mechanism
 from mechviz.record import Recording, RecordingSummary, write_recording
 from mechviz.run import Run, run_scene
@@ -35,8 +36,8 @@ class Made:
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism as the scene in the file describes it."""
-        return mechviz.loads(self.recording.scene_text).mechanism
+        """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
+        return without_clearances(mechviz.loads(self.recording.scene_text).mechanism)
 
     def data(self, *parts: str) -> NDArray[np.float64]:
         """Values (F, n) under /data."""

@@ -13,7 +13,7 @@ from mechanisms import case
 from scipy.integrate import solve_ivp
 
 from mechcore import MechanismError, compile_mechanism
-from mechcore.dynamics import Free, Stop, Watch, simulate
+from mechcore.dynamics import Free, Stop, Watch, energy, simulate
 from mechcore.dynamics.chart import Chart
 from mechcore.dynamics.collocation import gauss, radau
 from mechcore.dynamics.integrate import integrate
@@ -412,3 +412,14 @@ def test_integrate_ends_where_it_is_told():
     system = Chart(compile_mechanism(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)))
     solution = integrate(system, np.array([0.0]), np.array([0.0]), 0.0, 1.0, tolerance=1e-8)
     assert solution.end == pytest.approx(1.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("off", [1e-12, 1e-7, 1e-4])
+def test_swings_too_small_for_the_energy_are_linear_ones(off: float, monkeypatch: pytest.MonkeyPatch):
+    """Next to a stable equilibrium their energy is lost in the last digits of the loads' work: no table of it is tried in vain."""
+    monkeypatch.setattr(energy, "_leg", lambda *_: pytest.fail("a leg is tabulated"))
+    mechanism = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=off)
+    w = np.sqrt(1.5 * 9.81 * 0.35 / 0.4)
+    t = np.linspace(0.0, 3.0, 31)
+    got = simulate(mechanism, 3.0, tolerance=1e-12)(t)[0][:, 0] + np.pi / 2
+    assert np.abs(got - off * np.cos(w * t)).max() < 1e-14 + 3e-8 * off

@@ -115,13 +115,19 @@ class EnergyMotion:
         return np.asarray(found[(found >= 0.0) & (found < end)])
 
 
+SMALL = 1e-6  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+
+
 def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
-    unstable equilibrium, the end of the tabulated range)."""
+    unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range)."""
     work = _Work(curve)
     inertia, done = (float(x[0]) for x in work(np.array([q0])))
     energy = 0.5 * inertia * v0 * v0 - done  # T(q) = energy + work(q)
     size = max(work.largest, abs(energy), 1e-300)
+    force, slope = curve.both(np.array([q0]))[0, [1, 3]]
+    if 0.5 * inertia * v0 * v0 * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope):
+        return None
     at_rest = 0.5 * inertia * v0 * v0 <= 1e-15 * size
     sign = np.sign(v0) if not at_rest else np.sign(float(curve.table(np.array([q0]))[0, 1]))
     if sign == 0:
