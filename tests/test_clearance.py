@@ -146,13 +146,13 @@ def test_a_scene_reads_its_units_and_writes_them_back():
     scene = mechviz.load("loose-coupler-pin")
     load = journals_of(scene.mechanism)["B"]
     assert (load.radial, load.stiffness, load.exponent) == pytest.approx((4e-4, 2e5, 1.0), rel=1e-12)
-    assert scene.simulation is not None and scene.simulation.duration == 0.6
+    assert scene.simulation is not None and scene.simulation.duration == 0.4
     again = mechviz.loads(scene.to_toml())
     assert again == scene and journals_of(again.mechanism) == journals_of(scene.mechanism)
 
 
 def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
-    short = mechviz.loads(SCENE.replace('duration = "0.6 s"', 'duration = "0.05 s"').replace("frames = 1080", "frames = 60"))
+    short = mechviz.loads(SCENE.replace('duration = "0.4 s"', 'duration = "0.05 s"').replace("frames = 720", "frames = 60"))
     path = tmp_path / "loose.rrd"
     run = run_scene(short)
     write_recording(run, path)
@@ -177,7 +177,7 @@ def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
         ('stiffness = "200 N/mm"', 'stiffness = "200 N m/rad"', "torsional stiffness"),
         ('effects = ["inertia"]', "effects = []", "B has clearance, motion under forces needs masses"),
         ('effects = ["inertia"]', 'effects = ["inertia", "friction"]', "dry friction of pairs beside clearance"),
-        ('duration = "0.6 s"', "cycles = 2", "'duration' is missing: how long does B move?"),
+        ('duration = "0.4 s"', "cycles = 2", "'duration' is missing: how long does B move?"),
         ("frame = {", '"B.journal" = { points = { A = [0, 0] } }\nframe = {', "which is taken"),
         ('C = { revolute = ["rod", "piston"] }', 'C = { revolute = ["rod", "piston"], clearance = {} }', "radial"),
         ('S = { prismatic = [', 'S = { clearance = { radial = 1, stiffness = 1 }, prismatic = [', "does not go with a prismatic"),
