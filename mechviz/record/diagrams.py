@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.clearance import made_pairs
+
 from ..tables import joints_of, pair_unit
 from .paths import entity
 from .plots import PALETTE
@@ -101,7 +103,9 @@ def find_diagrams(run: Run) -> list[Diagram]:
 def _phase(run: Run) -> Diagram | None:
     """Velocity against position of what swings: free coordinates where forces decide the motion, else what the mechanism moves."""
     motion = run.motion
-    names = [d.pair for d in run.scene.mechanism.drives] if run.simulation is not None else _followers(run)
+    made = made_pairs(run.scene.mechanism)
+    free = [] if run.simulation is None else [d.pair for d in run.scene.mechanism.drives if d.pair not in made]
+    names = free or _followers(run)
     swinging = [n for n in names if _swings(motion.coordinate(n)[:, 0])]
     if not swinging:
         return None

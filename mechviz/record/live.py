@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.clearance import made_pairs
 from mechcore.plan import make_plan
 
 from ..run import Run
@@ -101,7 +102,8 @@ def _blueprint(scene: Scene) -> Any:
     """The mechanism, and the free coordinates over the time, which the view follows."""
     import rerun.blueprint as rrb
 
-    free = [d.pair for d in scene.mechanism.drives]
+    made = made_pairs(scene.mechanism)
+    free = [d.pair for d in scene.mechanism.drives if d.pair not in made]
     plots = [rrb.TimeSeriesView(name=pair, origin="/", contents=[f"+ /data/joints/{pair}/motion"]) for pair in free[:3]]
     picture = rrb.Spatial3DView(name="Mechanism", origin="/", contents=["+ /mechanism/**"])
     return rrb.Blueprint(
