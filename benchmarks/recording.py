@@ -1,6 +1,8 @@
-"""Recording throughput: 10,000 frames of the ten-link gallery scenes, as kinematics and with forces and all.
+"""Recording throughput: frames of the ten-link gallery scenes, as kinematics and with forces and all, against the SDK's own limit.
 
-python benchmarks/recording.py
+python benchmarks/recording.py [--short]
+
+The limit: the very same columns, kept ready from a recording, are sent once more to a file and nothing else is done.
 """
 
 from __future__ import annotations
@@ -8,38 +10,90 @@ from __future__ import annotations
 from timing import machine  # first: it sets one thread
 
 import statistics  # isort: skip
+import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
+
+import rerun as rr
 
 import mechviz
 from mechviz.record import write_recording
-from mechviz.run import run_scene
+from mechviz.run import Run, run_scene
 
-FRAMES = 10_000
+FRAMES, TURNS = (2_000, 3) if "--short" in sys.argv else (10_000, 5)
+
+
+def calls_of(run: Run, path: Path) -> list[tuple[tuple[Any, ...], dict[str, Any]]]:
+    """Every block of columns that a recording sends to the SDK."""
+    kept: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
+    send = rr.RecordingStream.send_columns
+
+    def keeping(stream: rr.RecordingStream, *args: Any, **more: Any) -> Any:
+        kept.append((args, more))
+        return send(stream, *args, **more)
+
+    rr.RecordingStream.send_columns = keeping  # type: ignore[method-assign]  # to look at what goes through
+    try:
+        write_recording(run, path)
+    finally:
+        rr.RecordingStream.send_columns = send  # type: ignore[method-assign]  # as it was
+    return kept
+
+
+def send_again(calls: list[tuple[tuple[Any, ...], dict[str, Any]]], path: Path) -> None:
+    """The SDK alone: columns that are ready, to a file."""
+    stream = rr.RecordingStream("mechviz", recording_id="limit")
+    stream.save(path)
+    for args, more in calls:
+        stream.send_columns(*args, **more)
+    stream.flush()
+    stream.disconnect()
 
 
 def throughput(name: str) -> None:
+    """A row of the table."""
     scene = mechviz.load(name)
     run = run_scene(scene, frames=FRAMES - 1)
     links = len(scene.mechanism.links)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.rrd"
-        times = []
-        for _ in range(5):
+        path, other = Path(folder) / "run.rrd", Path(folder) / "limit.rrd"
+        calls = calls_of(run, path)
+        times: tuple[list[float], list[float]] = ([], [])
+        stages: dict[str, list[float]] = {}
+        for _ in range(TURNS):
             start = time.perf_counter()
-            write_recording(run, path)
-            times.append(time.perf_counter() - start)
+            summary = write_recording(run, path)
+            times[0].append(time.perf_counter() - start)
+            for s in summary.stages:
+                stages.setdefault(s.name, []).append(s.seconds)
+            start = time.perf_counter()
+            send_again(calls, other)
+            times[1].append(time.perf_counter() - start)
         size = path.stat().st_size
-    seconds = statistics.median(times)
-    rate, each = FRAMES / seconds, size / FRAMES
-    print(f"{name}: {FRAMES} frames, {links} links: {seconds:.2f} s, {rate:.0f} frames/s, {each:.0f} B a frame")
-    for s in run.stages:
-        print(f"  {s.name}: {1e3 * s.seconds:.1f} ms")
+    whole, limit, writing = (statistics.median(t) for t in (*times, stages["writing"]))
+    print(
+        f"| {name} | {FRAMES} | {links} | {FRAMES / whole:,.0f} | {FRAMES / writing:,.0f} | {FRAMES / limit:,.0f} "
+        f"| {writing / limit:.2f} | {size / FRAMES:,.0f} |"
+    )
 
 
 def main() -> None:
+    """The table."""
     print(machine("numpy", "rerun-sdk"))
+    names = (
+        "scene",
+        "frames",
+        "links",
+        "frames/s in all",
+        "frames/s, writing",
+        "frames/s, SDK alone",
+        "over the SDK",
+        "bytes a frame",
+    )
+    print(f"\n| {' | '.join(names)} |")
+    print("|---|---|---|---|---|---|---|---|")
     for name in ("ten-link", "ten-link-forces"):
         throughput(name)
 

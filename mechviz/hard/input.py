@@ -95,9 +95,9 @@ def _units() -> Outcome:
     return moved(base, "the same to the last digit", checks)
 
 
-def _many_slips() -> Outcome:
-    """Seven slips at once, two of them in the same pair: each is reported, nothing that merely follows from them."""
-    data = _changed(
+def seven_slips() -> dict[str, Any]:
+    """The crank-rocker with seven slips, two of them in the same pair."""
+    return _changed(
         links__rocker__mas=1,
         links__crank__points={"A": [0, 0], "B": ["60 kg", 0]},
         pairs__A__drive={"speed": "60 Hz"},
@@ -105,6 +105,11 @@ def _many_slips() -> Outcome:
         pairs__D={"revolut": ["rocker", "frame"]},
         trace=["X"],
     )
+
+
+def _many_slips() -> Outcome:
+    """Seven slips at once: each is reported, nothing that merely follows from them."""
+    data = seven_slips()
     return _faulty(
         lambda: Scene.build(**data),
         ("links.rocker", "unknown key 'mas'", "'mass'"),

@@ -1,0 +1,331 @@
+"""All benchmarks in one run, one report: benchmarks/REPORT.md with its plots in benchmarks/report/.
+
+    python benchmarks/report.py [--short] [--alone] [--only WORD ...]
+
+P1 and P2 (kinematics, kinetostatics), P3 and P4 (forward dynamics) side by side with the peers, P5 (cams), scaling with loops and
+designs, recording throughput against the SDK's own limit, cost of effects, what accuracy costs, and how true the errors are that
+the program reports. Each part is a script of its own that anyone can run; this one runs them one after the other, keeps what they
+print and draws their tables. ``--short``: fewer turns, smaller sizes; ``--alone``: no peers; ``--only``: parts whose names contain
+a word. A part that fails says so in its place; the report is written anew after every part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+PLOTS = HERE / "report"
+PATIENCE = 3600.0  # longest time of a part [s]
+sys.path[:0] = [str(ROOT / "core"), str(ROOT)]
+
+Table = list[list[str]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A chapter of the report: the script that makes it, and how its tables are drawn."""
+
+    name: str
+    title: str
+    about: str
+    command: Callable[[argparse.Namespace], list[str]]
+    peers: bool = False
+    draw: Callable[[str, Path], list[Path]] = lambda *_: []
+
+
+def tables(text: str) -> list[tuple[str, Table]]:
+    """Markdown tables in a text, each with the last heading before it."""
+    found: list[tuple[str, Table]] = []
+    heading, inside = "", False
+    for line in text.splitlines():
+        if line.startswith("#"):
+            heading = line.lstrip("# ")
+        row = line.startswith("|")
+        if row and set(line) <= set("|-: "):
+            continue
+        if row:
+            cells = [c.strip() for c in line.strip().strip("|").split("|")]
+            if not inside:
+                found.append((heading, []))
+            found[-1][1].append(cells)
+        inside = row
+    return found
+
+
+def number(text: str) -> float:
+    """The first number in a cell; NaN where there is none."""
+    words = text.replace(",", "").split()
+    try:
+        return float(words[0])
+    except (IndexError, ValueError):
+        return float("nan")
+
+
+def draw_precision(text: str, folder: Path) -> list[Path]:
+    """Work-precision diagrams of the tables that have a time and an error for every who and setting."""
+    from mechviz.accuracy.diagram import diagram, write_diagram
+    from mechviz.accuracy.ladder import Point
+
+    points = []
+    for heading, table in tables(text):
+        head = table[0]
+        if head[:2] != ["who", "setting"]:
+            continue
+        for row in table[1:]:
+            spent, error = number(row[2]) * 1e-3, number(row[3])
+            if spent > 0.0 and 0.0 < error < 1e3:
+                points.append(Point(heading, row[0], row[1], {}, max(error, 1e-16), spent, 0.0, 0, current=False))
+    if not points:
+        return []
+    path = folder / "dynamics.svg"
+    write_diagram(diagram(points, "Forward dynamics: error against time", "grey: nothing is quicker and more exact"), path)
+    return [path]
+
+
+def _on_sheet(across: tuple[float, float], up: tuple[int, int], x: float, y: float) -> tuple[float, float]:
+    """Where a point lies, both axes logarithmic, between the given powers of ten."""
+    u = (math.log10(x) - across[0]) / (across[1] - across[0])
+    return 70 + 450 * u, 280 - 230 * (math.log10(y) - up[0]) / (up[1] - up[0])
+
+
+def draw_growth(text: str, folder: Path) -> list[Path]:
+    """Time against size, both logarithmic, of the tables whose first column counts something."""
+    from mechviz.accuracy.canvas import Canvas
+
+    drawn = []
+    for k, (_, table) in enumerate(tables(text)):
+        head, rows = table[0], [[number(c) for c in row] for row in table[1:]]
+        if head[0] not in ("loops", "N", "frames") or len(rows) < 2:
+            continue
+        columns = [c for c in range(1, len(head)) if head[c].startswith(("compile", "motion", "energy", "memory"))]
+        sheet = Canvas(560, 330)
+        lows = [math.floor(math.log10(min(r[c] for r in rows))) for c in columns]
+        highs = [math.ceil(math.log10(max(r[c] for r in rows))) for c in columns]
+        left, right = math.log10(rows[0][0]), math.log10(rows[-1][0])
+        low, high = min(lows), max(highs)
+
+        def place(
+            x: float, y: float, low: int = low, high: int = high, left: float = left, right: float = right
+        ) -> tuple[float, float]:
+            return 70 + 450 * (math.log10(x) - left) / (right - left), 280 - 230 * (math.log10(y) - low) / (high - low)
+
+        for row in rows:
+            x, _ = place(row[0], 10.0**low)
+            sheet.text(x, 298, f"{row[0]:g}", size=10, anchor="middle")
+        for decade in range(low, high + 1):
+            _, y = place(rows[0][0], 10.0**decade)
+            sheet.line([(70, y), (520, y)], "#e3e6ea")
+            sheet.text(64, y + 4, f"1e{decade}", size=10, anchor="end")
+        for c, color in zip(columns, ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94"), strict=False):
+            sheet.line([place(r[0], r[c]) for r in rows], color, 1.6)
+            for r in rows:
+                sheet.dot(*place(r[0], r[c]), 3, color)
+            sheet.text(74 + 150 * columns.index(c), 30, head[c], size=11, color=color)
+        sheet.text(295, 320, head[0], size=11, anchor="middle")
+        path = folder / f"growth-{k + 1}.svg"
+        path.write_text(sheet.svg(), encoding="utf-8")
+        drawn.append(path)
+    return drawn
+
+
+def keep_diagrams(_: str, folder: Path) -> list[Path]:
+    """The diagrams that the commands themselves have written."""
+    return sorted(folder.glob("accuracy-*.svg"))
+
+
+def script(name: str, *more: str) -> list[str]:
+    """A benchmark script in this Python."""
+    return [sys.executable, str(HERE / name), *more]
+
+
+def _short(given: argparse.Namespace, *more: str) -> list[str]:
+    return [*more, *(["--short"] if given.short else [])]
+
+
+SAMPLE = ("crank-rocker", "triad", "slider-crank-compressor", "ten-link-forces", "cam-roller", "stick-slip-feed")
+
+PARTS: tuple[Part, ...] = (
+    Part(
+        "peers",
+        "P1, P2: kinematics and kinetostatics beside the peers",
+        "Positions, velocities, accelerations of a four-bar; all reactions of a slider-crank.",
+        lambda g: script("peers/run.py", *_short(g)),
+        peers=True,
+    ),
+    Part(
+        "four-bar",
+        "A loop with fsolve, and the cost of a frame",
+        "A four-bar from positions to the driving torque.",
+        lambda g: script("four_bar.py"),
+    ),
+    Part(
+        "dynamics",
+        "P3, P4: forward dynamics",
+        "Andrews' squeezer, chains of four-bars through their singular position, several freedoms.",
+        lambda g: script("dynamics.py", *_short(g), *(["--alone"] if g.alone else [])),
+        draw=draw_precision,
+    ),
+    Part(
+        "cams",
+        "P5: cams",
+        "Profile, pressure angle, curvature and limits of an offset roller follower.",
+        lambda g: script("cams.py"),
+    ),
+    Part(
+        "scaling",
+        "Scaling with loops and designs",
+        "Chains of N four-bars over a turn; sweeps.",
+        lambda g: script("scaling.py", *_short(g)),
+        draw=draw_growth,
+    ),
+    Part(
+        "recording",
+        "Recording against the SDK's own limit",
+        "The limit: the same columns, kept ready, sent to a file and nothing else.",
+        lambda g: script("recording.py", *_short(g)),
+    ),
+    Part(
+        "effects",
+        "Price of effects",
+        "Each effect by itself over kinematics alone.",
+        lambda g: script("effects.py", "360"),
+    ),
+    Part(
+        "accuracy",
+        "What accuracy costs",
+        "`mechviz accuracy` for two gallery scenes: error against time of every dial.",
+        lambda g: [sys.executable, "-c", LADDERS, str(PLOTS), "quick" if g.short else "whole"],
+        draw=keep_diagrams,
+    ),
+    Part(
+        "estimates",
+        "Are the reported errors true?",
+        "Estimates over true errors, against references of other methods.",
+        lambda g: script("error_estimates.py", *(SAMPLE if g.short else ())),
+    ),
+)
+
+LADDERS = """
+import sys
+from mechviz.cli import app
+for name in ("crank-rocker", "slider-crank-compressor"):
+    more = ["--quick"] if sys.argv[2] == "quick" else []
+    app(["accuracy", name, "--target", "1e-6", "--again", "-o", f"{sys.argv[1]}/accuracy-{name}.svg", *more], standalone_mode=False)
+    print()
+"""
+
+
+def run(part: Part, given: argparse.Namespace) -> tuple[str, float, str]:
+    """What a part prints, how long it took [s], and what went wrong."""
+    path = os.pathsep.join([str(ROOT / "core"), str(ROOT)])
+    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "160"}
+    start = time.perf_counter()
+    try:
+        done = subprocess.run(part.command(given), capture_output=True, text=True, env=env, cwd=ROOT, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        return "", time.perf_counter() - start, f"it was stopped after {PATIENCE:.0f} s"
+    words = done.stderr.strip().splitlines()
+    fault = "" if done.returncode == 0 else f"it ended with exit code {done.returncode}: {words[-1] if words else ''}"
+    return done.stdout, time.perf_counter() - start, fault
+
+
+def as_markdown(text: str) -> str:
+    """What a script printed: its tables as they are, everything else as it stands."""
+    lines, out, plain = text.strip("\n").splitlines(), [], False
+    for line in lines:
+        table = line.startswith(("|", "#", "-")) or not line.strip()
+        if not table and not plain:
+            out.append("```text")
+        if table and plain and line.strip():
+            out.append("```")
+        plain = (not table) if line.strip() else plain
+        out.append(f"#{line}" if line.startswith("#") else line)
+    if plain:
+        out.append("```")
+    return "\n".join(out)
+
+
+def versions() -> str:
+    """Versions of what the figures depend on."""
+    found = []
+    for package in ("mechviz", "numpy", "scipy", "rerun-sdk", "trimesh", "shapely"):
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            found.append(f"{package} (not installed)")
+    return ", ".join(found)
+
+
+def main() -> None:
+    """Run the parts, write the report."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--short", action="store_true", help="fewer turns, smaller sizes")
+    parser.add_argument("--alone", action="store_true", help="without the peers, which have to be installed once")
+    parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="only parts whose name contains a word")
+    parser.add_argument("--output", type=Path, default=HERE / "REPORT.md", help="the report [default: benchmarks/REPORT.md]")
+    given = parser.parse_args()
+    from mechviz.accuracy.timing import machine
+
+    PLOTS.mkdir(exist_ok=True)
+    mode = "short mode" if given.short else "whole"
+    command = f"python benchmarks/report.py{' --short' if given.short else ''}{' --alone' if given.alone else ''}"
+    lines = [
+        "# Benchmarks",
+        "",
+        f"{date.today().isoformat()}, {mode}. {machine()}; {versions()}; {platform.platform()}; one thread.",
+        "",
+        f"Read ratios, not times: on a shared machine ratios keep, times drift. Made by `{command}`.",
+        "",
+    ]
+    began = time.perf_counter()
+    for part in PARTS:
+        if given.only and not any(word in part.name for word in given.only):
+            continue
+        lines += [f"## {part.title}", "", part.about, ""]
+        if part.peers and given.alone:
+            lines += ["Left out: this run is without peers.", ""]
+            continue
+        print(f"{part.name} ...", file=sys.stderr, flush=True)
+        text, seconds, fault = run(part, given)
+        lines += chapter(part, text, fault, given.output.resolve().parent)
+        write(given.output, lines)
+        print(f"{part.name}: {seconds:.0f} s{', failed' if fault else ''}", file=sys.stderr, flush=True)
+    lines += [f"All parts took {time.perf_counter() - began:.0f} s.", ""]
+    write(given.output, lines)
+    print(given.output)
+
+
+def chapter(part: Part, text: str, fault: str, folder: Path) -> list[str]:
+    """What a part has printed, and its plots with paths from ``folder``."""
+    lines = [f"**This part failed**: {fault}", ""] if fault else []
+    lines += [as_markdown(text), ""]
+    try:
+        drawn = part.draw(text, PLOTS)
+    except (ValueError, ZeroDivisionError) as error:  # a table with holes has no picture
+        return [*lines, f"(no plot: {error})", ""]
+    for path in drawn:
+        lines += [f"![{part.title}]({os.path.relpath(path, folder).replace(os.sep, '/')})", ""]
+    return lines
+
+
+def write(path: Path, lines: list[str]) -> None:
+    """Replace the report as a whole."""
+    temporary = path.with_suffix(".part")
+    temporary.write_text("\n".join(lines), encoding="utf-8")
+    temporary.replace(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""The report of the benchmarks and the generated pages: tables are read and drawn, failures are told, pages and suite agree."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from mechviz.hard import FAMILIES, all_cases
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+import report
+
+ROOT = Path(__file__).parent.parent
+
+DYNAMICS = """machine; least of 3 turns
+
+### Squeezer
+
+| who | setting | time [ms] | error [rad] | faster by |
+|---|---|---|---|---|
+| mechviz | 1e-6 | 3.00 | 1.0e-07 |  |
+| mechviz | 1e-9 | 5.00 | 1.0e-10 |  |
+| peer | rtol 1e-6 | 12.00 | 5.0e-07 | 4.0 |
+| broken | x | - | - | |
+"""
+GROWTH = "| loops | compile, ms | motion, ms |\n|---|---|---|\n| 10 | 2.0 | 1.0 |\n| 100 | 20.0 | 11.0 |\n"
+
+
+def test_tables_are_found_with_their_headings():
+    ((heading, table),) = report.tables(DYNAMICS)
+    assert heading == "Squeezer" and table[0][:2] == ["who", "setting"] and len(table) == 5
+    assert report.number("1,234 ms") == 1234.0 and report.number("") != report.number("")
+
+
+def test_tables_are_drawn(tmp_path):
+    (precision,) = report.draw_precision(DYNAMICS, tmp_path)
+    circles = ET.fromstring(precision.read_text(encoding="utf-8")).findall(".//{*}circle")
+    assert len(circles) >= 3 + 2, "three points and two methods in the legend; what has no number is left out"
+    (growth,) = report.draw_growth(GROWTH, tmp_path)
+    assert len(ET.fromstring(growth.read_text(encoding="utf-8")).findall(".//{*}circle")) == 4
+    assert report.draw_precision("nothing", tmp_path) == [] == report.draw_growth("nothing", tmp_path)
+
+
+def test_what_is_printed_becomes_markdown():
+    text = report.as_markdown("words\n| a | b |\n|---|---|\n| 1 | 2 |\nmore words")
+    assert text.splitlines()[:3] == ["```text", "words", "```"] and text.endswith("more words\n```")
+
+
+def test_a_part_that_fails_says_so(tmp_path):
+    part = report.Part("broken", "Broken", "It breaks.", lambda _: [sys.executable, "-c", "raise SystemExit('no luck')"])
+    text, seconds, fault = report.run(part, argparse.Namespace())
+    assert "exit code 1" in fault and "no luck" in fault and seconds > 0.0
+    assert any("failed" in line for line in report.chapter(part, text, fault, tmp_path))
+    assert {p.name for p in report.PARTS} >= {"peers", "dynamics", "cams", "scaling", "recording", "effects", "accuracy"}
+
+
+@pytest.mark.parametrize("page", ["accuracy.md", "hard-cases.md"])
+def test_generated_pages_are_filled_and_their_pictures_are_there(page):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"<!-- block: (\w+) -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)
+    assert blocks and all(len(body.strip()) > 100 for _, body in blocks)
+    for picture in re.findall(r"\]\((images/[^)]+)\)", text):
+        ET.parse(ROOT / "docs" / picture)
+
+
+def test_the_page_of_hard_cases_lists_the_suite():
+    text = (ROOT / "docs" / "hard-cases.md").read_text(encoding="utf-8")
+    for family in FAMILIES:
+        body = re.search(rf"<!-- block: {family} -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
+        named = [line.split(" | ")[0].removeprefix("| ") for line in body.splitlines() if line.startswith("| ")][1:]
+        assert named == [c.name for c in all_cases(family)], family
