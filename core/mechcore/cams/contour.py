@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from math import factorial
 from typing import Any, Protocol
 
 import numpy as np
@@ -183,7 +184,20 @@ def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
     """A contour turned by a unit number and shifted [m]: ``shift + turn z``."""
     if shift == 0.0 and turn == 1.0:
         return contour
-    return Contour(tuple(_Moved(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
+    return Contour(tuple(_moved(p, shift, turn / abs(turn)) for p in contour.pieces), contour.closed)
+
+
+def _moved(piece: Smooth, shift: complex, turn: complex) -> Smooth:
+    """A turned and shifted piece; lines, arcs and polynomials stay what they are."""
+    if isinstance(piece, _Line):
+        return _Line(shift + turn * piece.a, shift + turn * piece.b)
+    if isinstance(piece, _Arc):
+        return _Arc(shift + turn * piece.centre, piece.radius, piece.start + float(np.angle(turn)), piece.sweep)
+    if isinstance(piece, _Poly):
+        c = turn * piece.c
+        c[0] += shift
+        return _Poly(c)
+    return _Moved(piece, shift, turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +219,53 @@ class Contour:
     def on(self, piece: NDArray, u: Real, order: int, distance: float = 0.0) -> Complex:
         """Pieces (n) and their own parameters (n) -> points of the curve ``distance`` outside, with derivatives (order + 1, n)."""
         out = np.empty((order + 1, np.size(u)), complex)
-        for k in np.unique(piece):
+        kinds = self._rows[0][piece]
+        plain = kinds > 0
+        if plain.any():
+            c = self._plain(piece[plain], kinds[plain], np.asarray(u)[plain], order + (1 if distance else 0))
+            out[:, plain] = c[: order + 1] - 1j * distance * jets.unit(c[1:]) if distance else c
+        for k in np.unique(piece[~plain]):
             m = piece == k
             p = self.pieces[int(k)]
             out[:, m] = p.offset(u[m], distance, order) if distance else p(u[m], order)
+        return out
+
+    @cached_property
+    def _rows(self) -> tuple[NDArray, Complex, Complex]:
+        """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 0 something else), coefficients, and an arc's
+        centre, radius, start and sweep. Many pieces are evaluated in one go with them."""
+        kinds = np.array([2 if isinstance(p, _Arc) else int(isinstance(p, _Line | _Poly)) for p in self.pieces])
+        longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, _Poly))])
+        powers = np.zeros((len(self.pieces), longest), complex)
+        arcs = np.zeros((len(self.pieces), 4), complex)
+        for k, p in enumerate(self.pieces):
+            if isinstance(p, _Line):
+                powers[k, :2] = p.a, p.b - p.a
+            elif isinstance(p, _Poly):
+                powers[k, : len(p.c)] = p.c
+            elif isinstance(p, _Arc):
+                arcs[k] = p.centre, p.radius, p.start, p.sweep
+        return kinds, powers, arcs
+
+    def _plain(self, piece: NDArray, kinds: NDArray, u: Real, order: int) -> Complex:
+        """Points and derivatives (order + 1, n) of polynomials and arcs."""
+        out = np.zeros((order + 1, u.size), complex)
+        m = np.flatnonzero(kinds == 1)
+        if m.size:
+            table, x = self._rows[1][piece[m]].T, u[m]
+            for d in range(order + 1):
+                row = np.zeros(m.size, complex)
+                for j in range(len(table) - 1, d - 1, -1):
+                    row = row * x + (factorial(j) // factorial(j - d)) * table[j]
+                out[d, m] = row
+        m = np.flatnonzero(kinds == 2)
+        if m.size:
+            centre, radius, start, sweep = self._rows[2][piece[m]].T
+            sweep = sweep.real
+            point = radius * np.exp(1j * (start.real + sweep * u[m]))
+            for d in range(order + 1):
+                out[d, m] = (1j * sweep) ** d * point
+            out[0, m] += centre
         return out
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Complex:

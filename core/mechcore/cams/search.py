@@ -18,6 +18,9 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+NEAR = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     contour: Contour
@@ -118,7 +121,7 @@ def root(f: Callable[[Real, NDArray], Real], a: Real, b: Real, fa: Real, fb: Rea
         a[m], fa[m] = x, fx
         best = np.where(np.abs(fa[m]) < np.abs(fb[m]), a[m], b[m])
         width = np.abs(b[m] - a[m])
-        least = 4e-16 * np.abs(best) + 1e-17
+        least = 4e-16 * np.abs(best) + NEAR
         m, width, least = (v[(width > 2.0 * least) & (fa[m] != 0.0)] for v in (m, width, least))
         with np.errstate(all="ignore"):
             p, q, r = fa[m], fb[m], fc[m]
@@ -156,24 +159,27 @@ def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
     top = np.where(peak, h, -np.inf)
     many = min(3, top.shape[1])
     rank = np.argpartition(-top, many - 1, axis=1)[:, :many]
+    rank = np.take_along_axis(rank, np.argsort(-np.take_along_axis(top, rank, axis=1), axis=1), axis=1)  # the highest first
     best = np.full(angle.size, -np.inf)
     out = np.zeros(angle.size, int), np.zeros(angle.size), np.zeros(angle.size, bool)
     for j in range(many):
         k = rank[:, j]
-        live = top[np.arange(angle.size), k] > -np.inf
-        if not live.any():
+        rows = np.arange(angle.size)
+        sample = top[rows, k]
+        # a peak rises above its highest sample by less than that lies above the lower one of its neighbours
+        with np.errstate(invalid="ignore"):
+            gain = sample - np.minimum(before.reshape(angle.size, -1)[rows, k], after.reshape(angle.size, -1)[rows, k])
+        m = np.flatnonzero((sample > -np.inf) & (sample + gain > best))
+        if not m.size:
             continue
-        p, low, high, middle = (
-            pieces[k],
-            np.maximum(us[k] - 1.0 / (each - 1), 0.0),
-            np.minimum(us[k] + 1.0 / (each - 1), 1.0),
-            us[k],
-        )
-        u, height, end = _climb(task, angle, p, low, high, middle)
-        better = live & (height > best)
-        best = np.where(better, height, best)
+        k = k[m]
+        p, middle = pieces[k], us[k]
+        low, high = np.maximum(middle - 1.0 / (each - 1), 0.0), np.minimum(middle + 1.0 / (each - 1), 1.0)
+        u, height, end = _climb(task, angle[m], p, low, high, middle)
+        better = height > best[m]
+        best[m] = np.where(better, height, best[m])
         for old, new in zip(out, (p, u, end), strict=True):
-            old[better] = new[better]
+            old[m[better]] = new[better]
     return out[0], out[1], np.where(best > -np.inf, best, np.nan), out[2]
 
 
