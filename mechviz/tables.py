@@ -13,6 +13,7 @@ from mechcore import Motion, answers
 from mechcore.clearance import journals_of, made_pairs
 from mechcore.powers import power_table
 
+from .exactness import onto_centres, without_noise
 from .vectors import centre_name, point_name
 
 if TYPE_CHECKING:
@@ -147,16 +148,18 @@ def _points(run: Run) -> Iterator[Table]:
 
 def _joints(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
+    onto = onto_centres(run, links_with_mass(run))
     for joint in joints_of(motion):
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
         rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
         yield Table((*path, "motion"), f"{name}.motion", rates, motion.coordinate(name))
         place = motion.pair_position(name) if forces is None else forces.position(name)
-        yield Table((*path, "position"), f"{name}.position", _POSE[:2], place)
+        yield Table((*path, "position"), f"{name}.position", _POSE[:2], onto(joint.links, place))
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
-            yield Table((*path, "reaction"), f"{name}.reaction", columns, forces.reaction(name))
+            reaction = without_noise(forces.reaction(name), motion.model.size)
+            yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
             if forces.friction is not None and name in forces.friction.pairs:
@@ -247,9 +250,11 @@ def _loads(run: Run) -> Iterator[Table]:
     if run.forces is None:
         return
     columns: Columns = (*_WRENCH, *_POSE[:2])
+    onto = onto_centres(run, links_with_mass(run))
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
-        yield Table(("data", "loads", *parts), f"{name}.load", columns, load.values)
+        values = np.column_stack([load.values[:, :3], onto(load.links, load.values[:, 3:])])
+        yield Table(("data", "loads", *parts), f"{name}.load", columns, values)
     powers = power_table(run.forces)
     if powers.items:
         names: Columns = tuple((i.label, "W") for i in powers.items)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechviz.record import Recording, write_recording
+from mechviz.exactness import without_noise
+from mechviz.record import Recording, inspect, write_recording
 from mechviz.run import run_scene
 from mechviz.vectors import centre_name
 from recordings import place
@@ -91,12 +92,33 @@ S = { prismatic = ["frame", "ram"], at = ["F", "D"], along = [0, -1], branch = "
 Q = { force = [0, "120 kN"], on = "ram" }
 """
 
-SCENES = {"scissor": SCISSOR, "excavator": EXCAVATOR, "clamp": CLAMP, "press": PRESS}
+PISTON = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+
+[links]
+frame = { points = { O = [0, 0], G = [0, 37] } }
+crank = { points = { O = [13, 7], B = [63, 7] } }
+rod = { points = { B = [5, 5], C = [185, 5] } }
+piston = { points = { C = [11, 3] }, mass = "2 kg" }
+
+[pairs]
+O = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["G", "C"], along = [1, 0.3], branch = "ahead" }
+
+[loads]
+Q = { force = ["-80 kN", "10 kN"], on = "piston" }
+"""
+
+SCENES = {"scissor": SCISSOR, "excavator": EXCAVATOR, "clamp": CLAMP, "press": PRESS, "piston": PISTON}
 WITHOUT_MASS = {
     "scissor": ["arm", "cross", "platform", "Z.barrel", "Z.rod"],
     "excavator": ["boom", "stick", "C1.barrel", "C1.rod", "C2.barrel", "C2.rod"],
     "clamp": ["lever", "strut", "jaw", "Z.barrel", "Z.rod"],
     "press": ["crank", "rod", "upper", "lower"],
+    "piston": ["crank", "rod"],
 }
 
 
@@ -162,8 +184,53 @@ def test_centres_of_mass_are_the_reference_points_where_there_is_mass(recordings
     assert list(recordings["press"].static("data", "links", "ram", "properties")) == [80.0, 0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize(("name", "link"), [("press", "ram"), ("piston", "piston")])
+def test_what_acts_at_the_centre_of_mass_has_no_moment_about_it(recordings, name, link):
+    """Exactly none, as readers work out the centre from pose and properties: they cannot tell rounding from lack of balance."""
+    recording = recordings[name]
+    model = recording.model
+    _, x, y, _ = recording.static("data", "links", link, "properties")
+    centre = place(recording.scalars("data", "links", link, "pose")[1], (x, y))
+    joints = [joint for joint, about in model["joints"].items() if link in about["links"]]
+    assert len(joints) == 2
+    for joint in joints:
+        assert np.array_equal(recording.scalars("data", "joints", joint, "position")[1], centre)
+        assert not recording.scalars("data", "joints", joint, "reaction")[1][:, 2].any()
+    for load in ("Q", f"gravity/{link}"):
+        values = recording.scalars("data", "loads", *load.split("/"))[1]
+        assert np.array_equal(values[:, 3:], centre) and not values[:, 2].any()
+
+
+def test_only_rounding_is_left_out():
+    rows = np.array([[3.0, 4.0, 1e-12], [0.0, 1.0, -1e-13]])
+    assert not without_noise(rows, 10.0)[:, 2].any() and np.array_equal(without_noise(rows, 1e-3), rows)
+    assert np.isnan(without_noise(np.array([[1.0, 0.0, np.nan], [1.0, 0.0, 1e-15]]), 1.0)[0, 2])
+
+
 def test_powers_of_forces_on_links_that_stand_still_are_rounding():
     """With the upper and the lower link equally long and folded over each other the ram never moves."""
     run = run_scene(mechviz.loads(PRESS.replace('side = "right"', 'side = "left"')), frames=60)
     assert abs(run.motion.velocity("ram")).max() < 1e-15 and abs(run.forces.reaction("D")).max() > 1e5
     assert abs(run.forces.power_balance).max() < 1e-9
+
+
+def test_the_drive_of_a_rolling_wheel_is_a_force(tmp_path):
+    scene = mechviz.loads("""
+units = { length = "mm" }
+
+[links]
+frame = { points = { O = [0, 60] } }
+wheel = { points = { C = [0, 0] } }
+
+[pairs.W]
+rolling = ["frame", "wheel"]
+at = ["O", "C"]
+radius = 60
+drive = { speed = 200, travel = 800 }
+
+[loads]
+Q = { force = ["-60 N", 0], on = "wheel" }
+""")
+    found = inspect(write_recording(run_scene(scene, frames=8), tmp_path / "wheel.rrd").path)
+    assert (found.peaks[0].item, found.peaks[0].unit) == ("driving force W", "N")
+    assert found.peaks[0].value == pytest.approx(60.0)

@@ -113,8 +113,8 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
     """Largest drive efforts, then largest joint reactions and applied loads."""
     found = []
     for joint in model["drives"]:
-        prismatic = model["joints"][joint]["type"] == "prismatic"
-        what, unit = ("driving force", "N") if prismatic else ("driving torque", "N m")
+        slides = model["joints"][joint]["type"] in ("prismatic", "pin_slot", "rolling")
+        what, unit = ("driving force", "N") if slides else ("driving torque", "N m")
         found.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
     for joint in model["joints"]:
         path = ("data", "joints", joint, "reaction")
