@@ -6,18 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import bars, double_pendulum, pendulum, slider_crank, swinging_five_bar
+from dynamic_mechanisms import bars, chain, double_pendulum, pendulum, slider_crank, swinging_five_bar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
 from scipy.special import ellipk
 
+import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.dynamics import Free, Stop, cross_check, simulate
 from mechcore.dynamics.chart import Chart
 from mechcore.dynamics.collocation import Window, gauss, radau, solve_window
 from mechcore.loads import Factor, Force, Torque
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
+from mechviz.run import run_scene
 
 # --- order of the method ----------------------------------------------------------------------------------------------
 
@@ -265,3 +267,78 @@ def test_ten_thousand_turns_do_not_drift():
     t = np.linspace(0.0, 10_000 * high, 7)
     kinetic = found.kinetic_energy(t)
     assert np.ptp(kinetic) < 1e-10 * kinetic[0]
+
+
+def test_chain_of_40_four_bars_keeps_its_energy_through_the_singular_position():
+    found = simulate(chain(40), 10.0, tolerance=1e-9)
+    assert np.pi / 2 - found([10.0])[0][0, 0] == pytest.approx(31.597433743985738, abs=1e-8)
+    t = np.linspace(0.0, 10.0, 60)
+    assert np.abs(found.drift(t)).max() < 1e-9
+    assert found.kinetic_energy([0.0])[0] == pytest.approx(41 / 6 + 20.0, rel=1e-12)  # of 620.338... J with its height
+
+
+# --- the balance with everything on -----------------------------------------------------------------------------------
+
+EVERYTHING = """
+title = "everything at once"
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity", "friction"]
+[run]
+frames = 60
+duration = "0.4 s"
+tolerance = 1e-8
+[friction]
+coefficient = 0.08
+radius = "6 mm"
+[links]
+frame = { points = { A = [0, 0], H = [-60, 90] } }
+crank = { points = { A = [0, 0], B = [40, 0] }, mass = "3 kg", centre = [5, 3], inertia = "0.05 kg m^2" }
+rod = { points = { B = [0, 0], C = [150, 0] }, mass = "0.9 kg", centre = [52, 4], inertia = "0.0031 kg m^2" }
+piston = { points = { C = [0, 0] }, mass = "0.7 kg" }
+[pairs]
+A = { revolute = ["frame", "crank"], free = { position = 20, speed = "120 rpm" }, friction = { brake = "0.3 N m" } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["A", "C"], along = [1, 0], branch = "ahead", friction = { length = "60 mm" } }
+[watch]
+back = { pair = "S", at = 150, rising = false }
+[loads]
+motor = { dc_motor = "A", stall_torque = "4 N m", no_load_speed = "200 rpm" }
+oil = { viscous = "S", linear = "25 N s/m" }
+spring = { spring = ["frame.H", "rod.C"], stiffness = "300 N/m", free_length = 120 }
+damper = { damper = ["frame.H", "rod.C"], linear = "4 N s/m", quadratic = "2 N s^2/m^2" }
+twist = { torsion_spring = ["crank", "rod"], stiffness = "0.05 N m/rad" }
+film = { torsion_damper = ["crank", "rod"], linear = "0.01 N m s/rad" }
+air = { drag = "rod.C", quadratic = "3 N s^2/m^2" }
+fan = { drag = "crank", quadratic = "0.001 N m s^2/rad^2" }
+push = { force = [-9, 2], on = "rod", at = "C", axes = "link" }
+gas = { gas = "S", bore = 40, top = 190, stroke = 80, compressor = { suction = "1 bar", delivery = "3 bar" } }
+"""
+
+
+def test_the_energy_balance_closes_with_every_effect_on_through_every_event():
+    run = run_scene(mechviz.loads(EVERYTHING))
+    kinds = {h.kind for h in run.simulation.happenings}
+    assert {"slip", "stick", "watch"} <= kinds
+    energy = run.forces.energy
+    size = np.abs(energy).max()
+    assert np.ptp(energy[:, 0] + energy[:, 1] - energy[:, 2] + energy[:, 3]) < 20e-8 * size
+    assert np.abs(run.simulation.drift(run.motion.time)).max() < 20e-8
+    assert np.all(np.diff(energy[:, 3]) > -1e-8 * size) and energy[-1, 3] > 0.5 * size
+    assert np.abs(run.forces.power_balance).max() < 1e-9
+
+
+def test_the_energy_balance_closes_through_impacts_contact_and_release():
+    text = EVERYTHING.replace('free = { position = 20, speed = "120 rpm" }', 'free = { position = 60, speed = "-300 rpm" }')
+    text = text.replace('friction = { brake = "0.3 N m" } }', 'stops = [{ at = 30, side = "lower", restitution = 0.4 }] }')
+    text = text.replace('effects = ["inertia", "gravity", "friction"]', 'effects = ["inertia", "gravity"]')
+    text = text.replace('[friction]\\ncoefficient = 0.08\\nradius = "6 mm"\\n', "").replace(', friction = { length = "60 mm" }', "")
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("gas ="))
+    text = text.replace('"4 N m", no_load_speed = "200 rpm"', '"-4 N m", no_load_speed = "-200 rpm"')  # onto the stop
+    text = text.replace('duration = "0.4 s"', 'duration = "1.5 s"')
+    run = run_scene(mechviz.loads(text))
+    kinds = [h.kind for h in run.simulation.happenings]
+    assert kinds.count("impact") >= 2 and "contact" in kinds
+    energy = run.forces.energy
+    assert np.ptp(energy[:, 0] + energy[:, 1] - energy[:, 2] + energy[:, 3]) < 20e-8 * np.abs(energy).max()
+    assert np.abs(run.simulation.drift(run.motion.time)).max() < 20e-8

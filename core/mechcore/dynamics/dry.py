@@ -32,6 +32,7 @@ from .reduced import free_of, moving, reduced_equations, with_rates
 __all__ = ["Dry", "DrySystem", "Phases", "braking_elements", "forces_with"]
 
 Array = NDArray[np.float64]
+BEGUN = 1e-12  # rate of what just begins to move
 REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
 
 
@@ -148,7 +149,7 @@ class Phases:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
         for way in (1.0, -1.0):
             signs = self.directions(row, way)
-            if way * float(DrySystem(self.compiled, signs, breaking=True)(*row)[0, 0]) > 0.0:
+            if float(self._free(way, *row)[0]) > 0.0:
                 return signs
         return np.zeros(len(self.signs))
 
@@ -186,8 +187,11 @@ class Phases:
         return np.asarray(e.rate)
 
     def _free(self, way: float, q: Array, v: Array, t: Array) -> Array:
+        """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
+        the motion (gas in a cylinder) are those of that sense."""
         signs = self.directions((q, v, t), way)
-        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, v, t)[:, 0])
+        begun = np.full_like(v, way * BEGUN)
+        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 
 def braking_elements(compiled: Compiled, q: Array, v: Array) -> list[Element]:
