@@ -19,9 +19,11 @@ from functools import partial
 
 import mechviz
 from mechcore import Compiled, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.clearance import Clearance, with_clearances
 from mechcore.effects import EFFECTS
 from mechcore.effects import LOADS as REGISTRY
 from mechcore.indicator import Compressor
+from mechcore.loads import JournalContact, JournalLoss
 from mechcore.plan import make_plan
 from mechcore.spec import (
     BeltTension,
@@ -52,6 +54,8 @@ FRAMES = int(sys.argv[1]) if len(sys.argv) > 1 and sys.argv[1].isdigit() else 36
 ENGINE = mechviz.load("four-stroke-cycle").mechanism
 BARE = replace(ENGINE, loads=(), effects=())
 BELT = replace(mechviz.load("belt-drive").mechanism, loads=(), effects=())
+PRESSED = Clearance(radial=1e-4, stiffness=1e6, loss=1.0, friction=0.1, radius=0.01, start=(1.1e-4, 0.0))
+LOOSE = with_clearances(BARE, {"B": PRESSED})  # its journal rests in its bearing while the crank turns
 CONSTANT = Force(name="constant", link="piston", point="C", vector=(0.0, -100.0))
 BETWEEN = {"links": ("rod", "frame"), "points": ("C", "A")}
 CYCLE = Compressor(stroke=0.08, suction=1e5, delivery=6e5)
@@ -82,6 +86,13 @@ ON_BELT: dict[str, Load] = {
 }
 
 
+ON_JOURNAL: dict[str, Load] = {
+    "torque": LOADS["torque"],
+    "contact of a loose pin": next(load for load in LOOSE.loads if type(load) is JournalContact),
+    "losses of a loose pin": next(load for load in LOOSE.loads if type(load) is JournalLoss),
+}
+
+
 def rough(mechanism: Mechanism) -> Mechanism:
     """With dry friction in every pair."""
     pins = {p.name: replace(p, friction=Friction(coefficient=0.1, radius=0.01)) for p in mechanism.pairs if isinstance(p, Revolute)}
@@ -99,12 +110,17 @@ def cases() -> dict[str, dict[str, Mechanism]]:
     engine["constant force and dry friction in all pairs"] = rough(replace(BARE, loads=(CONSTANT,), effects=("friction",)))
     engine["the whole engine"] = ENGINE
     belt = {name: replace(BELT, loads=(load,)) for name, load in ON_BELT.items()}
-    made = [*engine.values(), *belt.values()]
+    loose = {name: replace(LOOSE, loads=(load,)) for name, load in ON_JOURNAL.items()}
+    made = [*engine.values(), *belt.values(), *loose.values()]
     missing = set(REGISTRY) - {type(load) for m in made for load in m.loads}
     names = set(EFFECTS) - {name for m in made for name in m.effects}
     if missing or names:
         raise ValueError(f"no case for {', '.join(sorted({*names, *(kind.__name__ for kind in missing)}))}")
-    return {"slider-crank": {"bare": BARE, **engine}, "belt drive": {"bare": BELT, **belt}}
+    return {
+        "slider-crank": {"bare": BARE, **engine},
+        "belt drive": {"bare": BELT, **belt},
+        "loose pin": {"bare": replace(LOOSE, loads=()), **loose},
+    }
 
 
 def kinematics(compiled: Compiled, times: object) -> object:
