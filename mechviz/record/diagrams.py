@@ -1,7 +1,8 @@
 """Diagrams of one quantity against another, which rerun's plots cannot show: drawn as lines with axes, ticks and a moving point.
 
-Phase diagrams (velocity against position), polar plots of bearing forces (the tip of the force over the run), and efforts against
-the drive's angle with all cycles over each other. Each is a 2D view of its own, under ``/diagrams/<name>``.
+Indicator diagrams of gas in cylinders, phase diagrams (velocity against position), polar plots of bearing forces (the tip of the
+force over the run), and efforts against the drive's angle with all cycles over each other. Each is a 2D view of its own, under
+``/diagrams/<name>``.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.clearance import made_pairs
+from mechcore.effects.gas import CylinderGas
+from mechcore.spec import GasPressure
 
 from ..tables import joints_of, pair_unit
 from .paths import entity
@@ -97,7 +100,19 @@ class Diagram:
 
 def find_diagrams(run: Run) -> list[Diagram]:
     """The diagrams that a run calls for; none where nothing swings, no bearing is loaded and there is only one cycle."""
-    return [d for d in (_phase(run), _polar(run), _overlaid(run)) if d is not None]
+    return [d for d in (_indicator(run), _phase(run), _polar(run), _overlaid(run)) if d is not None]
+
+
+def _indicator(run: Run) -> Diagram | None:
+    """Absolute pressure of the gas in the cylinders against the displacement of their pistons from top dead centre."""
+    motion = run.motion
+    loads = [load for load in motion.mechanism.loads if isinstance(load, GasPressure)][:MOST]
+    if not loads or run.forces is None or run.simulation is not None:
+        return None
+    gases = [CylinderGas(load) for load in loads]
+    curves = tuple(Curve(g.name, 1e3 * np.asarray(g.displacement(motion)), 1e-5 * np.asarray(g.pressure(motion))) for g in gases)
+    title = "Indicator diagram: pressure [bar] against displacement [mm]" + (f", {loads[0].name}" if len(loads) == 1 else "")
+    return Diagram("indicator", title, "displacement [mm]", "[bar]", curves)
 
 
 def _phase(run: Run) -> Diagram | None:
