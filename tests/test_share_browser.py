@@ -98,15 +98,19 @@ def test_links_are_drawn_where_their_poses_say(wide):
     for frame in (30, 80):  # where no link hides these middles
         page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.drawNow()")
         for link, ends in (("crank", ("A", "B")), ("rocker", ("E", "D"))):
-            a, b = (BAR.run.motion.pair_position(p)[frame] for p in ends)
-            x, y = page.evaluate(PLACE, [*(a + 0.5 * (b - a)), 0.0])
-            color = wide.pixel(x, y)
             palette = page.evaluate(f"mechviz.player.header.links.find((k) => k.name === '{link}').mesh.palette")
             known = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in palette], float)
             known = known[np.argmax(np.ptp(known, axis=1))]  # the link's own, not the grey of pins
-            ways = [v - v.mean() for v in (color, known)]
-            likeness = float(ways[0] @ ways[1] / (np.linalg.norm(ways[0]) * np.linalg.norm(ways[1])))
-            assert likeness > 0.97, (link, frame, color, known)
+            a, b = (BAR.run.motion.pair_position(p)[frame] for p in ends)
+            across = np.array([-(b - a)[1], (b - a)[0]]) / np.hypot(*(b - a))
+            half = -BAR.recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
+            for part, inside in ((0.0, True), (0.7, True), (-0.7, True), (-1.5, False)):  # of the plate's half width
+                x, y = page.evaluate(PLACE, [*(a + 0.5 * (b - a) + part * half * across), 0.0])
+                color = wide.pixel(x, y)
+                ways = [v - v.mean() for v in (color, known)]
+                likeness = float(ways[0] @ ways[1] / (np.linalg.norm(ways[0]) * np.linalg.norm(ways[1])))
+                same = likeness > 0.97 and float(np.ptp(color)) > 0.4 * float(np.ptp(known))
+                assert same == inside, (link, frame, part, color, known)
     page.get_by_role("button", name="3D", exact=True).click()
 
 
