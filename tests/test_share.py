@@ -148,6 +148,15 @@ def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
     assert 101 in kept.chosen
 
 
+def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
+    _, frames, header, _arrays = ten
+    largest = np.max([np.hypot(*TEN.data("joints", j, "reaction")[:, :2].T) for j in TEN.recording.model["joints"]], axis=0)
+    angle = np.radians(1e-3 * frames.drives["drive_mdeg"])
+    assert largest[header["opening"]] > 0.4 * largest.max() and abs(np.sin(angle[header["opening"]])) > 0.3
+    assert content(make_page(TEN.recording, plots=False)[0])[0]["opening"] == header["opening"]
+    assert content(make_page(made("crank-rocker").recording)[0])[0]["opening"] == 30  # an eighth of a turn
+
+
 def test_no_text_of_a_scene_becomes_markup(tmp_path):
     evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     scene = mechviz.load("crank-rocker")

@@ -61,7 +61,7 @@ def show_text(
         "time": pack.floats(frames.time),
         "axes": _axes(frames, pack),
         "pace": _pace(recording, frames),
-        "opening": len(frames.chosen) // 8 if "duration" in properties else _eighth(frames),
+        "opening": len(frames.chosen) // 8 if "duration" in properties else _opening(recording, frames),
         "bounds": bounds.tolist(),
         "drawn": _drawn(bounds, drawables).tolist(),
         "links": find_links(recording, frames, pack),
@@ -116,8 +116,21 @@ def _turns(frames: Frames) -> float:
     return 1.0 if ticks is None or len(ticks) < 2 else float(np.ptp(ticks)) / 360e3
 
 
-def _eighth(frames: Frames) -> int:
-    """The frame an eighth of a turn from the start, where a picture explains more than at a dead point."""
+def _opening(recording: Recording, frames: Frames) -> int:
+    """The frame at which a page opens: where large forces act away from the dead points of a crank, or else an eighth of a turn
+    from the start. Peaks do not count in full: next to a jam a picture shows nothing but them."""
+    ticks = frames.drives.get("drive_mdeg")
+    reactions = []
+    for path in recording.entities:
+        if path.startswith("/plots/reactions/") and recording.has(path):
+            ns, values = recording.scalars(path)
+            reactions.append(values[np.clip(np.searchsorted(ns, frames.ns, side="right") - 1, 0, None)])
+    if ticks is not None and reactions:
+        size = np.nan_to_num(np.column_stack(reactions), posinf=0.0).sum(axis=1)
+        size = np.minimum(size, np.quantile(size, 0.95))
+        away = np.sin(np.radians(1e-3 * ticks)) ** 2
+        if np.any(size * away > 0.0):
+            return int(np.argmax(size * away))
     return round((len(frames.chosen) - 1) / (8.0 * max(1.0, _turns(frames))))
 
 

@@ -1,0 +1,38 @@
+"""Makes the README's picture of a shared page: the page in headless Chromium, at a drive angle that tells something.
+
+python docs/make_share_picture.py [SCENE] [DEGREES]
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import mechviz
+from mechviz.run import run_scene
+from mechviz.share import make_page
+from mechviz.share.browser import Chromium
+from mechviz.share.pictures import SETTLED, moment
+from mechviz.share.source import recorded
+
+TO = Path(__file__).parent / "images" / "share.png"
+
+
+def main(scene: str = "slider-crank-compressor", degrees: str = "300") -> None:
+    recording = recorded(run_scene(mechviz.load(scene)))
+    time = moment(recording, angle=np.radians(float(degrees))).time
+    with tempfile.TemporaryDirectory() as folder, Chromium(1400, 820) as browser:
+        page = Path(folder) / "page.html"
+        page.write_text(make_page(recording)[0], encoding="utf-8")
+        browser.go(page)
+        browser.evaluate("mechviz.ready")
+        browser.evaluate(f"mechviz.player.seek({time!r}); mechviz.player.drawNow(); {SETTLED}")
+        TO.write_bytes(browser.screenshot())
+    print(TO)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
