@@ -126,7 +126,9 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
     energy = 0.5 * inertia * v0 * v0 - done  # T(q) = energy + work(q)
     size = max(work.largest, abs(energy), 1e-300)
     force, slope = curve.both(np.array([q0]))[0, [1, 3]]
-    if 0.5 * inertia * v0 * v0 * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope):
+    if 0.5 * inertia * v0 * v0 * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope) and (
+        _swings(curve, q0, force, slope, inertia * v0 * v0)
+    ):
         return None
     at_rest = 0.5 * inertia * v0 * v0 <= 1e-15 * size
     sign = np.sign(v0) if not at_rest else np.sign(float(curve.table(np.array([q0]))[0, 1]))
@@ -154,6 +156,17 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
             reach = min(2.0 * reach, 64.0 * TURN)
         q, from_rest = end, turning
     return EnergyMotion(curve, tuple(legs), None, 0.0)
+
+
+def _swings(curve: Curve, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
+    """Whether a motion near q0 stays about an equilibrium there: the force drives it back at twice the linear amplitude on both
+    sides. A small force at the start alone tells nothing: a machine may be spun up from where its springs hold the balance."""
+    if not slope < 0.0:
+        return bool(force == 0.0)
+    centre = q0 - force / slope
+    reach = 2.0 * float(np.sqrt((force / slope) ** 2 + twice_kinetic / -slope))
+    beyond = curve.table(np.array([centre - reach, centre + reach]))[:, 1]
+    return bool(beyond[0] >= 0.0 >= beyond[1])
 
 
 class _Work:
