@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import mechviz.accuracy.ladder as ladder_module
 from mechviz.accuracy import cache
+from mechviz.accuracy.apply import with_setting
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
@@ -149,6 +150,54 @@ def test_a_diagram_is_written_as_a_whole(tmp_path: Path):
         write_diagram(sheet, tmp_path / name)
     assert "&lt;title&gt; &amp; more" in (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg"]
+
+
+# -- picking a point -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("options", "changed"),
+    [
+        ({"frames": 128, "interpolation": 5}, {"run": {"frames": 128}, "accuracy": {"interpolation": "quintic"}}),
+        (
+            {"method": "gauss", "integrator": 1e-6, "nodes": 4},
+            {"run": {"method": "gauss", "tolerance": 1e-6}, "accuracy": {"nodes": 4}},
+        ),
+        ({"chord": 2.5e-4}, {"accuracy": {"chord": "0.00025 m"}}),
+        ({"friction": 1e-6}, {"accuracy": {"friction": 1e-6}}),
+    ],
+)
+def test_a_setting_becomes_part_of_the_scene(options, changed):
+    from mechviz.scene import Scene
+
+    simulated = "method" in options
+    document = load("andrews-squeezer" if simulated else "crank-rocker").document.model_dump(exclude_defaults=True)
+    found = with_setting(document, options)
+    for table, values in changed.items():
+        assert {**document.get(table, {}), **values} == found[table]
+    scene = Scene.build(name="x", **found)
+    for key in set(options) - {"frames", "method", "integrator"}:
+        assert getattr(scene.accuracy, key) == options[key]
+    assert with_setting({"accuracy": 1e-3}, {"friction": 1e-6})["accuracy"] == {"target": 1e-3, "friction": 1e-6}
+
+
+def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
+    from mechviz.run import run_scene
+    from mechviz.viewer import Viewer
+
+    once(monkeypatch)
+    monkeypatch.setattr(ladder_module, "FRAMES", (32, 128))
+    with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
+        tab = viewer.inspector.accuracy
+        assert tab is not None and "estimated errors" in tab.errors.content
+        tab.measure()
+        tab.wait()
+        assert "<svg" in tab.diagram.content and len(tab.choice.options) > 8
+        tab.choice.value = next(o for o in tab.choice.options if "quintics, 128 frames" in o)
+        tab._pick(None)
+        assert viewer.studio.wait()
+        assert viewer.run.scene.frames == 128 and viewer.run.accuracy.interpolation == 5
+        viewer.studio.undo()
+        assert viewer.studio.wait()
+        assert viewer.run.accuracy.interpolation == 3
 
 
 # -- effects -----------------------------------------------------------------------------------------------------------------------

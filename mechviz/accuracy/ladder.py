@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -77,28 +77,44 @@ def _at(dial: str, method: str, value: str, options: dict[str, Any], error: floa
     return Point(dial, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
 
 
-def ladder(scene: Scene, target: float | None = None, advance: Advance = lambda *_: None, budget: float = 0.25) -> list[Point]:
-    """All points of a scene's ladders. Dials that it has no use for are left out: what is not iterated has no tolerance."""
+def ladder(
+    scene: Scene,
+    target: float | None = None,
+    advance: Advance = lambda *_: None,
+    budget: float = 0.25,
+    only: Collection[str] | None = None,
+) -> list[Point]:
+    """All points of a scene's ladders, or of ``only`` some dials.
+
+    Dials that it has no use for are left out: what is not iterated has no tolerance.
+    """
     from ..run import run_scene
 
     base = run_scene(scene)
-    steps: list[Callable[[], Iterator[Point]]] = [lambda: _frames(base, target, budget)]
+    general = any(b.kind == "general" for b in base.compiled.model.blocks)
+    rubs = base.forces is not None and base.forces.friction is not None
+    steps: dict[str, Callable[[], Iterator[Point]]] = {"frames": lambda: _frames(base, target, budget)}
     if base.simulation is None:
-        steps.append(lambda: _differentiation(base, budget))
-        if any(b.kind == "general" for b in base.compiled.model.blocks):
-            steps.append(lambda: _iterated(base, "position", "Newton's method", (1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 2e-15), budget))
-        if base.forces is not None and base.forces.friction is not None:
-            steps.append(lambda: _iterated(base, "friction", "Newton's method", (1e-2, 1e-4, 1e-6, 1e-9, 1e-13), budget))
+        steps["differentiation"] = lambda: _differentiation(base, budget)
+        if general:
+            stops = (1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 2e-15)
+            steps["position tolerance"] = lambda: _iterated(base, "position", "Newton's method", stops, budget)
+        if rubs:
+            steps["friction tolerance"] = lambda: _iterated(
+                base, "friction", "Newton's method", (1e-2, 1e-4, 1e-6, 1e-9, 1e-13), budget
+            )
     else:
-        steps.append(lambda: _integrator(base, budget))
-    steps += [lambda: _tessellation(base, budget), lambda: _recording(base, budget)]
-    if base.compiled.model.relations and any(r.geometry is not None for r in base.compiled.model.relations):
-        steps.append(lambda: _profiles(base, budget))
+        steps["integrator"] = lambda: _integrator(base, budget)
+    steps["tessellation"] = lambda: _tessellation(base, budget)
+    steps["recording"] = lambda: _recording(base, budget)
+    if any(r.geometry is not None for r in base.compiled.model.relations):
+        steps["cam profile"] = lambda: _profiles(base, budget)
+    chosen = [step for dial, step in steps.items() if only is None or dial in only]
     found: list[Point] = []
-    for k, step in enumerate(steps):
-        advance(k, len(steps))
+    for k, step in enumerate(chosen):
+        advance(k, len(chosen))
         found += step()
-    advance(len(steps), len(steps))
+    advance(len(chosen), len(chosen))
     return found
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import viser
 
 from . import words
+from .accuracy_tab import AccuracyTab
 from .browser import open_tab
 from .callbacks import Callback
 from .closer import Closer, items_of
@@ -78,6 +79,7 @@ class Inspector:
         self.controls: Controls | None = None
         self.effects: EffectsTab | None = None
         self.pivots: Pivots | None = None
+        self.accuracy: AccuracyTab | None = None
         if studio is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
@@ -88,6 +90,7 @@ class Inspector:
             self.controls = Controls(server, tab, studio, callback)
             self.pivots = Pivots(server, studio, callback)
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
+            self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy", viser.Icon.TARGET), studio, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
         self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
         if studio is None:

@@ -101,6 +101,10 @@ class Studio:
         """Change the draft; ``key`` names what is changed."""
         self._ask(key, change)
 
+    def heed_scene(self) -> None:
+        """From now on the scene's own accuracy decides, whatever was asked for beside it."""
+        self._accuracy = None
+
     def undo(self) -> None:
         self._ask("", "undo")
 
