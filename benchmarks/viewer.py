@@ -37,6 +37,10 @@ from mechviz.viewer import Viewer, playback
 ARGS = ["--no-sandbox", "--disable-quic", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 900, "height": 560}
 MOVES = 80
+LISTEN = (
+    f"import asyncio, json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import viewer;"
+    "print(json.dumps(asyncio.run(viewer.listen('ws://127.0.0.1:{port}', {count}, {seconds}))))"
+)
 
 # In the page: set a slider as a hand would, wait until the coupler stands elsewhere, then until that has been drawn.
 MOVE = """([uuid, value, node]) => new Promise(done => {
@@ -136,10 +140,7 @@ async def listen(url: str, count: int, seconds: float) -> list[float]:
 
 def listeners(viewer: Viewer, count: int, seconds: float) -> list[float]:
     """``count`` browsers of which only the sockets are there, in a process of their own: their processor time does not count."""
-    code = (
-        "import asyncio, json, sys; sys.path.insert(0, 'benchmarks'); import viewer;"
-        f"print(json.dumps(asyncio.run(viewer.listen('ws://127.0.0.1:{viewer.port}', {count}, {seconds}))))"
-    )
+    code = LISTEN.format(port=viewer.port, count=count, seconds=seconds)
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ}, check=True)
     return list(json.loads(process.stdout.splitlines()[-1]))
 
@@ -197,12 +198,18 @@ def hours(frames: int) -> None:
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
         viewer.studio.wait(rested=True)
+        other = subprocess.Popen(
+            [sys.executable, "-c", LISTEN.format(port=viewer.port, count=1, seconds=1e6)], stdout=subprocess.DEVNULL
+        )
+        time.sleep(3.0)
         seen, start = [], time.perf_counter()
         for k in range(frames):
             viewer.inspector.draw(k % run.motion.frames, False)
             if k % max(frames // 10, 1) == frames // 20:
                 seen.append(memory())
         spent = time.perf_counter() - start
+        other.terminate()
+        other.wait()
     print(
         f"hours: {frames} frames in {spent:.0f} s ({1e3 * spent / frames:.2f} ms each); memory {seen[0]:.0f} MB at the start, "
         f"{seen[len(seen) // 2]:.0f} MB in the middle, {seen[-1]:.0f} MB at the end"

@@ -19,6 +19,7 @@ __all__ = ["SolidNodes", "link_path", "quaternions"]
 
 Real = NDArray[np.float64]
 
+HAIR = 2e-4  # of the mechanism's size
 PALE = 0.45  # opacity of the links beside the one that is looked at
 
 
@@ -60,6 +61,7 @@ class SolidNodes:
         self._opacity: float | None = None
         self._picked = ""
         self._height: float | None = None
+        self._size = show.size
         self._drawn: dict[str, Body] = {}
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._meshes: dict[str, list[viser.MeshHandle]] = {}
@@ -77,7 +79,7 @@ class SolidNodes:
                 self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
             body = show.bodies.get(link)
             if body is not None and self._bodies.get(link) is not body:
-                self._shape(link, self._cut_body(body))
+                self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
             if body is not None and body.spin is not None:
                 self._moving[link] = _spun(pose, show.poses[body.spin.carrier], body.spin)
@@ -95,10 +97,13 @@ class SolidNodes:
             self._height = height
             for link, body in self._bodies.items():
                 if link in self._nodes:
-                    self._shape(link, self._cut_body(body))
+                    self._shape(link, self._cut_body(link, body))
 
-    def _cut_body(self, body: Body) -> Body:
-        return body if self._height is None else sectioned(body, self._height)
+    def _cut_body(self, link: str, body: Body) -> Body:
+        """A body without what lies before the cut, a hair apart from those of other links: faces in one plane would flicker."""
+        if self._height is None:
+            return body
+        return sectioned(body, self._height - HAIR * self._size * list(self._nodes).index(link))
 
     def pick(self, link: str) -> None:
         """Mark a link as the one that is looked at: all others become a little paler."""
