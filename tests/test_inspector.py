@@ -247,6 +247,17 @@ def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(studio):
     np.testing.assert_allclose(studio.run.forces.effort("A"), before, rtol=1e-12)
 
 
+def test_solids_are_built_anew_for_lengths_and_not_for_masses(studio, monkeypatch):
+    built = []
+    monkeypatch.setattr("mechviz.viewer.studio.build", lambda run: built.append(run) or build(run))
+    studio.move(_value(studio, "crank mass"), 1.3)
+    assert studio.wait(rested=True) and not built
+    assert studio.screen.shows[-1].bodies["crank"] is studio.opened.bodies["crank"]
+    studio.move(_value(studio, "crank A–B"), 0.11)
+    assert studio.wait(rested=True) and len(built) == 1
+    assert studio.screen.shows[-1].bodies["crank"] is not studio.opened.bodies["crank"]
+
+
 def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(studio):
     shown, run = len(studio.screen.shows), studio.run
     studio.move(_value(studio, "crank A–B"), 0.24)
@@ -319,6 +330,16 @@ def test_a_recording_shows_what_its_run_shows(name, tmp_path):
         if q.title in known and not q.label.endswith("contact force"):  # recordings hold its size, runs its sign too
             np.testing.assert_allclose(q.values(), known[q.title].values(), rtol=1e-9, atol=1e-12)
     assert {q.title for q in solved.quantities if q.label.startswith(("pair", "drive"))} <= {q.title for q in recorded.quantities}
+
+
+def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
+    run = run_scene(scene.load("cam-barrel"), frames=24)
+    write_recording(run, tmp_path / "a.rrd")
+    with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played, Viewer(run, port=0) as solved:
+        found, wanted = (v.scene.links.tracks()["/mechanism/cam"] for v in (played, solved))
+    np.testing.assert_allclose(found[0], wanted[0], atol=1e-7)
+    np.testing.assert_allclose(np.abs((found[1] * wanted[1]).sum(axis=1)), 1.0, atol=1e-6)
+    assert np.ptp(found[1][:, 1:3]) > 0.5, "not about z"
 
 
 def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch):

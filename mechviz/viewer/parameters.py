@@ -298,6 +298,8 @@ def _kind_here(document: SceneDocument, path: Path, quantity: Quantity) -> str:
         if "profile" in path and pair.profile is not None and pair.follower is not None:
             guide = document.pairs[pair.follower.guide]
             turning = guide.coordinate == "angle" if path[-1] == "to" else pair.profile.bed is None
+            if path[-1] == "base":
+                turning = pair.follower.groove is not None and guide.coordinate == "angle"  # else a radius
     elif path[0] == "loads":
         load = document.loads[str(path[1])]
         if {"table", "polynomial", "fires"} & set(path):

@@ -25,10 +25,10 @@ def sectioned(body: Body, height: float) -> Body:
     """A body without what lies before z = ``height`` [m].
 
     All parts are plates: a part that the plane passes through is pushed flat onto it, which closes it with its own outline, and one
-    that lies before it is left out.
+    that lies before it is left out. Spatial cams, which turn about an axis in the plane, stay whole.
     """
     pieces = []
-    for piece in body.pieces:
+    for piece in body.pieces if body.spin is None else ():
         z = piece.vertices[:, 2]
         if z.max() <= height:
             pieces.append(piece)
@@ -40,4 +40,4 @@ def sectioned(body: Body, height: float) -> Body:
         vertices = piece.vertices.copy()
         vertices[:, 2] = np.minimum(z, np.float32(height))
         pieces.append(Piece(vertices, piece.faces[kept[piece.faces[:, 0]]], piece.color))
-    return Body(tuple(piece for piece in pieces if len(piece.faces)))
+    return body if body.spin is not None else Body(tuple(piece for piece in pieces if len(piece.faces)))

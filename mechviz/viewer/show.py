@@ -128,6 +128,8 @@ class Show:
     opening: int = 0  # the frame to open at
     notes: str = ""  # what was computed and left out, as HTML
     run: Run | None = None  # not of a recording
+    spatial: Mapping[str, tuple[Real, Real]] = field(default_factory=dict)
+    """Links that do not only turn about z, of a recording: places (F, 3) [m] and turns (F, 4), w first."""
     heights: Mapping[tuple[str, str], float] = field(default_factory=dict)  # of arrows and arcs, by family and item
 
     @property

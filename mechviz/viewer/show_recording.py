@@ -16,6 +16,7 @@ from ..vectors import FAMILIES, FORCE_FAMILIES, LARGEST_ARROW, Scales, centre_na
 from .quantities import Axis, Quantity
 from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Show
 from .show_run import split_by_color
+from .solids3d import composed
 
 __all__ = ["show_of_recording"]
 
@@ -302,6 +303,21 @@ class _Reader:
         ]
         return [*found, *(q for q in quantities if q.label.endswith(": reaction"))]
 
+    def spatial(self) -> dict[str, tuple[Real, Real]]:
+        """Solids that turn about an axis of their own, below the frames of their links: spatial cams."""
+        found = {}
+        for link in self.model["links"]:
+            part = partial(self.recording.rows, "mechanism", "links", link, "mesh")
+            try:
+                turn, place = part(component="Transform3D:quaternion"), part(component="Transform3D:translation")
+            except KeyError:
+                continue
+            q, at = np.asarray(turn.values, float), np.asarray(place.values, float)
+            if len(q) == len(at) == len(self.time) and np.isfinite(q).all():
+                turns, places = composed(self.poses[link], at, q / np.linalg.norm(q, axis=1, keepdims=True))
+                found[link] = places, turns
+        return found
+
     def show(self) -> Show:
         properties = self.recording.properties
         quantities = tuple(self.quantities())
@@ -348,6 +364,7 @@ class _Reader:
             health=tuple(self.health()),
             events=tuple(Happening(e.time, e.level, e.text) for e in self.recording.events),
             linkers=tuple(self.linkers()),
+            spatial=self.spatial(),
             opening=_telling(quantities, len(self.time)),
             notes=escape(self.recording.notes, quote=False),
         )

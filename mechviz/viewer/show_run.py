@@ -41,6 +41,15 @@ class Built:
     mechanism: Mechanism
     solids: Solids
     bodies: Mapping[str, Body]
+    poses: Mapping[str, Real]  # over the run for which they were built
+
+    def fits(self, run: Run) -> bool:
+        """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
+        new = run.motion.mechanism
+        same = [(old.name, old.points) for old in self.mechanism.links] == [(link.name, link.points) for link in new.links]
+        if not same or self.mechanism.pairs != new.pairs or self.mechanism.traced != new.traced:
+            return False
+        return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
 
 
 def build(run: Run) -> Built:
@@ -49,7 +58,8 @@ def build(run: Run) -> Built:
     # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
     some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
     solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
-    return Built(motion.mechanism, solids, {name: Body(pieces_of(solid), solid.spin) for name, solid in solids.links.items()})
+    poses = {link.name: motion.pose(link.name) for link in motion.mechanism.links}
+    return Built(motion.mechanism, solids, {name: Body(pieces_of(s), s.spin) for name, s in solids.links.items()}, poses)
 
 
 def pieces_of(solid: Solid) -> tuple[Piece, ...]:

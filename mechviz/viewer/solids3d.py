@@ -15,7 +15,7 @@ from .show import Body, Show
 if TYPE_CHECKING:
     from ..meshes.spatial import Spin
 
-__all__ = ["SolidNodes", "link_path", "quaternions"]
+__all__ = ["SolidNodes", "composed", "link_path", "quaternions"]
 
 Real = NDArray[np.float64]
 
@@ -35,19 +35,24 @@ def quaternions(angle: Real) -> Real:
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
 
 
-def _spun(pose: Real, carrier: Real, spin: Spin) -> tuple[Real, Real]:
-    """Turns (F, 4) and places (F, 3) of a solid that turns about an axis in the plane."""
-    from ..meshes.spatial import spin_transforms
-
-    shift, q = spin_transforms(spin, pose[:, 2] - carrier[:, 2])
+def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
+    """Turns (F, 4) and places (F, 3) of what is moved by ``shift`` (F, 3) [m] and turned by quaternions ``q`` (F, 4), w last, in a
+    link at poses (F, 3)."""
     half, c, s = 0.5 * pose[:, 2], np.cos(pose[:, 2]), np.sin(pose[:, 2])
     k, w = np.sin(half), np.cos(half)
     x, y, z, r = q.T
-    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # about z after the spin
+    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # about z after the other
     place = np.column_stack(
         [pose[:, 0] + c * shift[:, 0] - s * shift[:, 1], pose[:, 1] + s * shift[:, 0] + c * shift[:, 1], shift[:, 2]]
     )
     return turn, place
+
+
+def _spun(pose: Real, carrier: Real, spin: Spin) -> tuple[Real, Real]:
+    """Turns (F, 4) and places (F, 3) of a solid that turns about an axis in the plane."""
+    from ..meshes.spatial import spin_transforms
+
+    return composed(pose, *spin_transforms(spin, pose[:, 2] - carrier[:, 2]))
 
 
 class SolidNodes:
@@ -81,7 +86,10 @@ class SolidNodes:
             if body is not None and self._bodies.get(link) is not body:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
-            if body is not None and body.spin is not None:
+            if link in show.spatial:
+                places, turns = show.spatial[link]
+                self._moving[link] = turns, places
+            elif body is not None and body.spin is not None:
                 self._moving[link] = _spun(pose, show.poses[body.spin.carrier], body.spin)
         self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
         self._bodies = show.bodies

@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -200,7 +200,7 @@ class Studio:
     # -- the builder's thread -----------------------------------------------------------------------------------------
     def _build(self, run: Run) -> None:
         if self._built.mechanism is not run.motion.mechanism:
-            built = build(run)
+            built = replace(self._built, mechanism=run.motion.mechanism) if self._built.fits(run) else build(run)
             with self._lock:
                 self._built = built
                 self.show = show_of_run(self.run, built, self.show)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,4 +54,4 @@ def warped_body(body: Body, before: Points, after: Points) -> Body:
         vertices = piece.vertices.copy()
         vertices[:, :2] = warped(piece.vertices[:, :2].astype(float), old, new)
         pieces.append(Piece(vertices, piece.faces, piece.color))
-    return Body(tuple(pieces))
+    return replace(body, pieces=tuple(pieces))
