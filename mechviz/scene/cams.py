@@ -134,9 +134,10 @@ class GloboidDocument(Table):
 class ProfileDocument(Table):
     """How the cam is made: base circle and lift, or a given profile."""
 
-    base: Coordinate | None = None
+    base: Length | None = None
     """Radius of the base circle. Barrel, end, globoid: place of the roller along the axis at zero lift, from the cam's pin.
-    Of a wedge: height of the profile at zero lift above the line of its own point. Groove: the follower's coordinate there.
+    Of a wedge: height of the profile at zero lift above the line of its own point.
+    Groove: the follower's coordinate there, a bare number.
     With radius: the radius at the start."""
     lift: Annotated[list[LiftSegment], Field(min_length=1)] | None = None
     """Segments one after the other, over 360 deg of a disc; the follower starts on the base circle."""
