@@ -414,7 +414,7 @@ def test_integrate_ends_where_it_is_told():
     assert solution.end == pytest.approx(1.0, abs=1e-14)
 
 
-@pytest.mark.parametrize("off", [1e-12, 1e-7, 1e-4])
+@pytest.mark.parametrize("off", [1e-12, 1e-7])
 def test_swings_too_small_for_the_energy_are_linear_ones(off: float, monkeypatch: pytest.MonkeyPatch):
     """Next to a stable equilibrium their energy is lost in the last digits of the loads' work: no table of it is tried in vain."""
     monkeypatch.setattr(energy, "_leg", lambda *_: pytest.fail("a leg is tabulated"))

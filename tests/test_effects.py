@@ -14,10 +14,11 @@ from test_friction_pairs import drum
 from test_properties import ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, number, six_bars, slider_cranks
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore.clearance import Clearance, with_clearances
 from mechcore.effects import CAUSES, EFFECTS, LOADS, NEEDS, effects_of, potential, power_of
 from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import ConstantSpeed, Oscillation, Table
-from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor
+from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor, JournalContact, JournalLoss
 from mechcore.spec import (
     Belt,
     BeltTension,
@@ -104,7 +105,9 @@ def loads(draw, mechanism):
         ConstantPower(name="constant power", link=last, power=draw(positive), torque_limit=draw(positive)),
         Governor(name="governor", link=first, set_speed=draw(number), gain=draw(positive), least=-5.0, most=draw(positive)),
     ]
-    assert {type(load) for load in made} | {GasPressure, BeltTension} == set(LOADS), "a load of the registry is never drawn"
+    assert {type(load) for load in made} | {GasPressure, BeltTension, JournalContact, JournalLoss} == set(LOADS), (
+        "a load of the registry is never drawn"
+    )
     return tuple(made[i] for i in sorted(draw(st.sets(st.integers(0, len(made) - 1), min_size=1))))
 
 
@@ -243,7 +246,10 @@ def test_effects_need_what_they_declare(monkeypatch):
     slider = slider_crank(r=1.0, l=3.0)
     pressure = GasPressure(name="gas", pair="S", area=0.1, cycle=Compressor(stroke=2.0, suction=1e5, delivery=5e5), top=4.0)
     seen = set()
-    for mechanism in (every_load(), replace(slider, loads=(pressure,)), drum(1.0)):
+    pair = next(p.name for p in slider.pairs if isinstance(p, Revolute))
+    pressed = Clearance(radial=1e-3, stiffness=1e5, loss=1.0, friction=0.1, radius=0.05, start=(1.1e-3, 0.0))
+    loose = with_clearances(slider, {pair: pressed})
+    for mechanism in (every_load(), replace(slider, loads=(pressure,)), drum(1.0), loose):
         compiled = compile_mechanism(mechanism)
         for effect in effects_of(mechanism):
             motion = solve_motion(compiled, default_times(mechanism, 24))

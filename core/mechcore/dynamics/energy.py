@@ -115,7 +115,7 @@ class EnergyMotion:
         return np.asarray(found[(found >= 0.0) & (found < end)])
 
 
-SMALL = 1e-3  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
 
 
 def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
