@@ -125,7 +125,8 @@ class Joints:
     def show(self, frame: int) -> None:
         for key, xyz in self._groups:
             self._dots[key].position = xyz[frame]
-            self._labels[key].position = self._beside(xyz[frame])
+            if self._on:
+                self._labels[key].position = self._beside(xyz[frame])
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
