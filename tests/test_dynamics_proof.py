@@ -17,6 +17,7 @@ from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.dynamics import Free, Stop, cross_check, simulate
 from mechcore.dynamics.chart import Chart
 from mechcore.dynamics.collocation import Window, gauss, radau, solve_window
+from mechcore.errors import MechanismError
 from mechcore.loads import Factor, Force, Torque
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.run import run_scene
@@ -342,3 +343,12 @@ def test_the_energy_balance_closes_through_impacts_contact_and_release():
     energy = run.forces.energy
     assert np.ptp(energy[:, 0] + energy[:, 1] - energy[:, 2] + energy[:, 3]) < 20e-8 * np.abs(energy).max()
     assert np.abs(run.simulation.drift(run.motion.time)).max() < 20e-8
+
+
+def test_a_gas_that_pushes_back_whichever_way_it_moves_is_told_not_followed_for_ever():
+    """An indicator diagram in the middle of a stroke, and nothing that rubs: the crank would tremble on the spot."""
+    text = EVERYTHING.replace('free = { position = 20, speed = "120 rpm" }', 'free = { position = 60, speed = "-300 rpm" }')
+    text = text.replace(', friction = { brake = "0.3 N m" }', "").replace(', friction = { length = "60 mm" }', "")
+    text = text.replace('[friction]\ncoefficient = 0.08\nradius = "6 mm"\n', "").replace('"gravity", "friction"]', '"gravity"]')
+    with pytest.raises(MechanismError, match="pushes back whichever way the mechanism moves"):
+        run_scene(mechviz.loads(text))

@@ -15,6 +15,7 @@ from .collocation import Rule, Window, gauss, radau, solve_window
 __all__ = ["Solution", "System", "integrate", "nodes_for"]
 
 Array = NDArray[np.float64]
+CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
 
 
 class System(Protocol):
@@ -94,6 +95,7 @@ def integrate(
     t = t0
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     longest = 0.0  # window so far
+    chatter = 0  # windows in a row that a bend has cut to almost nothing
     cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
     while t < t1 - least:
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
@@ -132,6 +134,17 @@ def integrate(
             continue
         solution.windows.append(window)
         longest = max(longest, h)
+        chatter = chatter + 1 if bends is not None and h < CHATTER * longest else 0
+        if chatter > MOST_CUT:
+            raise MechanismError(
+                Fault(
+                    "dynamics",
+                    f"at t = {t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the mechanism "
+                    "moves.",
+                    "An indicator diagram in the middle of a stroke holds like dry friction: give a pair a brake, or let the machine "
+                    "run through.",
+                )
+            )
         stop = after(window) if after is not None else None
         if stop is not None:
             break
