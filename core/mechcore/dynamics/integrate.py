@@ -141,8 +141,8 @@ def integrate(
                     "dynamics",
                     f"at t = {t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the mechanism "
                     "moves.",
-                    "An indicator diagram in the middle of a stroke holds like dry friction: give a pair a brake, or let the machine "
-                    "run through.",
+                    "An indicator diagram in the middle of a stroke holds like dry friction: give a pair a brake, or let the "
+                    "machine run through.",
                 )
             )
         stop = after(window) if after is not None else None
