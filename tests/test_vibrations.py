@@ -309,6 +309,7 @@ def test_the_command_prints_writes_and_refuses(tmp_path: Path):
         (["coupled-carts", "--mode", "1", "-o", "m.txt"], "neither in .rrd"),
         (["coupled-carts", "--mode", "1", "-o", "m.toml", "--amplitude", "-1"], "no part"),
         (["trip-hammer"], "rests on this stop"),
+        (["loose-coupler-pin"], "Leave out the clearance"),
     ):
         run = CliRunner().invoke(app, ["vibrations", *arguments])
         assert run.exit_code == 2 and words in " ".join(run.output.split()), (arguments, run.output)

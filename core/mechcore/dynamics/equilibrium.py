@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..clearance import journals_of
 from ..effects import effects_of, power_of
 from ..errors import Fault, MechanismError
 from ..motion import Motion
@@ -140,6 +141,10 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     if not free_of(compiled):
         why = "every drive is prescribed: nothing is free to come to rest."
         raise MechanismError(Fault("pairs", why, "Give a pair a free start instead of its drive."))
+    loose = next(iter(journals_of(compiled.mechanism)), None)
+    if loose is not None:  # its force bends within the clearance: differences over any step would mix flight and contact
+        why = "a journal in its clearance has a stiffness only where it is pressed: nothing there is linear."
+        raise MechanismError(Fault(f"pairs.{loose}.clearance", why, "Leave out the clearance."))
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
     for count in range(1, MOST + 1):
