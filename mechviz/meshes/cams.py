@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
 from . import outline
@@ -263,7 +263,18 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         for at in (*model.pins(cam.follower), *model.marks[cam.follower])
         if math.dist(at, cam.tip) > 1e-9
     ]
+    bottom = min([head.top - 0.05 * r, *(z.imag for z in points if z.imag > head.top)])
+    fork = isinstance(placed.cam.follower.face, Roller)
+    if placed.mate is not None:
+        bottom = min([0.0, *(z.imag for z in points)]) - 0.8 * r
+    elif fork:
+        bottom = head.top * 1.12
     low = highest + head.top + 0.7 * r
+    if fork:
+        cheek = outline.hull([((0.0, 0.0), 0.42 * head.top), ((0.0, bottom + 0.9 * r), 0.8 * half)], model.segments)
+        wide = cheek.difference(box(-half, -10.0, half, 10.0))  # what of it does not go between the rails
+        if not wide.is_empty:
+            low = max(low, highest + wide.bounds[3] + 0.1 * r)
     at_guide = _guide_height(model, cam)
     if at_guide - 2.0 * r > low:
         low = at_guide - 2.0 * r
@@ -271,12 +282,6 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         low = max(low, highest + 2.2 * r)
     high = low + 4.0 * r
     top = max([high - lowest + 1.4 * r, *(z.imag + 0.6 * r for z in points)])
-    bottom = min([head.top - 0.05 * r, *(z.imag for z in points if z.imag > head.top)])
-    fork = isinstance(placed.cam.follower.face, Roller)
-    if placed.mate is not None:
-        bottom = min([0.0, *(z.imag for z in points)]) - 0.8 * r
-    elif fork:
-        bottom = head.top * 1.12
     stem: list[Any] = [Polygon([(-half, bottom), (half, bottom), (half, top), (-half, top)])]
     for z in points:
         if abs(z.real) > 0.1 * half and z.imag > bottom:
@@ -285,7 +290,6 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         rod = unary_union(stem)
         if placed.mate is None:
             rod = rod.difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER))
-        cheek = outline.hull([((0.0, 0.0), 0.42 * head.top), ((0.0, bottom + 0.9 * r), 0.8 * half)], model.segments)
         roller = _moved(head.touching, complex(*cam.tip), cam.turn)
         height = (_FLOAT, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
         draft.pieces.append(Piece(cam.follower, roller, group, "wheel", mates, height=height))
