@@ -18,7 +18,7 @@ from mechviz.files import OutputError
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.share import make_page
-from mechviz.share.drawing import svg_of
+from mechviz.share.drawing import svg_of, turned
 from mechviz.share.frames import parts_of
 from mechviz.share.markdown import html_of
 from mechviz.share.pack import Pack, unpack
@@ -90,6 +90,30 @@ def test_poses_and_solids_are_those_of_the_recording(ten):
         assert np.array_equal(
             arrays[link["mesh"]["faces"]].reshape(-1, 3), TEN.recording.static(*path, component="Mesh3D:triangle_indices")
         )
+
+
+def test_a_barrel_cam_turns_about_its_shaft():
+    """Shaft along y at O: in the page's poses each corner keeps its height and turns about the shaft as the drive does."""
+    barrel = made("cam-barrel")
+    header, arrays = content(make_page(barrel.recording)[0])
+    link = next(k for k in header["links"] if k["name"] == "cam")
+    poses, spins = arrays[link["pose"]].reshape(-1, 3), arrays[link["spin"]].reshape(-1, 7)
+    corner = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:50]
+    where = []
+    for (x, y, angle), (*shift, qx, qy, qz, qw) in zip(poses, spins, strict=True):
+        at = turned(corner, (qx, qy, qz, qw)) + np.array(shift)
+        c, s = np.cos(angle), np.sin(angle)
+        where.append(np.column_stack([at[:, :2] @ [[c, s], [-s, c]] + [x, y], at[:, 2]]))
+    where = np.array(where)
+    assert np.ptp(where[:, :, 1], axis=0).max() < 1e-6  # heights along the shaft
+    middle = 0.5 * (where[0] + where[len(where) // 2])[:, [0, 2]].mean(axis=0)  # opposite half a turn later
+    radius, way = np.hypot(*np.moveaxis(where[:, :, [0, 2]] - middle, 2, 0)), np.diff(where[:, :, [0, 2]], axis=0)
+    assert np.ptp(radius, axis=0).max() < 1e-6
+    steps = np.hypot(*np.moveaxis(way, 2, 0)) / radius[1:]
+    turn = np.diff(barrel.run.motion.coordinate("O")[:, 0])
+    assert np.allclose(steps, 2.0 * np.sin(0.5 * turn)[:, None], rtol=1e-3)
+    first, second = (svg_of(barrel.recording, time=float(barrel.time[k])) for k in (0, 60))
+    assert first != second
 
 
 def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):

@@ -19,7 +19,7 @@ from .show import show_text
 if TYPE_CHECKING:
     from ..record import Recording
 
-__all__ = ["svg_of", "write_svg"]
+__all__ = ["svg_of", "turned", "write_svg"]
 
 Real = NDArray[np.float64]
 
@@ -75,6 +75,9 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float) -> Iterator
             continue
         x, y, angle = _at(arrays[link["pose"]].reshape(-1, 3), frame)
         vertices, normals = (arrays[mesh[k]].reshape(-1, 3) for k in ("vertices", "normals"))
+        if "spin" in link:
+            vx, vy, vz, *quaternion = _at(arrays[link["spin"]].reshape(-1, 7), frame)
+            vertices, normals = turned(vertices, quaternion) + np.array([vx, vy, vz]), turned(normals, quaternion)
         faces = arrays[mesh["faces"]].reshape(-1, 3)
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
@@ -91,6 +94,12 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float) -> Iterator
             shape = union_all(triangles[number.reshape(-1) == k])
             if not shape.is_empty:
                 yield float(z) * 1e-6, _shaded(mesh["palette"][int(color)], float(bright)), shape
+
+
+def turned(points: Any, quaternion: Any) -> Any:
+    """Points (n, 3) turned by a quaternion (x, y, z, w), which need not be of unit length."""
+    *v, w = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
 
 
 def _drawn(

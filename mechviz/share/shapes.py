@@ -29,10 +29,11 @@ def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[st
         poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
         assert poses is not None
         pose = np.array(poses[0], float)
-        if rows_at(recording, frames, _path("mechanism", "links", name, "mesh"), "Transform3D:quaternion") is not None:
-            pose[:, 2] = 0.0  # turns about an axis in the plane, which the page does not show: better at rest than across it
         moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
         found.append({"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None})
+        spin = _spin(recording, frames, name)
+        if spin is not None:
+            found[-1]["spin"] = pack.floats(spin)
         mesh = _mesh(recording, name)
         if mesh is not None:
             vertices, normals, faces, colors = mesh
@@ -47,6 +48,18 @@ def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[st
     return found
 
 
+def _spin(recording: Recording, frames: Frames, name: str) -> Real | None:
+    """Shift [m] and quaternion (frames, 7) of a solid in its link's frame, where it turns about an axis in the plane."""
+    path = _path("mechanism", "links", name, "mesh")
+    rows = rows_at(recording, frames, path, "Transform3D:translation", "Transform3D:quaternion")
+    if rows is None:
+        return None
+    shifts, turns = (np.array([row.reshape(-1) for row in part], float) for part in rows)
+    signs = np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))
+    turns[1:] *= signs[:, None]  # neighbours on one side, so that the page can go straight from one to the next
+    return np.column_stack([shifts, turns])
+
+
 def bounds_of(recording: Recording, frames: Frames) -> Real:
     """The box (2, 3) [m] around all solids over the run."""
     boxes = []
@@ -57,6 +70,8 @@ def bounds_of(recording: Recording, frames: Frames) -> Real:
             continue
         rim = mesh[0][_corners(mesh[0][:, :2])]
         x, y, angle = np.array(poses[0], float).T[:, :, None]
+        if _spin(recording, frames, name) is not None:
+            angle = np.zeros_like(angle)  # it turns about its own axis instead
         c, s = np.cos(angle), np.sin(angle)
         flat = np.stack([x + c * rim[:, 0] - s * rim[:, 1], y + s * rim[:, 0] + c * rim[:, 1]])
         z = mesh[0][:, 2]

@@ -3,11 +3,14 @@
 const SOLID = {
   vertex: `#version 300 es
     uniform mat4 clip; uniform vec4 pose; // x, y, cos, sin
+    uniform vec3 shift; uniform vec4 spin; // in the link's frame: of cams that turn about an axis in the plane
     in vec3 place; in vec3 normal; in vec3 color;
     out vec3 n; out vec3 p; out vec3 c;
     vec2 turned(vec2 v) { return vec2(pose.z * v.x - pose.w * v.y, pose.w * v.x + pose.z * v.y); }
+    vec3 spun(vec3 v) { return v + 2.0 * cross(spin.xyz, cross(spin.xyz, v) + spin.w * v); }
     void main() {
-      p = vec3(turned(place.xy) + pose.xy, place.z); n = vec3(turned(normal.xy), normal.z); c = color;
+      vec3 at = spun(place) + shift, up = spun(normal);
+      p = vec3(turned(at.xy) + pose.xy, at.z); n = vec3(turned(up.xy), up.z); c = color;
       gl_Position = clip * vec4(p, 1.0);
     }`,
   fragment: `#version 300 es
@@ -159,6 +162,17 @@ class Stage {
     return [0, 1, 2].map((i) => values[3 * k + i] * (1 - t) + values[3 * next + i] * t);
   }
 
+  /** Shift and quaternion of a solid in its link's frame at a frame. */
+  spin(link, frame) {
+    if (link.spin === undefined) return [0, 0, 0, 0, 0, 0, 1];
+    const values = this.arrays[link.spin];
+    const [k, t] = split(frame, this.header.frames);
+    const next = Math.min(k + 1, this.header.frames - 1);
+    const found = [0, 1, 2, 3, 4, 5, 6].map((i) => values[7 * k + i] * (1 - t) + values[7 * next + i] * t);
+    const length = Math.hypot(...found.slice(3));
+    return found.map((x, i) => (i < 3 ? x : x / length));
+  }
+
   draw(frame) {
     const { gl, camera, header } = this;
     const { clip, eye, back } = camera.matrices();
@@ -181,6 +195,9 @@ class Stage {
     for (const s of this.solids) {
       const [x, y, angle] = this.pose(s.link, frame);
       gl.uniform4f(solid.at("pose"), x, y, Math.cos(angle), Math.sin(angle));
+      const spin = this.spin(s.link, frame);
+      gl.uniform3f(solid.at("shift"), ...spin.slice(0, 3));
+      gl.uniform4f(solid.at("spin"), ...spin.slice(3));
       gl.bindVertexArray(s.vao);
       gl.drawElements(gl.TRIANGLES, s.count, gl.UNSIGNED_INT, 0);
     }
