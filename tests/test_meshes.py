@@ -18,6 +18,7 @@ from sections import section
 
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
+from mechcore.clearance import journals_of
 from mechcore.pairs import build_pairs
 from mechcore.spec import CamPair, Link, Mechanism, Pair, Prismatic, Revolute
 from mechviz.meshes import Solids, build_solids, stl_bytes
@@ -220,8 +221,10 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
 @pytest.mark.parametrize("name", CASES)
 def test_no_two_solids_pass_through_each_other(built, name):
     spec, poses, solids = built(name)
-    assert solids.clashes == ()
-    assert meeting_links(spec, poses, solids) == set()
+    journals = journals_of(mechviz.load(name).mechanism) if name in gallery_names() else {}
+    loose = [{load.links[0], load.links[2]} for load in journals.values()]  # a journal strikes its bearing
+    assert [pair for pair in solids.clashes if set(pair) not in loose] == []
+    assert [pair for pair in meeting_links(spec, poses, solids) if set(pair) not in loose] == []
 
 
 def in_world(xy: tuple[float, float] | np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -104,8 +104,12 @@ def smooth(m: Made) -> np.ndarray:
 
 
 def bends(m: Made) -> bool:
-    """Whether forces decide the motion and their laws bend, and accelerations with them: their differences are of lower order."""
-    return m.run.simulation is not None and any(e.piecewise for e in effects_of(m.mechanism))
+    """Whether forces decide the motion and their laws bend, and accelerations with them: their differences are of lower order.
+
+    So they are where a follower settles on its cam in ever shorter bounces.
+    """
+    simulation = m.run.simulation
+    return simulation is not None and (bool(simulation.liftoffs) or any(e.piecewise for e in effects_of(m.mechanism)))
 
 
 def piece_of(m: Made, pair: CamPair) -> np.ndarray:

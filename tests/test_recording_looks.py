@@ -15,6 +15,7 @@ from mechviz.record.blueprint import calm_range, legend_place, opening_timeline,
 from mechviz.record.events import peak_events
 from mechviz.record.families import FAMILIES, Content, Family, find_statics, find_streams
 from mechviz.record.streams import Static, Stream, picture_stride
+from mechviz.rollers import find_rollers
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
 from mechviz.tables import tables
@@ -44,6 +45,7 @@ def content_of(run):
         scales,
         drawings_of(run, solids.size),
         list(find_linkers(run, solids.size)),
+        find_rollers(run, solids),
         picture_stride(run),
     )
 
