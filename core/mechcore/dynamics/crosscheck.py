@@ -48,7 +48,8 @@ def _differs(piece: Piece, method: str, tolerance: float, samples: int) -> float
     model = piece.compiled.model
     pairs = [piece.compiled.mechanism.drives[i].pair for i in free_of(piece.compiled)]
     scale = np.array([1.0 if model.joints[model.joint_index[p]].coordinate == "angle" else model.size for p in pairs])
-    found: Any = solve_ivp(  # type: ignore[call-overload]  # the stubs take real states for complex ones
+    solve: Any = solve_ivp  # stubs of scipy, where there are any, take real states for complex ones
+    found = solve(
         right_hand_side(piece.system, len(pairs)),
         (piece.start, piece.end),
         np.concatenate([q[0], v[0]]),
