@@ -207,7 +207,7 @@ class JoinedForces:
     def powers(self) -> list[tuple[Wrench, Array]]:
         """All loads and inertia forces, each with its power (F,) [W]; those of end stops do no work and are left out."""
         first = [w for w in self.parts[0][1].applied if w.name not in self._stops]
-        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(first)]  # type: ignore[misc]
+        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(first)]  # type: ignore[misc]  # bound now
 
     @cached_property
     def loads(self) -> dict[str, LoadResult]:
@@ -226,7 +226,7 @@ class JoinedForces:
             out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held), turns)
         for name, load in self.parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
-                values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]
+                values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now
                 out[name] = replace(load, values=values)
         return out
 

@@ -24,7 +24,7 @@ def spans(at: Configuration, relation: Relation) -> tuple[Array, Array, float]:
     The two pulls are mirrored at the line of centres: their resultant lies on it. The lean is (r1 - r2) / distance of an open belt,
     (r1 + r2) / distance of a crossed one.
     """
-    (one, up), (other, down) = (relation.contact(at, side) for side in (1.0, -1.0))  # type: ignore[arg-type]
+    (one, up), (other, down) = (relation.contact(at, side) for side in (1.0, -1.0))  # type: ignore[arg-type]  # a configuration is all that it looks at
     pull = up - down
     lean = np.imag(np.conj(up) * pull) / np.abs(pull)
     return 0.5 * (one + other), pull, float(np.mean(lean))

@@ -57,7 +57,7 @@ class ViscousFriction(Effect):
 
     def _cam(self, at: Configuration, relation: Relation) -> Wrench:
         first, second = (at.model.index[k] for k in relation.links)
-        place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]
+        place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]  # a configuration is all that it looks at
         tangent = 1j * normal / np.abs(normal)
         arms = [place - at.origins[k] for k in (first, second)]
         speeds = [
