@@ -19,6 +19,8 @@ __all__ = ["browser"]  # a fixture
 
 pytestmark = pytest.mark.browser
 
+# The script that plays is sent when it is first needed: a page that has never had it does not play
+PLAYS = "() => !!window.mechvizPlayback && window.mechvizPlayback.running"
 NODES = tuple(link_path(link) for link in ("crank", "coupler", "rocker"))
 
 
@@ -135,7 +137,7 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
 def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page):
     traffic: list[int] = []
     viewer.play()
-    until(page, lambda: page.evaluate("() => !!window.mechvizPlayback && window.mechvizPlayback.running"), "playing in the browser")
+    until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
     buffer = viewer.server._websock_server._broadcast_buffer
     first = page.evaluate("() => window.mechvizPlayback.frames")
     before = buffer.message_counter
@@ -159,15 +161,17 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
 def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch):
     monkeypatch.setattr("mechviz.viewer.playback.LARGEST", 1000)
     viewer.inspector.playback.change()
-    viewer.play()
-    until(page, lambda: viewer.frame not in (300, 0), "playing")
-    before = page.evaluate(POSE, NODES[1])
-    until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
-    assert not viewer.player.aside and not page.evaluate("() => window.mechvizPlayback.running")
-    viewer.pause()
-    _until_drawn(viewer, page)
-    monkeypatch.undo()
-    viewer.inspector.playback.change()
+    try:
+        viewer.play()
+        until(page, lambda: viewer.frame not in (300, 0), "playing")
+        before = page.evaluate(POSE, NODES[1])
+        until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
+        assert not viewer.player.aside and not page.evaluate(PLAYS)
+        viewer.pause()
+        _until_drawn(viewer, page)
+    finally:
+        monkeypatch.undo()
+        viewer.inspector.playback.change()
 
 
 @pytest.mark.parametrize("frame", [0, 91, 360])
