@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-PER_SCENE = {"test_recording", "test_meshes", "test_gltf", "test_scene_gallery"}
+PER_SCENE = {"test_recording", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
 PER_MODULE = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mechviz
+from mechcore import default_times, solve_motion
 from mechcore.clearance import without_clearances
 from mechcore.spec import Mechanism
 from mechviz.record import Recording, RecordingSummary, write_recording
@@ -53,9 +55,23 @@ class Made:
 
 
 @cache
+def ran(name: str, frames: int = FRAMES) -> Run:
+    """A gallery scene, run."""
+    return run_scene(mechviz.load(name), frames=frames)
+
+
+def motion_of(name: str, frames: int) -> Any:
+    """The motion of a gallery scene at other frames; where forces decide it, it is found once."""
+    run = ran(name)
+    if run.simulation is not None:
+        return run.simulation.view(np.linspace(0.0, run.simulation.duration, frames + 1))
+    return solve_motion(run.compiled, default_times(run.scene.mechanism, frames, run.scene.cycles))
+
+
+@cache
 def made(name: str, frames: int = FRAMES) -> Made:
     """A gallery scene, recorded."""
-    run = run_scene(mechviz.load(name), frames=frames)
+    run = ran(name, frames)
     path = Path(FOLDER.name) / f"{name}-{frames}.rrd"
     summary = write_recording(run, path)
     return Made(run, summary, Recording(path))

@@ -8,15 +8,19 @@ from shapely import LineString, MultiLineString, Polygon
 
 def section(mesh: trimesh.Trimesh, z: float) -> shapely.Geometry:
     """What a plane of constant z cuts out of a mesh (even-odd: plates minus holes plus pins)."""
-    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
-    above = mesh.vertices[:, 2] > z
-    crossed = above[edges[..., 0]] != above[edges[..., 1]]
-    pairs = edges[crossed].reshape(-1, 2, 2)  # a face that is cut at all is cut on two of its edges
-    if len(pairs) == 0:
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    above = corners[..., 2] > z
+    corners = corners[above.any(axis=1) & ~above.all(axis=1)]  # the faces that are cut, each on two of its edges
+    if len(corners) == 0:
         return Polygon()
-    a, b = mesh.vertices[pairs[..., 0]], mesh.vertices[pairs[..., 1]]
-    cuts = (a + (b - a) * ((z - a[..., 2]) / (b[..., 2] - a[..., 2]))[..., None])[..., :2]
-    merged = shapely.line_merge(MultiLineString([s for s in cuts if (s[0] != s[1]).any()]))
+    a, b = corners, np.roll(corners, -1, axis=1)
+    swapped = (a[..., 2] > b[..., 2])[..., None]  # the same point, to the last digit, from both faces of an edge
+    a, b = np.where(swapped, b, a), np.where(swapped, a, b)
+    crossed = (a[..., 2] > z) != (b[..., 2] > z)
+    a, b = a[crossed], b[crossed]
+    cuts = (a + (b - a) * ((z - a[:, 2]) / (b[:, 2] - a[:, 2]))[:, None])[:, :2].reshape(-1, 2, 2)
+    lines = shapely.linestrings(cuts[(cuts[:, 0] != cuts[:, 1]).any(axis=1)])
+    merged = shapely.line_merge(shapely.multilinestrings(lines))
     area: shapely.Geometry = Polygon()
     loops = list(getattr(merged, "geoms", [merged]))
     for loop in loops:

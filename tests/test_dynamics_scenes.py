@@ -14,6 +14,7 @@ from mechcore.laws.free import Free
 from mechviz.cli import app
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
+from recordings import made
 
 SIMULATED = [e.name for e in mechviz.gallery() if mechviz.load(e.name).simulation is not None]
 
@@ -189,11 +190,8 @@ def test_the_squeezer_of_the_gallery_is_the_published_one():
 
 
 @pytest.mark.parametrize("name", SIMULATED)
-def test_recorded_energies_close_and_happenings_are_there(name: str, tmp_path: Path):
-    run = run_scene(mechviz.load(name), frames=200)
-    path = tmp_path / f"{name}.rrd"
-    write_recording(run, path)
-    found = Recording(path)
+def test_recorded_energies_close_and_happenings_are_there(name: str):
+    run, found = made(name).run, made(name).recording
     kinetic, potential, work, dissipated = found.scalars("data", "energy")[1].T
     balance = kinetic + potential - work + dissipated
     size = np.abs(found.scalars("data", "energy")[1]).max()

@@ -23,8 +23,8 @@ from mechcore.pairs import build_pairs
 from mechcore.spec import CamPair, Link, Mechanism, Pair, Prismatic, Revolute
 from mechviz.meshes import Solids, build_solids, stl_bytes
 from mechviz.meshes.layers import Post, order_layers
-from mechviz.run import run_scene
 from mechviz.scene import gallery_names
+from recordings import motion_of
 
 FRAMES = 48
 TOUCH = 2e-5  # [m] the tessellation of cams; how near cam and follower come is tested with the scenes of cams
@@ -40,7 +40,7 @@ def moved_scene(name: str) -> tuple[Mechanism, Poses]:
     scene = mechviz.load(name)
     if scene.simulation is None:
         return moved(scene.mechanism)
-    motion = run_scene(scene, frames=FRAMES, outputs=("positions",)).motion
+    motion = motion_of(name, FRAMES)
     return motion.mechanism, {link: np.asarray(motion.pose(link)) for link in motion.model.links}
 
 
@@ -190,9 +190,10 @@ def test_every_part_is_closed_and_its_normals_point_outwards(built, name):
     check_shapes(solids, spec)
 
 
-def placed(shape: shapely.Geometry, pose: np.ndarray, size: float) -> shapely.Geometry:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return shapely.transform(shape, lambda xy: xy @ np.array([[c, s], [-s, c]]) + pose[:2] / size)
+def placed(shape: shapely.Geometry, poses: np.ndarray, size: float) -> np.ndarray:
+    """A shape in the world at some poses (n, 3): geometries (n,)."""
+    around = [np.array([[np.cos(q), np.sin(q)], [-np.sin(q), np.cos(q)]]) for q in poses[:, 2]]
+    return np.array([shapely.transform(shape, lambda xy, k=k: xy @ around[k] + poses[k, :2] / size) for k in range(len(poses))])
 
 
 def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3) -> set[tuple[str, str]]:
@@ -205,16 +206,16 @@ def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3)
     touching = {frozenset(p.links) for p in spec.pairs if isinstance(p, CamPair)}  # to the tolerance of their tessellation
     found = set()
     for z in 0.5 * (heights[1:] + heights[:-1]):
-        cut = {name: section(mesh, z) for name, mesh in scaled.items()}
-        cut = {name: shape for name, shape in cut.items() if not shape.is_empty}
+        cut = {name: section(mesh, z) for name, mesh in scaled.items() if mesh.bounds[0, 2] < z < mesh.bounds[1, 2]}
+        if len(cut) < 2:
+            continue
+        at = {name: placed(shape, poses.get(name, still)[::every], solids.size) for name, shape in cut.items()}
         for a, b in itertools.combinations(cut, 2):
-            for k in range(0, FRAMES, every):
-                first = placed(cut[a], poses.get(a, still)[k], solids.size)
-                if {a, b} in touching:
-                    first = first.buffer(-TOUCH / solids.size)
-                second = placed(cut[b], poses.get(b, still)[k], solids.size)
-                if (a, b) not in found and first.intersects(second):
-                    found.add((a, b))
+            if (a, b) in found:
+                continue
+            first = shapely.buffer(at[a], -TOUCH / solids.size) if {a, b} in touching else at[a]
+            if shapely.intersects(first, at[b]).any():
+                found.add((a, b))
     return found
 
 

@@ -201,7 +201,7 @@ def slice_of(solids: Solids, name: str, pose: np.ndarray, z: float) -> shapely.G
     """What a solid cuts out of a plane of constant z, in the world, in units of the size."""
     mesh = solids.links[name].mesh.copy()
     mesh.apply_scale(1.0 / solids.size)
-    return placed(section(mesh, z), pose, solids.size)
+    return placed(section(mesh, z), pose[None], solids.size)[0]
 
 
 def layer_height(solids: Solids, name: str, kinds: tuple[str, ...]) -> float:

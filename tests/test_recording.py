@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ import mechviz
 from mechcore.cams.happenings import placed_cams
 from mechcore.clearance import journals_of
 from mechcore.effects import effects_of
+from mechcore.events import find_events
 from mechcore.laws.free import Free
 from mechcore.spec import CamPair, Prismatic, Revolute
-from mechviz.run import run_scene
-from recordings import NAMES, Made, made, place, points_of, size_of
+from recordings import NAMES, Made, made, motion_of, place, points_of, size_of
 
 MECHANISMS = {name: mechviz.load(name).mechanism for name in NAMES}
 WITH_FORCES = [name for name, m in MECHANISMS.items() if m.effects or m.loads]
@@ -28,7 +29,7 @@ loaded = pytest.mark.parametrize("name", WITH_FORCES)
 @everywhere
 def test_poses_are_what_the_core_computed_bit_for_bit(name):
     m = made(name)
-    again = run_scene(m.run.scene, frames=m.run.motion.frames - 1).motion
+    again = motion_of(name, m.run.motion.frames - 1)
     for link in m.recording.model["links"]:
         assert np.array_equal(m.data("links", link, "pose"), again.pose(link)), link
         assert np.array_equal(m.data("links", link, "velocity"), again.velocity(link)), link
@@ -79,23 +80,24 @@ def test_joints_coincide_on_both_links(name):
             assert abs(np.exp(1j * turned) - 1).max() < 1e-12, f"{pair.name} turns"
 
 
-def smooth(m: Made) -> np.ndarray:
-    """Frames (F,) whose neighbours lie between the same two events of the drives: there derivatives exist."""
-    t = m.time
+def smooth(m: Made, motion: Any) -> np.ndarray:
+    """Frames (F,) of a motion whose neighbours lie between the same two events of the drives: there derivatives exist."""
+    t = motion.time
     ok = np.zeros(len(t), bool)
     ok[1:-1] = True
-    breaks = [e.time for e in m.recording.events if "drive" in e.text.split(":")[1][:8] or "zone" in e.text]
     if m.run.simulation is not None:
-        breaks += [h.time for h in m.run.simulation.happenings if h.kind != "watch"]
-        for rows, part in m.run.motion.parts:  # forces whose laws bend: accelerations bend with them
+        breaks = [h.time for h in m.run.simulation.happenings if h.kind != "watch"]
+        for rows, part in motion.parts:  # forces whose laws bend: accelerations bend with them
             for effect in (e for e in effects_of(part.mechanism) if e.piecewise):
                 bent = np.flatnonzero(np.diff(np.broadcast_to(effect.phase(part), len(rows))))
                 breaks += [float(t[rows[k + j]]) for k in bent for j in (0, 1)]
+    else:
+        breaks = [e.time for e in find_events(motion) if e.text.startswith("drive") or "zone" in e.text]
     for pair in m.mechanism.pairs:  # where pieces of a cam's law meet its jerk jumps
         if isinstance(pair, CamPair):
-            k = np.flatnonzero(np.diff(piece_of(m, pair)))
+            k = np.flatnonzero(np.diff(piece_of(m, motion, pair)))
             breaks += [float(x) for x in (*t[k], *t[k + 1])]
-    near_singular = m.recording.scalars("health", "condition")[1][:, 0] > 20.0  # much happens there between two frames
+    near_singular = motion.condition > 20.0  # much happens there between two frames
     assert near_singular.mean() < 0.3
     breaks += list(t[near_singular])
     for b in breaks:
@@ -108,14 +110,14 @@ def bends(m: Made) -> bool:
     return m.run.simulation is not None and any(e.piecewise for e in effects_of(m.mechanism))
 
 
-def piece_of(m: Made, pair: CamPair) -> np.ndarray:
+def piece_of(m: Made, motion: Any, pair: CamPair) -> np.ndarray:
     """Which piece of a cam's law the follower is on at every frame (F,), counted on over the turns."""
     if pair.bed:
-        argument = m.data("joints", pair.bed, "motion")[:, 0]
+        argument = motion.coordinate(pair.bed)[:, 0]
     else:
         guide = next(p for p in m.mechanism.pairs if p.name == pair.guide)
         carrier = next(k for k in guide.links if k != pair.links[1])
-        argument = m.data("links", pair.links[0], "pose")[:, 2] - m.data("links", carrier, "pose")[:, 2]
+        argument = motion.pose(pair.links[0])[:, 2] - motion.pose(carrier)[:, 2]
     cam = next(c for c in placed_cams(m.run.motion) if c.name == pair.name)
     knots = cam.knots if pair.lift is None or cam.intended else pair.lift.knots
     way = cam.sense * argument + cam.phase - knots[0]
@@ -123,15 +125,15 @@ def piece_of(m: Made, pair: CamPair) -> np.ndarray:
     return turns * len(knots) + np.searchsorted(knots - knots[0], rest, side="right")
 
 
-def difference_errors(m: Made, ok: np.ndarray) -> dict[str, float]:
-    """Root mean square, at frames ``ok`` (F,), of central differences minus recorded derivatives, over the largest of the kind."""
-    t = m.time
+def difference_errors(m: Made, motion: Any, ok: np.ndarray) -> dict[str, float]:
+    """Root mean square, at frames ``ok`` (F,), of central differences minus derivatives, over the largest of the kind."""
+    t = motion.time
     errors: dict[str, float] = {}
     for lower, upper in (("pose", "velocity"), ("velocity", "acceleration")):
         for columns, kind in ((slice(0, 2), "linear"), (slice(2, 3), "angular")):
             off, scale = [], 1e-300
             for link in m.recording.model["links"]:
-                x, v = m.data("links", link, lower)[:, columns], m.data("links", link, upper)[:, columns]
+                x, v = getattr(motion, lower)(link)[:, columns], getattr(motion, upper)(link)[:, columns]
                 off.append(((x[2:] - x[:-2]) / (t[2:] - t[:-2])[:, None] - v[1:-1])[ok[1:-1]])
                 scale = max(scale, abs(v).max(), 1e-6 * abs(x).max() / (t[1] - t[0]))  # a steady speed has no acceleration
             errors[f"{kind} {upper}"] = float(np.sqrt(np.mean(np.square(off)))) / scale
@@ -140,17 +142,19 @@ def difference_errors(m: Made, ok: np.ndarray) -> dict[str, float]:
 
 @everywhere
 def test_velocities_and_accelerations_are_derivatives_of_the_poses(name):
-    """Central differences are of second order: half the step, a quarter of the error."""
-    frames = 480 if made(name).run.simulation is None else 1440  # many swings or turns, not one cycle
-    few, many = made(name, frames), made(name, 2 * frames)
+    """Central differences are of second order: half the step, a quarter of the error. They are what is recorded, see above."""
+    m = made(name)
+    frames = 480 if m.run.simulation is None else 1440  # many swings or turns, not one cycle
+    few, many = motion_of(name, frames), motion_of(name, 2 * frames)
     shared = np.zeros(len(many.time), bool)
-    shared[::2] = smooth(few)  # the same moments: next to events differences leave out more of them when steps are long
+    shared[::2] = smooth(m, few)  # the same moments: next to events differences leave out more of them when steps are long
     np.testing.assert_allclose(many.time[::2], few.time, rtol=0, atol=1e-9)
-    every = difference_errors(many, smooth(many))
-    coarse, fine = difference_errors(few, smooth(few)), difference_errors(many, shared & smooth(many))
+    fine_ones = smooth(m, many)
+    every = difference_errors(m, many, fine_ones)
+    coarse, fine = difference_errors(m, few, shared[::2]), difference_errors(m, many, shared & fine_ones)
     for kind, error in fine.items():
         assert every[kind] < 2e-3, kind
-        if coarse[kind] > 1e-7 and not bends(made(name)):  # below, the last digits of poses and times decide
+        if coarse[kind] > 1e-7 and not bends(m):  # below, the last digits of poses and times decide
             order = np.log2(coarse[kind] / error)
             assert order == pytest.approx(2.0, abs=0.2), f"{kind}: order {order:.2f}, errors {coarse[kind]:.1e}, {error:.1e}"
 

@@ -8,7 +8,7 @@ import pytest
 import mechviz
 from mechcore import Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.structure import groups, gruebler, rank_mobility, redundant_pairs
-from mechviz.run import run_scene
+from recordings import ran
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 
@@ -17,7 +17,7 @@ def motion_of(name: str, *, at: float | None = None) -> Motion:
     """A gallery scene over its own run, or at one position of its first drive [rad] with the speed of the start."""
     scene = mechviz.load(name)
     if scene.simulation is not None:
-        return run_scene(scene, frames=240).motion
+        return ran(name).motion
     compiled = compile_mechanism(scene.mechanism)
     if at is None:
         return solve_motion(compiled, default_times(scene.mechanism, scene.frames, scene.cycles))
@@ -71,7 +71,7 @@ def test_forces_of_every_gallery_scene_balance_their_power(name):
 
 def forces_of(name: str, *, at: float | None = None) -> Forces:
     scene = mechviz.load(name)
-    return solve_forces(motion_of(name, at=at)) if scene.simulation is None else run_scene(scene, frames=240).forces
+    return solve_forces(motion_of(name, at=at)) if scene.simulation is None else ran(name).forces
 
 
 def test_crank_rocker_is_the_one_of_the_examples():
