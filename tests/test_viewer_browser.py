@@ -207,6 +207,25 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
 
 
+PLACE = """name => { const m = window.__viserMutable, node = m.nodeRefFromName[name], r = m.canvas.getBoundingClientRect();
+    const p = new m.camera.position.constructor().setFromMatrixPosition(node.matrixWorld).project(m.camera);
+    return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
+TOLD = "() => { const b = document.getElementById('mechviz-hover'); return b.style.display === 'none' ? '' : b.innerText; }"
+
+
+def test_the_pointer_is_told_what_it_rests_on(viewer, page):
+    b, d = (np.array(page.evaluate(PLACE, f"/joints/{name}/dot")) for name in "BD")
+    page.mouse.move(*b)
+    until(page, lambda: page.evaluate(TOLD) == "joint B\nrevolute, crank and coupler", "the joint")
+    page.mouse.move(*(0.5 * (b + d)))
+    until(page, lambda: page.evaluate(TOLD).startswith("link coupler"), "the link")
+    viewer.set_frame(60)  # it moves away below the pointer
+    until(page, lambda: "coupler" not in page.evaluate(TOLD), "nothing, or another link")
+    left, top, _, _ = page.evaluate(CANVAS)
+    page.mouse.move(left + 5, top + 5)
+    until(page, lambda: page.evaluate(TOLD) == "", "nothing beside the mechanism")
+
+
 def test_space_after_a_click_on_a_button_plays(viewer, page):
     page.get_by_role("button", name="Step ▸", exact=True).click()
     until(page, lambda: viewer.frame == 301, "one step")

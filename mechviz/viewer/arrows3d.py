@@ -12,7 +12,7 @@ from ..vectors import FAMILIES
 from .playback import PointTrack, ragged
 from .show import Show
 
-__all__ = ["ArrowNodes", "arc_vertices", "arrow_points"]
+__all__ = ["ArrowNodes", "arc_path", "arc_vertices", "arrow_points"]
 
 Real = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ class ArrowNodes:
                 empty = np.zeros((2 * ARC_STEPS + 5, 3), np.float32)
                 values = np.stack([empty if c is None else c for c in corners]).reshape(len(corners), -1)
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
-                yield PointTrack(_arc_path(*key), "vertices", values, counts)
+                yield PointTrack(arc_path(*key), "vertices", values, counts)
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(
@@ -184,7 +184,7 @@ class ArrowNodes:
 
     def _add_arc(self, family: str, item: str) -> viser.MeshHandle:
         return self._server.scene.add_mesh_simple(
-            _arc_path(family, item),
+            arc_path(family, item),
             arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, 0.0),
             ARC_FACES,
             color=FAMILIES[family].color,
@@ -195,7 +195,8 @@ class ArrowNodes:
         )
 
 
-def _arc_path(family: str, item: str) -> str:
+def arc_path(family: str, item: str) -> str:
+    """Name of the node of a moment."""
     return f"/moments/{family}/{item.replace('/', '_')}"
 
 

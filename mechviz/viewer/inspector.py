@@ -18,6 +18,7 @@ from .closer import Closer, items_of
 from .controls import Controls
 from .diagrams import Diagrams
 from .effects_tab import EffectsTab
+from .hover import HoverNames
 from .pivots import Pivots
 from .playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from .player import Player
@@ -109,6 +110,7 @@ class Inspector:
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
+        self.hover = HoverNames(server, show)
         self.plots.changed = self._changed
         server.on_client_connect(self._greet)
         server.on_client_disconnect(playback.forget)
@@ -161,6 +163,7 @@ class Inspector:
         self.diagrams.show(frame, False)
         self.timeline.update(show)
         self.switches.update(show)
+        self.hover.update(show)
         if self.effects is not None:
             self.effects.update(show)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .show import Show
 
-__all__ = ["PATH", "Joints", "Paths", "joint_groups", "path_segments"]
+__all__ = ["PATH", "Joints", "Paths", "dot_path", "joint_groups", "joint_path", "path_segments"]
 
 Real = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Paths:
                     _path(name), lines, PATH, thickness=2.5, thickness_units="screen", visible=self._on
                 )
                 self._dots[name] = self._server.scene.add_icosphere(
-                    f"{_path(name)}/now", 0.009 * show.size, color=PATH, cast_shadow=False, receive_shadow=False
+                    dot_path(name), 0.009 * show.size, color=PATH, cast_shadow=False, receive_shadow=False
                 )
             elif name not in self._places or not np.array_equal(self._places[name], xyz):
                 self._lines[name].points = lines
@@ -68,7 +68,7 @@ class Paths:
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
-        return {f"{_path(name)}/now": (xyz, None) for name, xyz in self._places.items()}
+        return {dot_path(name): (xyz, None) for name, xyz in self._places.items()}
 
 
 class Joints:
@@ -97,7 +97,7 @@ class Joints:
             self._groups.append((key, np.column_stack([xy, np.full(len(xy), z)])))
             if key not in self._labels:
                 text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
-                path = f"/joints/{'+'.join(names).replace('/', '_')}"
+                path = joint_path(names)
                 self._names[key] = path
                 self._labels[key] = self._server.scene.add_label(
                     f"{path}/name", text, anchor="bottom-left", font_screen_scale=1.0, visible=self._on
@@ -165,6 +165,16 @@ def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str
         else:
             groups.append(([name], xy))
     return groups
+
+
+def joint_path(names: Iterable[str]) -> str:
+    """Name of the node of joints that share a dot."""
+    return f"/joints/{'+'.join(names).replace('/', '_')}"
+
+
+def dot_path(name: str) -> str:
+    """Name of the node of a traced point's dot."""
+    return f"{_path(name)}/now"
 
 
 def _path(name: str) -> str:

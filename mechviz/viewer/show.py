@@ -130,6 +130,7 @@ class Show:
     run: Run | None = None  # not of a recording
     spatial: Mapping[str, tuple[Real, Real]] = field(default_factory=dict)
     """Links that do not only turn about z, of a recording: places (F, 3) [m] and turns (F, 4), w first."""
+    kinds: Mapping[str, tuple[str, tuple[str, str]]] = field(default_factory=dict)  # of joints, with their two links
     heights: Mapping[tuple[str, str], float] = field(default_factory=dict)  # of arrows and arcs, by family and item
 
     @property

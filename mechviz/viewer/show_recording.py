@@ -367,6 +367,7 @@ class _Reader:
             spatial=self.spatial(),
             opening=_telling(quantities, len(self.time)),
             notes=escape(self.recording.notes, quote=False),
+            kinds={name: (str(j["type"]), (str(j["links"][0]), str(j["links"][1]))) for name, j in self.joints.items()},
         )
 
 

@@ -19,6 +19,7 @@ from ..record.events import peak_events
 from ..record.simulations import simulation_events
 from ..rollers import find_rollers
 from ..run import Run
+from ..tables import joints_of
 from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vectors
 from . import words
 from .quantities import find_axes, find_quantities, first_choice, slides
@@ -158,6 +159,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         opening=telling_frame(run),
         notes=words.plan_list(run),
         run=run,
+        kinds={j.name: (j.kind, j.links) for j in joints_of(motion)},
         heights=heights,
     )
 
