@@ -375,6 +375,31 @@ def test_after_a_return_to_the_front_the_view_follows_the_window_again(viewer, p
         _until_fitted(viewer, page)
 
 
+LOOKING = """() => { const c = window.__viserMutable.camera; return c.getWorldDirection(c.position.clone()).toArray(); }"""
+
+
+def test_in_2d_dragging_moves_the_picture_and_turns_nothing(viewer, page):
+    def dragged() -> float:
+        """By how much the direction of the view changes while the mouse is dragged."""
+        left, top, _, _ = page.evaluate(CANVAS)
+        before, place = np.array(page.evaluate(LOOKING)), _camera(page)
+        page.mouse.move(left + 40, top + 40)
+        page.mouse.down()
+        page.mouse.move(left + 70, top + 80, steps=3)
+        page.mouse.up()
+        until(page, lambda: np.abs(_camera(page) - place).max() > 0.01, "the camera moved")
+        return float(np.abs(np.array(page.evaluate(LOOKING)) - before).max())
+
+    page.get_by_role("button", name="2D", exact=True).click()
+    until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") < 2.0, "hardly any perspective")
+    assert dragged() < 1e-9
+    page.get_by_role("button", name="Front", exact=True).click()
+    _until_fitted(viewer, page)
+    assert dragged() > 0.05, "elsewhere it turns"
+    page.get_by_role("button", name="Front", exact=True).click()
+    _until_fitted(viewer, page)
+
+
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
     with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
         opened = new_page(browser, SIZE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,9 +21,23 @@ TIMELINE = 0.36  # part of the picture's height that the timeline covers
 MARGIN = 0.06  # around the mechanism, of its extent
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
+UNSHIFTED = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
 FITS = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
 MOST_KNOWN = 50  # views that a browser has been given and may still report
+MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
+
+# In 2D dragging moves the mechanism in its plane and the wheel brings nearer what is below the pointer; elsewhere dragging turns.
+# viser has no call for that: the script looks for the hook that its page shows, and without it dragging turns as ever.
+DRAGGING = """
+{ const controls = (window.__viserMutable || {}).cameraControl, action = controls && controls.constructor.ACTION;
+  if (action && action.TRUCK !== undefined) {
+    const flat = FLAT;
+    controls.mouseButtons.left = flat ? action.TRUCK : action.ROTATE;
+    controls.touches.one = flat ? action.TOUCH_TRUCK : action.TOUCH_ROTATE;
+    controls.dollyToCursor = flat;
+  } }
+"""
 
 
 @dataclass(frozen=True)
@@ -134,10 +149,12 @@ class FittedCameras:
         return self._presets.get(client.client_id, "front")
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
-        """Bring a browser's camera to one of the ``PRESETS``, and follow its window again."""
+        """Bring a browser's camera to one of the ``PRESETS``, and follow its window again. In 2D it cannot be turned."""
         self._presets[client.client_id] = preset
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
+        source = DRAGGING.replace("FLAT", json.dumps(preset == "flat"))
+        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
         self._set(client, fit_view(self._bounds, aspect, PRESETS[preset]))
 
     def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
@@ -147,9 +164,10 @@ class FittedCameras:
         view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)])
         known = self._known.get(client.client_id, [])
         near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
+        beside = UNSHIFTED * 2.0 * view.distance * np.tan(view.fov / 2.0)  # a 2D view is far away, yet looks at the same extent
         moved = not (
             any(np.linalg.norm(v.position - camera.position) < near for v in known)
-            and any(np.linalg.norm(v.look_at - camera.look_at) < near for v in known)
+            and any(np.linalg.norm(v.look_at - camera.look_at) < beside for v in known)
         )
         apart = float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))
         if not moved and apart > FITS * view.distance:
@@ -175,6 +193,7 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
         queue(_messages.SetCameraFovMessage(view.fov, initial=False))
         queue(_messages.SetCameraNearMessage(view.distance / 100.0, initial=False))
         queue(_messages.SetCameraFarMessage(view.distance * 100.0, initial=False))
+        queue(_messages.SetCameraMinOrbitDistanceMessage(MOST_NEAR * view.distance))
         queue(_messages.SetCameraUpDirectionMessage(up, initial=False))
         queue(_messages.SetCameraPositionMessage(position))
         queue(_messages.SetCameraLookAtMessage(look_at))

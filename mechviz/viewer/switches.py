@@ -18,6 +18,7 @@ from .show import Show
 __all__ = ["Switches"]
 
 SIZES = {"Size of forces": FORCE_FAMILIES, "Size of velocities": ("velocity",), "Size of accelerations": ("acceleration",)}
+CAMERAS = "2D is straight on and hardly has a perspective: there dragging moves the picture; elsewhere it turns the view"
 HINT = "times the size at which the largest one is a third of the mechanism"
 
 
@@ -43,7 +44,7 @@ class Switches:
         self.marks: dict[str, viser.GuiCheckboxHandle] = {}
         self.sizes: dict[str, Any] = {}
         with tab:
-            self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()))
+            self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()), hint=CAMERAS)
             self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
