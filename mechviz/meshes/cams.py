@@ -1,4 +1,4 @@
-"""Cams and what touches them: profiles with hub and key, rollers in forks, knives, faces, mushrooms and yokes, stems in guides.
+"""Cams and what touches them: profiles on their hubs, rollers in forks, knives, faces, mushrooms and yokes, stems in guides.
 
 A cam, the head of its follower and, where the guide stands on the ground, the stem with its rails lie on one layer. Heads of other
 followers lie on the cam's layer and hang on the plate of their link. Lengths are in units of the mechanism's size.
@@ -107,14 +107,6 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
         draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
-    if cam.placed.bed is None:  # the key stands before the hub, where it can be seen
-        radius = next((a.sleeve for a in model.axles if math.dist(a.centres.get(cam.cam, (9.0, 9.0)), cam.bore) < 1e-9), 0.0)
-        if radius:
-            near, far, half = 1.05 * radius, 2.1 * radius, 0.3 * radius
-            key = Polygon([(near, -half), (far, -half), (far, half), (near, half)])
-            placed = _moved(key, complex(*cam.bore), cam.placed.mount)
-            if cam.profile.contains(placed):
-                draft.pieces.append(Piece(cam.cam, placed, group, "wheel", mates, height=(1.0 - 0.05, 1.28)))
 
 
 def _outer_flank(cam: CamDrawing) -> Polygon:

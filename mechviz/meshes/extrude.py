@@ -16,7 +16,7 @@ from shapely.geometry import Point, Polygon
 
 from .outline import clean
 
-__all__ = ["Groove", "Profile", "Shell", "Turned", "plate", "revolve"]
+__all__ = ["Groove", "Profile", "Shell", "Turned", "bored", "plate", "revolve"]
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -34,17 +34,20 @@ class Turned:
     """A round feature of a plate: profiles (radius, z) that start on the plate's top and bottom face.
 
     An empty profile leaves that face alone. If both profiles end at the same radius > 0 they are joined by the wall of
-    a through hole. If a profile ends at radius 0 the feature is closed on that side (a stud).
+    a through hole. If a profile ends at radius 0 the feature is closed on that side (a stud). A ``bore`` is the outline of a hole
+    that is not round, in place of the last radius of both profiles.
     """
 
     centre: tuple[float, float]
     top: Profile = ()
     bottom: Profile = ()
+    bore: Polygon | None = None
 
     @property
     def rim(self) -> float:
         """The largest radius where the feature leaves a face of the plate."""
-        return max([profile[0][0] for profile in (self.top, self.bottom) if profile], default=0.0)
+        reach = 0.0 if self.bore is None else float(np.hypot(*(_coords(self.bore.exterior) - self.centre).T).max())
+        return max([reach, *(profile[0][0] for profile in (self.top, self.bottom) if profile)])
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,9 @@ class _Builder:
         self._faces: list[np.ndarray] = []
         self._count = 0
 
-    def ring(self, xy: np.ndarray, z: float) -> np.ndarray:
-        """Vertices xy (n, 2) at height z -> their indices (n,)."""
-        self._vertices.append(np.column_stack([xy, np.full(len(xy), z)]))
+    def ring(self, xy: np.ndarray, z: np.ndarray | float) -> np.ndarray:
+        """Vertices xy (n, 2) at height z, one for all or (n,) -> their indices (n,)."""
+        self._vertices.append(np.column_stack([xy, np.broadcast_to(z, len(xy))]))
         self._count += len(xy)
         return np.arange(self._count - len(xy), self._count)
 
@@ -151,7 +154,45 @@ def revolve(profile: Profile, centre: tuple[float, float] = (0.0, 0.0), segments
     return build.shell()
 
 
+def bored(rings: Sequence[tuple[np.ndarray, np.ndarray | float]], bore: Polygon) -> Shell:
+    """A solid around the z axis with a bore of any outline right through it.
+
+    rings: xy (n, 2), counter-clockwise, and z (n,) or one number, of as many points each, from the outer edge of its lower end face
+    to that of its upper one, both of which are flat.
+    """
+    build = _Builder()
+    index = [build.ring(xy, z) for xy, z in rings]
+    build.strips(index)
+    hole = _coords(clean(bore).exterior)
+    low, high = (build.ring(hole, float(np.mean(z))) for z in (rings[0][1], rings[-1][1]))
+    build.face([(rings[0][0], index[0]), (hole, low)], up=False)
+    build.face([(rings[-1][0], index[-1]), (hole, high)], up=True)
+    build.strip(high, low)
+    return build.shell()
+
+
+def _add_bored(build: _Builder, feature: Turned, top: list, bottom: list, segments: int) -> None:
+    """A boss, or none, around a hole that is not round."""
+    assert feature.bore is not None
+    circle, hole = _circle(segments), _coords(clean(feature.bore).exterior)
+    ends = []
+    for profile, face, up in ((feature.top, top, True), (feature.bottom, bottom, False)):
+        end = build.ring(hole, profile[-1][1])
+        ends.append(end)
+        if len(profile) == 1:  # no boss
+            face.append((hole, end))
+            continue
+        radii = [r for r, _ in profile[:-1]]
+        rings = [build.ring(feature.centre + r * circle, z) for r, z in profile[:-1]]
+        face.append((feature.centre + radii[0] * circle, rings[0]))
+        build.strips(rings if up else rings[::-1])
+        build.face([(feature.centre + radii[-1] * circle, rings[-1]), (hole, end)], up=up)
+    build.strip(*ends)
+
+
 def _add_turned(build: _Builder, feature: Turned, top: list, bottom: list, segments: int) -> None:
+    if feature.bore is not None:
+        return _add_bored(build, feature, top, bottom, segments)
     circle = _circle(segments)
     sides = []
     for profile, face in ((feature.top, top), (feature.bottom, bottom)):

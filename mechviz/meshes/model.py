@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from shapely.geometry import Point
 
 from mechcore.pairs import Builder, Joint, build_pairs
 from mechcore.spec import CamPair, Force, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
@@ -20,6 +21,7 @@ __all__ = ["Axle", "Guide", "Model", "Proportions", "Slot", "Weldment", "build_m
 
 _SAME = 1e-6  # points closer than this share one axle
 _WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
+_SHAFT, _HUB = 0.58, 1.15  # radii of a camshaft and of the hub on it, in half widths of a plate
 _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
 
 
@@ -75,6 +77,7 @@ class Axle:
     owner: str  # the link that the pin belongs to
     pin: float
     boss: float
+    key: Vec2 | None = None  # a camshaft: the pin turns with its owner, keyed to it in this direction of the owner's frame
 
     @property
     def hole(self) -> float:
@@ -175,7 +178,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
     telescopes = find_telescopes(mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.r)
     marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
-    axles = tuple(_axle(c, clusters, marks, proportions) for c in clusters)
+    axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, mechanism.frame, proportions.r) for c in clusters)
     guides = [j for j in others if j.name not in {t.pair for t in telescopes}]
     return Model(
         frame=mechanism.frame,
@@ -348,6 +351,19 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
         room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less room than a pin
     room = max(room, 10.0 * _SAME)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
+
+
+def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle:
+    """The axle as a shaft that turns with the first plane cam on it, thicker than a pin where nothing else is on it."""
+    for cam in cams:
+        at = axle.centres.get(cam.cam)
+        if cam.placed.bed is not None or at is None or _distance(at, cam.bore) > _SAME:
+            continue
+        keyed = replace(axle, owner=cam.cam, key=_xy(cam.placed.mount / abs(cam.placed.mount)))
+        rim = min(Point(c.bore).distance(c.profile.exterior) for c in cams if c.cam == cam.cam)
+        thick = set(axle.centres) == {frame, cam.cam} and rim > 1.5 * _HUB * r and axle.boss > 0.8 * r
+        return replace(keyed, pin=_SHAFT * r, boss=_HUB * r) if thick else keyed
+    return axle
 
 
 def _travel(joint: Joint, poses: Mapping[str, np.ndarray]) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from mechcore.spec import Vec2
 
 from .draft import Draft, Piece
 from .extrude import Groove, Profile, Shell, Turned, plate, revolve
+from .keys import key_outline, keyed_bore, keyway_reach
 from .model import Axle, Model
 from .outline import clean, disc, pedestal, polygons
 from .palette import BELT, PIN, Color
@@ -43,7 +44,7 @@ class Part:
     """One watertight part of a link."""
 
     link: str
-    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin" or "pedestal"
+    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin", "key" or "pedestal"
     shell: Shell
     color: Color | None  # None: the colour of the link
     space: tuple[Prism, ...]
@@ -52,9 +53,9 @@ class Part:
 
 def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     """All parts of a mechanism."""
-    parts = [
-        _round_part(levels, piece, model) if piece.profile else _flat_part(model, draft, levels, piece) for piece in draft.pieces
-    ]
+    parts: list[Part] = []
+    for piece in draft.pieces:
+        parts += [_round_part(levels, piece, model)] if piece.profile else _flat_parts(model, draft, levels, piece)
     parts += _necks(model, draft, levels)
     parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
     parts += _pedestals(model, draft, levels)
@@ -66,8 +67,8 @@ def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     return parts
 
 
-def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part:
-    """A plate, block or rail with its holes and bosses."""
+def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> list[Part]:
+    """A plate, block or rail with its holes and bosses, and the keys in them."""
     size = model.proportions
     layer = levels.layer[piece.group]
     low, high = levels.plate(layer)
@@ -77,6 +78,7 @@ def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part
     turned: list[Turned] = []
     holes: list[Polygon] = []
     bosses: list[Prism] = []
+    keys: list[Part] = []
     shape = clean(piece.outline)
     for k, axle in enumerate(model.axles):
         if piece.link not in axle.centres or piece.link == model.frame:
@@ -88,18 +90,23 @@ def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part
         if room <= 1.02 * axle.hole:
             continue
         hole = disc(centre, axle.hole, model.segments)
-        holes.append(hole)
         boss = min(axle.boss, room)
+        bore = None
+        if axle.key is not None and axle.owner == piece.link and boss > keyway_reach(axle.pin):
+            bore = hole = keyed_bore(centre, axle.pin, axle.hole, axle.key, model.segments)
+        holes.append(hole)
         if piece.kind not in ("plate", "wheel") or boss < 1.1 * axle.hole:
-            turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),)))
+            turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),), bore))
+            keys += [_key(axle, (low, high), model)] if bore else []
             continue
         above, below = _boss_heights(model, levels, k, layer)
         hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
         above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
         upper = _boss(boss, axle.hole, high, above, size.bevel)
         lower = _boss(boss, axle.hole, low, -below, size.bevel)
-        turned.append(Turned(centre, upper, lower))
+        turned.append(Turned(centre, upper, lower, bore))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
+        keys += [_key(axle, (low - below, high + above), model)] if bore else []
     marks = _drilled_marks(model, piece, shape, turned, low, high)
     turned += marks
     flat = shape.difference(unary_union([*holes, *(disc(mark.centre, mark.rim, model.segments) for mark in marks)]))
@@ -113,7 +120,14 @@ def _flat_part(model: Model, draft: Draft, levels: Levels, piece: Piece) -> Part
     bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
     shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
     color = BELT if piece.kind == "belt" else None
-    return Part(piece.link, piece.kind, shell, color, space, piece.mates)
+    return [Part(piece.link, piece.kind, shell, color, space, piece.mates), *keys]
+
+
+def _key(axle: Axle, z: tuple[float, float], model: Model) -> Part:
+    """The key of a shaft between two heights."""
+    assert axle.key is not None
+    shape = key_outline(axle.centres[axle.owner], axle.pin, axle.key, model.segments)
+    return Part(axle.owner, "key", plate(shape, z, 0.0), PIN, (Prism(shape, *z),))
 
 
 def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
@@ -146,6 +160,8 @@ def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) ->
     front = levels.axle_front[axle_number]
     on_above = max(reached) > layer or (ground and front)
     on_below = min(reached) < layer or (ground and not front)
+    if axle.key is not None:  # the shaft ends in the hub, without a head before it
+        on_above, on_below = on_above or max(reached) == layer, on_below or min(reached) == layer
     return boss * (1.0 if on_above else _OUTER_BOSS), boss * (1.0 if on_below else _OUTER_BOSS)
 
 
@@ -205,16 +221,18 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
     if ground and not front:
         steps.append((axle.pin, bottom - size.clearance, bottom + size.boss))
     else:
-        steps.append((axle.sleeve, bottom, bottom + head))
+        steps.append((axle.pin if axle.key else axle.sleeve, bottom, bottom + head))
     for a, b in pairwise(reached):
         if b > a + 1 and not _bushed(draft, levels, axle, a, b):
             gap = 0.5 * size.clearance
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
+    free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
+    tall = _HEAD * size.t if free else 0.0
     if ground and front:
         steps.append((axle.pin, top - size.boss, top + size.clearance))
+    elif axle.key is not None:  # the end of a shaft, so that bore and key are seen
+        steps.append((axle.pin, top - size.boss, top + 0.5 * tall))
     else:
-        free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
-        tall = _HEAD * size.t if free else 0.0
         steps.append((axle.sleeve, top - head, top + tall))
     centre = axle.centres[axle.owner]
     shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely.geometry import Polygon
 
 from mechcore.pairs import Builder, point_of
 from mechcore.spec import CamPair, Mechanism, Vec2
 
-from .extrude import Shell, revolve
+from .extrude import Shell, bored, plate, revolve
+from .keys import key_outline, keyed_bore, keyway_reach
 from .outline import disc
 from .palette import PIN
 
@@ -33,6 +35,8 @@ Real = NDArray[np.float64]
 
 _ROUND = 360  # points of a ring
 _ACROSS = 9  # places along the roller between which the flank is interpolated
+_BORE = 48  # sides of bore and shaft
+_FIT = 0.995  # radius of the shaft in its bore
 _CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
 
 
@@ -138,11 +142,11 @@ def _circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
     return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
 
 
-def _rings(placed: PlacedSpatial, bore: float) -> list[Real]:
-    """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the bore around to the bore."""
+def _rings(placed: PlacedSpatial) -> list[Real]:
+    """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the edge of one flat end to that of the other."""
     blank, r = placed.blank, placed.cam.radius
     if blank.kind == "globoid":
-        return _globoid(placed, bore)
+        return _globoid(placed)
     wall = 0.9 * r
     if blank.kind == "rib":
         reach = 0.5 * blank.thickness + r
@@ -151,7 +155,7 @@ def _rings(placed: PlacedSpatial, bore: float) -> list[Real]:
         up_high, up_low = [_edge(placed, 1, x, reach) for x in (blank.radius, core)]
         a = np.arctan2(low[:, 1], low[:, 0])
         z0, z1 = low[:, 2].min() - 2.0 * r - wall, up_low[:, 2].max() + 2.0 * r + wall
-        return [_circle(a, bore, z0), _circle(a, core, z0), low, high, up_high, up_low, _circle(a, core, z1), _circle(a, bore, z1)]
+        return [_circle(a, core, z0), low, high, up_high, up_low, _circle(a, core, z1)]
     edge = _edge(placed, 1, blank.radius)
     a = np.arctan2(edge[:, 1], edge[:, 0])
     z0 = edge[:, 2].min() - wall
@@ -159,22 +163,14 @@ def _rings(placed: PlacedSpatial, bore: float) -> list[Real]:
         hollow = blank.radius - blank.depth
         inner = _edge(placed, 1, hollow)
         z0 -= wall
-        return [
-            _circle(a, bore, z0),
-            _circle(a, blank.radius, z0),
-            edge,
-            inner,
-            _circle(a, hollow, z0 + wall),
-            _circle(a, bore, z0 + wall),
-        ]
+        return [_circle(a, blank.radius, z0), edge, inner, _circle(a, hollow, z0 + wall)]
     floor = blank.radius - blank.depth
     lower, upper, far = _edge(placed, 1, floor), _edge(placed, -1, floor), _edge(placed, -1, blank.radius)
     z1 = far[:, 2].max() + wall
-    below, above = ([_circle(a, rho, z) for rho in (bore, blank.radius)] for z in (z0, z1))
-    return [*below, edge, lower, upper, far, *above[::-1]]
+    return [_circle(a, blank.radius, z0), edge, lower, upper, far, _circle(a, blank.radius, z1)]
 
 
-def _globoid(placed: PlacedSpatial, bore: float) -> list[Real]:
+def _globoid(placed: PlacedSpatial) -> list[Real]:
     assert placed.pivot is not None
     distance = abs(placed.pivot - placed.centre)
     cam = placed.cam
@@ -186,28 +182,19 @@ def _globoid(placed: PlacedSpatial, bore: float) -> list[Real]:
     for edge, angle, end in ((near, psi[0], ends[0]), (far, psi[1], ends[1])):
         a = np.arctan2(edge[:, 1], edge[:, 0])
         steps = [end + (angle - end) * t for t in np.linspace(0.0, 1.0, 7)[:-1]]
-        hollow = [_circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps]
-        rings.append([_circle(a, bore, cam.inner * np.sin(end)), *hollow])
+        rings.append([_circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps])
     return [*rings[0], near, low, up, far, *rings[1][::-1]]
 
 
 # -- parts ----------------------------------------------------------------------------------------------------------------
 
 
-def _closed(rings: list[Real]) -> Shell:
-    """A closed surface around an axis through rings of as many points each; the last one joins the first."""
-    n, m = len(rings[0]), len(rings)
-    first = np.arange(n)
-    after = np.roll(first, -1)
-    faces = []
-    for k in range(m):
-        a, b = k * n, ((k + 1) % m) * n
-        faces.append(np.column_stack([a + first, b + after, a + after]))
-        faces.append(np.column_stack([a + first, b + first, b + after]))
-    vertices, index = np.vstack(rings), np.vstack(faces)
-    p, q, r = (vertices[index[:, k]] for k in range(3))
-    volume = float(np.einsum("ij,ij->", p, np.cross(q, r)))
-    return Shell(vertices, index if volume > 0.0 else index[:, ::-1])
+def _solid(rings: list[Real], bore: Polygon) -> Shell:
+    """The solid around an axis through rings of as many points each, with a bore."""
+    x, y = rings[0][:, 0], rings[0][:, 1]
+    clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
+    turned = [ring[::-1] if clockwise else ring for ring in rings]
+    return bored([(ring[:, :2], ring[:, 2]) for ring in turned], bore)
 
 
 def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
@@ -252,8 +239,12 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     if drawing.flat and placed.pivot is not None:
         least = abs(placed.pivot - placed.centre) - placed.cam.outer
     shaft = max(0.35 * least, 0.1 * drawing.size * r)
-    rings = _rings(placed, shaft)
+    rings, axis = _rings(placed), (0.0, 0.0)
     z0, z1 = (float(f(np.concatenate(rings)[:, 2])) for f in (np.min, np.max))
+    ends = [float(ring[0, 2]) for ring in (rings[0], rings[-1])]
+    radius = _FIT * shaft
+    keyed = keyway_reach(radius) < 0.95 * least
+    bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE) if keyed else disc(axis, shaft, _BORE)
     mates = frozenset([drawing.pair])
     spot = disc(drawing.bore, 0.2 * r, 12)
 
@@ -264,8 +255,11 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
 
     free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
     long, wide = 1.6 * r * drawing.size, 2.0 * shaft
-    bar = revolve(((0.0, z0 - free), (0.995 * shaft, z0 - free), (0.995 * shaft, z1 + free), (0.0, z1 + free)), segments=48)
-    found = [part(drawing.cam, "wheel", _closed(rings)), part(drawing.cam, "pin", bar, PIN)]
+    bar = revolve(((0.0, z0 - free), (radius, z0 - free), (radius, z1 + free), (0.0, z1 + free)), segments=_BORE)
+    found = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
+    if keyed:
+        key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
+        found.append(part(drawing.cam, "key", key, PIN))
     for a, b in ((z0 - free - long, z0 - free), (z1 + free, z1 + free + long)):
         box = revolve(((0.0, a), (1.414 * wide, a), (1.414 * wide, b), (0.0, b)), segments=4)
         turned = box.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, 1.414]]) / 1.414
