@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -36,7 +36,7 @@ class Made:
     def path(self) -> Path:
         return self.summary.path
 
-    @property
+    @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
         return without_clearances(mechviz.loads(self.recording.scene_text).mechanism)
