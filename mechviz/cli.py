@@ -456,9 +456,10 @@ def view(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
     """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording."""
-    from .viewer import ViewerError, serve
+    from .viewer import ViewerError, serve, serve_while
 
     with clear_errors(scene):
         if scene.endswith(".rrd"):
@@ -466,6 +467,8 @@ def view(
 
             if (frames, cycles, accuracy) != (None, None, None):
                 fail("--frames, --cycles and --accuracy are for scenes: a recording is played as it is.")
+            if live:
+                fail("--live is for scenes: a recording is there at once.")
             try:
                 serve(Recording(scene), port=port)
             except RecordingError as e:
@@ -473,9 +476,17 @@ def view(
             except ViewerError as e:
                 fail(str(e), 1)
             return
-        run = solve(load_scene(scene), frames, cycles, accuracy)
+        loaded, folder = load_scene(scene), Path(scene).parent.resolve() if Path(scene).is_file() else None
         try:
-            serve(run, port=port, folder=Path(scene).parent.resolve() if Path(scene).is_file() else None)
+            if live:
+                if loaded.simulation is None:
+                    fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
+                from .run import run_scene, with_run
+
+                grown = with_run(loaded, frames, cycles)
+                serve_while(lambda observe: run_scene(grown, accuracy=accuracy, observe=observe), grown, port, folder)
+            else:
+                serve(solve(loaded, frames, cycles, accuracy), port=port, folder=folder)
         except ViewerError as e:
             fail(str(e), 1)
 

@@ -19,7 +19,6 @@ from mechcore.studies import compute as compute_studies
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
-    from mechcore.dynamics.pieces import Piece
     from mechcore.dynamics.progress import Method
     from mechcore.dynamics.steady import SteadyRun
 
@@ -101,12 +100,12 @@ def run_scene(
     outputs: Iterable[str] = OUTPUTS,
     advance: Callable[[float, float], None] = lambda *_: None,
     accuracy: Accuracy | float | None = None,
-    observe: Callable[[Piece, Compiled, float], None] | None = None,
+    observe: Callable[[Simulation, float], None] | None = None,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
     Where forces decide the motion it is found first, over the scene's duration; ``advance`` is told how far it is known and how
-    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the mechanism and the whole duration.
+    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration.
 
     Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
@@ -198,7 +197,7 @@ def _resimulate(
     compiled: Compiled,
     advance: Callable[[float, float], None],
     steady: SteadyRun | None,
-    observe: Callable[[Piece, Compiled, float], None] | None,
+    observe: Callable[[Simulation, float], None] | None,
 ) -> Resimulate:
     """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method; only the
     first motion is observed while it is found."""
@@ -221,7 +220,7 @@ def _resimulate(
             watches=spec.watches,
             liftoffs=spec.liftoffs,
             progress=lambda t: advance(t, duration),
-            observe=None if look is None else lambda piece: look(piece, compiled, duration),
+            observe=None if look is None else lambda stretch: look(stretch, duration),
         )
 
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import socket
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 import mechviz
+from mechcore.errors import Fault, MechanismError
 from mechviz.cli import app
 from mechviz.record import Recording, RecordingError, write_recording
 from mechviz.record.live import live
 from mechviz.record.stream_file import free_port, part_path
 from mechviz.run import run_scene, with_run
+from mechviz.running import Running
+from mechviz.viewer import Viewer
+from mechviz.viewer.computing import Computing, Stopped
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +52,12 @@ def test_what_is_known_can_be_read_and_watched_while_it_runs(scene, tmp_path: Pa
     _, motion = early.scalars("data", "joints", run.scene.mechanism.drives[0].pair, "motion")
     assert motion == pytest.approx(run.motion.coordinate(run.scene.mechanism.drives[0].pair)[: len(pose)], abs=1e-6)
     write_recording(run, path)
+    whole = Recording(path)
+    for item in (("energy",), ("joints", run.scene.mechanism.pairs[0].name, "reaction"), ("power",)):
+        known, final = early.scalars("data", *item)[1], whole.scalars("data", *item)[1]
+        assert known.shape == final[: len(pose)].shape and known == pytest.approx(
+            final[: len(pose)], abs=1e-9 * np.abs(final).max()
+        )
     assert len(Recording(path).scalars("data", "links", link, "pose")[0]) == run.motion.frames
 
 
@@ -76,6 +87,106 @@ def test_followers_that_fly_are_shown_too(tmp_path: Path):
     assert sent[-1] == scene.frames + 1
 
 
+@pytest.mark.parametrize("name, frames", [("trip-hammer", 400), ("stick-slip-feed", 300), ("pendulum-near-the-top", 100)])
+def test_stretches_make_the_whole_with_its_works_and_losses(name: str, frames: int):
+    """Impacts, stops, sticking, motion by energy: blocks say what the whole motion says in the end."""
+    scene = with_run(mechviz.load(name), frames, None)
+    running, blocks = Running(scene), []
+
+    def observe(stretch, duration: float) -> None:
+        found = running.take(stretch, duration)
+        if found is not None:
+            blocks.append(found)
+
+    run = run_scene(scene, observe=observe)
+    so_far = running.so_far()
+    assert so_far.motion.frames == run.motion.frames == sum(b.motion.frames for b in blocks)
+    assert so_far.simulation is not None and run.simulation is not None
+    energy = run.forces.energy
+    size = np.abs(energy).max()
+    assert so_far.forces.energy == pytest.approx(energy, abs=1e-12 * size)
+    assert np.concatenate([b.forces.energy for b in blocks]) == pytest.approx(energy, abs=1e-12 * size)
+    for pair in (p.name for p in scene.mechanism.pairs):
+        assert so_far.motion.coordinate(pair) == pytest.approx(run.motion.coordinate(pair), rel=1e-9, abs=1e-12)
+        assert so_far.forces.reaction(pair) == pytest.approx(run.forces.reaction(pair), rel=1e-7, abs=1e-9)
+    # what happens at the very end begins no stretch
+    assert so_far.simulation.happenings == run.simulation.happenings[: len(so_far.simulation.happenings)]
+    assert len(so_far.simulation.happenings) >= len(run.simulation.happenings) - 2
+    assert len(so_far.simulation.pieces) <= len(run.simulation.pieces)
+    assert sum(e for _, e in so_far.simulation.lost) == pytest.approx(sum(e for _, e in run.simulation.lost), abs=1e-12 * size)
+
+
+def test_the_viewer_shows_a_motion_from_its_first_frames_on(scene):
+    """The computing is held until the viewer has shown how far it is, so that no step depends on the clock."""
+    go_on, reached = threading.Event(), threading.Event()
+    count = 0
+
+    def solve(observe):
+        def held(stretch, duration: float) -> None:
+            nonlocal count
+            observe(stretch, duration)
+            count += 1
+            if stretch.duration > 0.4 * duration and not go_on.is_set():
+                reached.set()
+                assert go_on.wait(60.0)
+
+        return run_scene(scene, observe=held)
+
+    with Computing(solve, scene) as computing:
+        while computing.wait() and (run := computing.news()) is None:
+            pass
+        assert run is not None and run.motion.frames < scene.frames
+        with Viewer(run, port=0, growing=True) as viewer:
+            viewer.grow(run, computing.duration)
+            first = viewer.inspector.show
+            assert viewer.frame == first.frames - 1 == run.motion.frames - 1
+            assert first.arrows["reaction"].values.shape[0] == first.frames  # forces, too
+            assert reached.wait(60.0)
+            later = computing.running.so_far()
+            viewer.grow(later, computing.duration)
+            assert viewer.inspector.show.frames == later.motion.frames >= first.frames
+            assert viewer.frame == viewer.timeline.slider.max == later.motion.frames - 1  # who is at the end goes along
+            viewer.set_frame(2)
+            go_on.set()
+            while computing.wait():
+                pass
+            assert computing.run is not None and computing.error is None
+            viewer.grow(computing.running.so_far(), computing.duration)
+            assert viewer.frame == 2 and viewer.timeline.slider.max == scene.frames  # who looks at something else stays there
+            viewer.finish(computing.run)
+            assert viewer.frame == 2 and viewer.run is computing.run and viewer.studio.parameters
+
+
+def test_a_motion_that_ends_early_is_kept_on_show(scene):
+    """What is known stays, with the reason; what is left early stops computing."""
+    asked = threading.Event()
+
+    def solve(observe):
+        def broken(stretch, duration: float) -> None:
+            observe(stretch, duration)
+            if stretch.duration > 0.3 * duration:
+                assert asked.wait(60.0)
+                raise MechanismError(Fault("dynamics", "the rope breaks.", "Take a stronger one."))
+
+        return run_scene(scene, observe=broken)
+
+    with Computing(solve, scene) as computing:
+        while computing.wait() and (run := computing.news()) is None:
+            pass
+        asked.set()
+        while computing.wait():
+            pass
+        assert isinstance(computing.error, MechanismError) and computing.run is None
+        with Viewer(run, port=0, growing=True) as viewer:
+            viewer.fail(computing.error)
+            assert "the rope breaks" in viewer.growth.words and viewer.inspector.show.frames == run.motion.frames
+    with Computing(lambda observe: run_scene(scene, observe=observe), scene) as computing:
+        computing.stop()
+        while computing.wait():
+            pass
+        assert isinstance(computing.error, Stopped) and computing.run is None
+
+
 def test_faults_are_told(scene, tmp_path: Path):
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
@@ -85,6 +196,10 @@ def test_faults_are_told(scene, tmp_path: Path):
     assert not list(tmp_path.iterdir()) and free_port() > 0
     result = CliRunner().invoke(app, ["record", "crank-rocker", "-o", str(tmp_path / "x.rrd"), "--live", "0"])
     assert result.exit_code == 2 and "nothing is free" in result.output
+    result = CliRunner().invoke(app, ["view", "crank-rocker", "--live"])
+    assert result.exit_code == 2 and "nothing is free" in result.output
+    result = CliRunner().invoke(app, ["view", "x.rrd", "--live"])
+    assert result.exit_code == 2 and "--live is for scenes" in result.output
 
 
 def test_the_command_writes_the_whole_recording_in_the_end(tmp_path: Path):

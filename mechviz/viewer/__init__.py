@@ -7,7 +7,7 @@ with Viewer(run, port=0) as viewer:      # or serve(run), which blocks until Ctr
 
 from __future__ import annotations
 
-from .app import Viewer, serve
+from .app import Viewer, serve, serve_while
 from .server import ViewerError
 
-__all__ = ["Viewer", "ViewerError", "serve"]
+__all__ = ["Viewer", "ViewerError", "serve", "serve_while"]

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..record import Recording
 from ..run import Run, run_scene
 from ..scene import loads
 from ..scene.bodies import FOLDER
 from .browser import prepare_page
+from .computing import Computing, Stopped
+from .growth import Growth
 from .inspector import Inspector, theme
 from .playback import BrowserPlayback
 from .player import Player
@@ -28,7 +34,15 @@ from .studio import Studio
 from .switches import Switches
 from .timeline import Timeline
 
-__all__ = ["Viewer", "serve", "telling_frame"]
+if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation
+
+    from ..scene import Scene
+
+__all__ = ["Viewer", "serve", "serve_while", "telling_frame"]
+
+SHARE = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
+PAUSE = 0.3, 2.0  # the shortest and the longest one [s]
 
 
 class Viewer:
@@ -37,10 +51,13 @@ class Viewer:
     ``port`` 0 takes a free one. Scenes and recordings are saved into ``folder``, where the scene's file is (by default the
     working folder). A recording is played without computing anything; where it carries its scene, that can be solved and edited.
     Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
+
+    ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it.
     """
 
-    def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None):
+    def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
         self._studio: Studio | None = None
+        self._growth: Growth | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
         show = _read(shown) if isinstance(shown, Recording) else None
         self.server = start_server(port, "mechviz")
@@ -48,6 +65,9 @@ class Viewer:
             if isinstance(shown, Recording):
                 assert show is not None
                 self._play_recording(shown, show)
+            elif growing:
+                self._growth = Growth(self.server, shown)
+                self._build(self._growth.show, "", None)
             else:
                 self._edit(shown, "")
         except BaseException:
@@ -72,18 +92,48 @@ class Viewer:
                     run = run_scene(loads(recording.scene_text, name), frames=int(recording.properties["frames"]) - 1)
                 finally:
                     FOLDER.reset(token)
-                frame = self.frame
-                self.player.close()
-                self.inspector.close()
-                self.server.gui.reset()
-                self.server.scene.reset()
-                self._edit(run, f"The scene of {recording.path.name}, solved anew.")
-                self.set_frame(min(frame, run.motion.frames - 1))
+                self._exchange(run, f"The scene of {recording.path.name}, solved anew.")
             except Exception as error:
                 report(self.server, "Opening the scene", error)
 
         self.opening = threading.Thread(target=solve, name="mechviz-opening", daemon=True)
         self.opening.start()
+
+    def _exchange(self, run: Run, note: str) -> None:
+        """Show a run that can be edited instead of what is shown, at the same frame."""
+        frame = self.frame
+        self.player.close()
+        self.inspector.close()
+        self.server.gui.reset()
+        self.server.scene.reset()
+        self._edit(run, note)
+        self.set_frame(min(frame, run.motion.frames - 1))
+
+    @property
+    def growth(self) -> Growth:
+        """How far a growing run has come. Raises `ViewerError` of a run that is complete."""
+        if self._growth is None:
+            raise ViewerError("This run is complete: it does not grow.")
+        return self._growth
+
+    def grow(self, run: Run, duration: float) -> None:
+        """Take more frames of a growing run, which lasts ``duration`` [s] in the end. Who looks at its last frame goes along."""
+        newest = not self.playing and self.frame == self.inspector.show.frames - 1
+        show, reshaped = self.growth.take(run, duration)
+        self.inspector.present(show)
+        if reshaped:
+            self.scene.refit()
+        if newest:
+            self.set_frame(show.frames - 1)
+
+    def fail(self, error: Exception) -> None:
+        """Say that a growing run ends here, and why."""
+        self.growth.fail(error)
+
+    def finish(self, run: Run) -> None:
+        """The growing run is complete: from now on it can be edited."""
+        self._growth = None
+        self._exchange(run, "")
 
     def _edit(self, run: Run, note: str) -> None:
         """Show a run that can be edited."""
@@ -210,6 +260,49 @@ def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, 
         while not stopped.wait(1.0):
             pass
     print("The viewer has stopped.", flush=True)
+
+
+def serve_while(
+    solve: Callable[[Callable[[Simulation, float], None]], Run], scene: Scene, port: int = 8080, folder: Path | None = None
+) -> None:
+    """Serve a motion under forces from its first frames on, while it is found, and then like any run, until Ctrl-C or SIGTERM.
+
+    ``solve(observe)`` finds it in a thread of its own; ``observe`` is to be called as that of `run_scene`. Raises `ViewerError`,
+    and what ``solve`` raises: where frames are known by then, only when the viewer has been stopped.
+    """
+    with _until_stopped() as stopped, contextlib.ExitStack() as stack:
+        computing = stack.enter_context(Computing(solve, scene))
+        viewer: Viewer | None = None
+        while computing.wait() and not stopped.is_set():
+            run = computing.news()
+            if run is None:
+                continue
+            begun = time.perf_counter()
+            if viewer is None:
+                viewer = stack.enter_context(Viewer(run, port, folder, growing=True))
+                print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
+                print("Open this address in a browser: the motion grows while it is computed. Ctrl-C stops the viewer.", flush=True)
+            viewer.grow(run, computing.duration)
+            stopped.wait(float(np.clip(SHARE * (time.perf_counter() - begun), *PAUSE)))
+        if stopped.is_set():
+            computing.stop()
+        elif computing.error is not None:
+            if viewer is None:
+                raise computing.error
+            viewer.fail(computing.error)
+            print(f"The motion ends early: {computing.error}", file=sys.stderr, flush=True)
+        elif computing.run is not None:
+            if viewer is None:  # it was there before anybody could look
+                viewer = stack.enter_context(Viewer(computing.run, port, folder))
+                print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
+            else:
+                viewer.finish(computing.run)
+            print("The whole motion is there.", flush=True)
+        while not stopped.wait(1.0):
+            pass
+    print("The viewer has stopped.", flush=True)
+    if computing.error is not None and not isinstance(computing.error, Stopped):
+        raise computing.error
 
 
 @contextlib.contextmanager

@@ -159,11 +159,14 @@ class Player:
             self._ask()
 
     def retime(self, times: NDArray[np.float64]) -> None:
-        """Play frames at other times from now on, from the same part of the run. What is shown is up to who calls."""
+        """Play frames at other times from now on, from the same part of the run, or from the same time where frames are only added.
+        What is shown is up to who calls."""
         with self._changed:
             if len(times) == len(self._times) and np.array_equal(times, self._times):
                 return
             before, self._times = self._times, np.asarray(times, float)
+            if len(before) < len(times) and np.array_equal(times[: len(before)], before):
+                return  # the run goes on: where it is stays what it is
             part = (self._clock - before[0]) / max(float(before[-1] - before[0]), 1e-300)
             self._clock = float(self._times[0] + part * (self._times[-1] - self._times[0]))
             if len(before) != len(times):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,16 @@ class Ledger:
         width = self.edges[k + 1] - self.edges[k]
         first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
         return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
+
+    def followed_by(self, others: Sequence[Ledger]) -> Ledger:
+        """This ledger and those that go on where it ends, in order."""
+        parts = (self, *others)
+        before, total = [], np.zeros(self.before.shape[1])
+        for part in parts:
+            before.append(total + part.before)
+            total = total + part(part.edges[-1:])[0]
+        edges = [self.edges, *(part.edges[1:] for part in others)]
+        return Ledger(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
 
 
 def ledger(powers: Callable[[Array], Array], edges: Array) -> Ledger:

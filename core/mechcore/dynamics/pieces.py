@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..solve import Compiled
 from .chart import Chart
 from .curve import Curve
 from .happenings import Stop
+from .integrate import Solution
 from .reactions import piece_forces
 from .reduced import motion_at
 
@@ -50,3 +52,15 @@ class Piece:
         """All reactions of the piece's motion at times (n,)."""
         q, v, _ = self.way(t)
         return piece_forces(motion, self.system, q, v, self.resting)
+
+    def goes_on(self, later: Piece) -> bool:
+        """Whether a later stretch is more of the same: windows of one integration."""
+        if not (isinstance(self.way, Solution) and isinstance(later.way, Solution)):
+            return False
+        same = self.system is later.system and (self.resting, self.lifted) == (later.resting, later.lifted)
+        return same and self.end == later.start
+
+    def with_windows(self, later: Sequence[Piece]) -> Piece:
+        """This stretch and those in which it goes on."""
+        windows = [w for piece in (self, *later) for w in piece.way.windows] if later else []
+        return replace(self, end=later[-1].end, way=Solution(windows)) if later else self

@@ -53,7 +53,7 @@ class Progress:
         watches: Sequence[Watch],
         liftoffs: Sequence[Liftoff],
         progress: Callable[[float], None] | None,
-        observe: Callable[[Piece], None] | None = None,
+        observe: Callable[[Simulation], None] | None = None,
     ):
         self.duration, self.tolerance, self.method = duration, tolerance, method
         self.observe = observe
@@ -71,6 +71,7 @@ class Progress:
         self.evaluations = 0
         self.phases: Phases | None = None  # of dry friction
         self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
+        self.told = (0, 0, 0)  # happenings, losses, works of impacts that have been observed
 
     def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
@@ -170,7 +171,7 @@ class Progress:
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             if self.observe is not None:
-                self.observe(self._stretch(window.start, until, Solution([window]), system))
+                self.observe(self._news(self._stretch(window.start, until, Solution([window]), system)))
             if self.progress is not None:
                 self.progress(until)
             return first[0][0] if first else None
@@ -227,6 +228,23 @@ class Progress:
         """A stretch in which the present stops and contacts hold."""
         resting = tuple(sorted(self.resting.items(), key=lambda e: e[0]))
         return Piece(start, end, self.compiled, way, system, resting, tuple(sorted(self.lifted)))
+
+    def _news(self, piece: Piece) -> Simulation:
+        """A stretch, with what happened at its beginning."""
+        a, b, c = self.told
+        self.told = len(self.happenings), len(self.lost), len(self.pushed)
+        return Simulation(
+            self.original,
+            (piece,),
+            tuple(self.happenings[a:]),
+            "radau" if self.method == "radau" else "gauss",
+            self.tolerance,
+            0,
+            tuple(self.lost[b:]),
+            tuple(self.stops),
+            tuple(self.pushed[c:]),
+            self.liftoffs,
+        )
 
     def _touching(self, t: float, q: Array, v: Array) -> Array:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""

@@ -48,7 +48,7 @@ def simulate(
     watches: Sequence[Watch] = (),
     liftoffs: Sequence[Liftoff] = (),
     progress: Callable[[float], None] | None = None,
-    observe: Callable[[Piece], None] | None = None,
+    observe: Callable[[Simulation], None] | None = None,
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
@@ -56,7 +56,7 @@ def simulate(
     freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
     press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every stretch of the motion as soon as it is
-    known, in order. Raises `MechanismError`.
+    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance, liftoffs)
@@ -72,14 +72,17 @@ def simulate(
     word = None if stops or liftoffs else _rest(compiled, q, v)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
-        return Simulation(compiled, (Piece(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
+        rest = Simulation(compiled, (Piece(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
+        if observe is not None:
+            observe(rest)
+        return rest
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=table_tolerance(tolerance))
         if found is not None:
-            piece = Piece(0.0, duration, compiled, found, system)
+            whole = Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
             if observe is not None:
-                observe(piece)
-            return Simulation(compiled, (piece,), (), "energy", tolerance, 0)
+                observe(whole)
+            return whole
     if method == "energy":
         raise MechanismError(
             Fault(

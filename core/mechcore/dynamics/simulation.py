@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -55,8 +56,34 @@ class Simulation:
         return braked(self.compiled.mechanism.pairs) if "friction" in self.compiled.mechanism.effects else ()
 
     @property
+    def start(self) -> float:
+        """Where it begins [s]: 0, or later for a stretch of a motion."""
+        return self.pieces[0].start
+
+    @property
     def duration(self) -> float:
         return self.pieces[-1].end
+
+    def followed_by(self, others: Sequence[Simulation]) -> Simulation:
+        """This motion and the stretches that follow it, in order. Works that all of them know are not found anew."""
+        parts = (self, *others)
+        runs: list[list[Piece]] = []
+        for piece in (piece for s in parts for piece in s.pieces):
+            if runs and runs[-1][-1].goes_on(piece):
+                runs[-1].append(piece)
+            else:
+                runs.append([piece])
+        whole = replace(
+            self,
+            pieces=tuple(same[0].with_windows(same[1:]) for same in runs),
+            happenings=tuple(h for s in parts for h in s.happenings),
+            lost=tuple(e for s in parts for e in s.lost),
+            pushed=tuple(e for s in parts for e in s.pushed),
+        )
+        known = [s.__dict__["_ledger"] for s in parts if "_ledger" in s.__dict__]
+        if len(known) == len(parts):
+            whole.__dict__["_ledger"] = known[0].followed_by(known[1:])
+        return whole
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         t = np.atleast_1d(np.asarray(t, float))
@@ -131,9 +158,9 @@ class Simulation:
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
         shown = without_clearances(shown)
-        return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self._coordinates(t), model=self._model)
+        return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
-    def _coordinates(self, t: Array) -> dict[str, Array]:
+    def coordinates(self, t: Array) -> dict[str, Array]:
         """The free coordinates with their rates (n, 3), by pair: whole turns are known here."""
         found = np.stack(self(t), axis=-1)
         free = [d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
@@ -161,7 +188,7 @@ class Simulation:
 
     @cached_property
     def _ledger(self) -> Ledger:
-        edges = np.unique(np.concatenate([self._borders(), [0.0, self.duration]]))
+        edges = np.unique(np.concatenate([self._borders(), [self.start, self.duration]]))
         tiny = 1e-15 * self.duration
         return ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], edges[-1]))
 
@@ -201,7 +228,7 @@ class Simulation:
     def drift(self, t: ArrayLike) -> Array:
         """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,)."""
         t = np.atleast_1d(np.asarray(t, float))
-        kinetic, work = self.kinetic_energy(np.append(t, 0.0)), self.work(t)
+        kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
         size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), 1e-300)
         return (kinetic[:-1] - kinetic[-1] - work) / size
 
