@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
 from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipkinc
 
 from mechcore import MechanismError, compile_mechanism
 from mechcore.dynamics import Free, Stop, Watch, energy, simulate
@@ -417,9 +418,27 @@ def test_integrate_ends_where_it_is_told():
 @pytest.mark.parametrize("off", [1e-12, 1e-7])
 def test_swings_too_small_for_the_energy_are_linear_ones(off: float, monkeypatch: pytest.MonkeyPatch):
     """Next to a stable equilibrium their energy is lost in the last digits of the loads' work: no table of it is tried in vain."""
-    monkeypatch.setattr(energy, "_leg", lambda *_: pytest.fail("a leg is tabulated"))
+    monkeypatch.setattr(energy, "_clock", lambda *_: pytest.fail("a leg is tabulated"))
     mechanism = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=off)
     w = np.sqrt(1.5 * 9.81 * 0.35 / 0.4)
     t = np.linspace(0.0, 3.0, 31)
     got = simulate(mechanism, 3.0, tolerance=1e-12)(t)[0][:, 0] + np.pi / 2
     assert np.abs(got - off * np.cos(w * t)).max() < 1e-14 + 3e-8 * off
+
+
+@pytest.mark.parametrize("swing", [1e-4, 3e-3, 0.03, 0.5, 3.1])
+@pytest.mark.parametrize("share", [0.0, 1e-9, 1e-3, -0.7, 1.0])
+def test_swings_of_any_size_are_found_by_their_energy_with_few_panels(swing: float, share: float):
+    """Against elliptic functions; started at rest, all but at rest, on the way and at the bottom (``share`` of the speed there)."""
+    w, k = np.sqrt(9.81), np.sin(swing / 2)
+    angle, speed = 2.0 * np.arcsin(k * np.sqrt(1.0 - share**2)), 2.0 * w * k * share
+    found = simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=angle, speed=speed), 12.0, tolerance=1e-11)
+    assert found.method == "energy"
+    assert sum(leg.clock.count for leg in found.pieces[0].way.legs) <= 64
+    t = np.linspace(0.0, 12.0, 97)
+    start = ellipkinc(np.arctan2(np.sin(angle / 2), speed / (2.0 * w)), k * k)
+    sn, cn, _, _ = ellipj(start + w * t, k * k)
+    q, v, _ = found(t)
+    assert np.abs(q[:, 0] + np.pi / 2 - 2.0 * np.arcsin(k * sn)).max() < 3e-11 * swing + 1e-13
+    assert np.abs(v[:, 0] - 2.0 * w * k * cn).max() < 1e-10 * swing + 1e-12
+    assert np.abs(found.drift(t)).max() < 1e-9

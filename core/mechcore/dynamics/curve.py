@@ -157,11 +157,11 @@ def _clear_of(changes: Changes, start: float, q: float) -> float:
 def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool:
     """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
     model, size = motion.model, motion.model.size
-    for k in range(1, len(model.links)):
-        place, turn = np.broadcast_to(motion.origin(k), motion.shape), np.broadcast_to(motion.rotation(k), motion.shape)
-        if not (np.abs(place[twice] - place[once]).max() <= 1e-8 * size and np.abs(turn[twice] - turn[once]).max() <= 1e-8):
-            return False
-    return True
+    links = range(1, len(model.links))
+    places = [p[twice] - p[once] for p in map(motion.origin, links) if np.ndim(p)]
+    turns = [r[twice] - r[once] for r in map(motion.rotation, links) if np.ndim(r)]
+    near = [float(np.abs(np.array(x)).max()) if x else 0.0 for x in (places, turns)]
+    return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
 
 
 def inertia_of(unit: Motion) -> Array:

@@ -10,16 +10,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
 from .curve import TURN, Curve
-from .panels import Panels, fit_panels
+from .panels import NODES, Panels, fit_panels
 
 __all__ = ["EnergyMotion", "by_energy"]
 
 Array = NDArray[np.float64]
 _X, _W = np.polynomial.legendre.leggauss(12)
 _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
+SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
+_SAMPLED = chebvander(np.linspace(-1.0, 1.0, SAMPLES), NODES)
+_ALTERNATING = (-1.0) ** np.arange(NODES + 1)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +40,21 @@ class Leg:
     @cached_property
     def edges(self) -> Array:
         """Times [s] since the leg's start at which its panels begin and end (p + 1,)."""
-        signs = (-1.0) ** np.arange(self.clock.coefficients.shape[1])
-        return np.append(self.clock.coefficients[:, :, 1] @ signs, self.clock.coefficients[-1, :, 1].sum())
+        clock = self.clock.coefficients[:, :, 1]
+        return np.append(clock[:, ::2].sum(axis=1) - clock[:, 1::2].sum(axis=1), clock[-1].sum())
 
     @property
     def duration(self) -> float:
         return float(self.edges[-1])
+
+    @property
+    def back(self) -> Leg:
+        """The same way back, between two turning points: what took time t from its start takes time t to its end."""
+        rate, clock = np.moveaxis(self.clock.coefficients[::-1] * _ALTERNATING, 2, 0)
+        clock = -clock
+        clock[:, 0] += self.duration
+        panels = Panels(self.clock.low, self.clock.width, np.stack([rate, clock], axis=2), False)
+        return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
 
     def __call__(self, t: Array) -> tuple[Array, Array]:
         """Position and speed (n,) at times (n,) within the leg."""
@@ -57,23 +70,29 @@ class Leg:
             high, low = np.where(miss > 0, np.minimum(high, u), high), np.where(miss <= 0, np.maximum(low, u), low)
             new = u - miss / rate
             new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-            done = np.abs(new - u).max(initial=0.0) < 4e-16
+            change = np.abs(new - u).max(initial=0.0)
             u = new
-            if done:
+            if change < CLOSE:
                 break
-        f, slope = _way(u, self.ends)
+        f, _, slope = _way(u, self.ends)
         return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
 
 
-def _way(u: Array, ends: tuple[bool, bool]) -> tuple[Array, Array]:
-    """f(u) on [0, 1] and its slope: flat at the ends that are turning points."""
+def _way(u: Array, ends: tuple[bool, bool]) -> tuple[Array, Array, Array]:
+    """f(u) on [0, 1], 1 - f(u) to all digits, and the slope of f: flat at the ends that are turning points."""
     if ends == (True, True):
-        return np.sin(0.5 * np.pi * u) ** 2, 0.5 * np.pi * np.sin(np.pi * u)
+        f, rest = np.sin(0.5 * np.pi * u), np.cos(0.5 * np.pi * u)
+        return f * f, rest * rest, np.pi * f * rest
     if ends == (True, False):
-        return u * u, 2.0 * u
+        return u * u, (1.0 - u) * (1.0 + u), 2.0 * u
     if ends == (False, True):
-        return u * (2.0 - u), 2.0 - 2.0 * u
-    return u, np.ones_like(u)
+        return u * (2.0 - u), (1.0 - u) ** 2, 2.0 - 2.0 * u
+    return u, 1.0 - u, np.ones_like(u)
+
+
+def _place(before: float, after: float, ends: tuple[bool, bool]) -> float:
+    """The u at which `_way`, from a turning point on, has gone ``before`` and has ``after`` still before it."""
+    return float(np.arctan2(np.sqrt(before), np.sqrt(after)) / (0.5 * np.pi) if ends[1] else np.sqrt(before / (before + after)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,45 +135,57 @@ class EnergyMotion:
 
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
 
 def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range)."""
     work = _Work(curve)
-    inertia, done = (float(x[0]) for x in work(np.array([q0])))
-    energy = 0.5 * inertia * v0 * v0 - done  # T(q) = energy + work(q)
-    size = max(work.largest, abs(energy), 1e-300)
-    force, slope = curve.both(np.array([q0]))[0, [1, 3]]
-    if 0.5 * inertia * v0 * v0 * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope) and (
-        _swings(curve, q0, force, slope, inertia * v0 * v0)
-    ):
+    inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
+    kinetic = 0.5 * inertia * v0 * v0
+    size = max(work.largest, kinetic, 1e-300)
+    if kinetic * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope) and _swings(curve, q0, force, slope, 2.0 * kinetic):
         return None
-    at_rest = 0.5 * inertia * v0 * v0 <= 1e-15 * size
-    sign = np.sign(v0) if not at_rest else np.sign(float(curve.table(np.array([q0]))[0, 1]))
-    if sign == 0:
+    sign = float(np.sign(v0 if v0 else force))
+    if sign == 0.0:
         return None
     legs: list[Leg] = []
-    q, t, from_rest = q0, 0.0, at_rest
+    q, t, from_rest = q0, 0.0, not v0
     reach = TURN
+    before = 0.0 if from_rest else _way_to_turn(work, q0, kinetic, -sign, reach)
+    if before is None or not np.isfinite(before):
+        before = 0.0
+    elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_way`'s parameter
+        from_rest = True
     while t < duration and len(legs) < 100_000:
-        end, turning = _next(curve, work, energy, q, sign, reach, from_rest, size)
-        if end is None:
+        way = _way_to_turn(work, q, kinetic, sign, reach)
+        if way is None:
             return None
-        leg = _leg(curve, work, energy, q, end, (from_rest, turning), t, tolerance)
-        if leg is None:
+        turning = np.isfinite(way)
+        if not turning:
+            way = reach if curve.table.periodic else min(reach, _room(curve.table, q, sign))
+        ends = (from_rest, bool(turning))
+        start, length = q - sign * before, before + way
+        clock = _clock(work, start, sign * length, ends, 0.0 if from_rest else kinetic, tolerance)
+        if clock is None:
             return None
+        passed = float(clock(np.array([_place(before, way, ends)]))[0, 1]) if before else 0.0
+        leg = Leg(start, sign * length, ends, t - passed, clock)
         legs.append(leg)
-        t += leg.duration
+        if ends == (True, True):
+            legs.append(leg.back)
+            return EnergyMotion(curve, tuple(legs), 2.0 * leg.duration, 0.0)
+        t = leg.time + leg.duration
         if turning:
-            sign = -sign
-            if len(legs) > 2 and legs[-2].ends == (True, True) and leg.ends == (True, True):
-                return EnergyMotion(curve, tuple(legs), legs[-2].duration + leg.duration, 0.0)
+            sign, kinetic = -sign, 0.0
         elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
-            return EnergyMotion(curve, tuple(legs), leg.duration, end - q)
-        elif not from_rest:
-            reach = min(2.0 * reach, 64.0 * TURN)
-        q, from_rest = end, turning
+            return EnergyMotion(curve, tuple(legs), leg.duration, sign * length)
+        else:
+            kinetic += float(work.gain(q, np.array([sign * way]))[0])
+            if not from_rest:
+                reach = min(2.0 * reach, 64.0 * TURN)
+        q, from_rest, before = q + sign * way, bool(turning), 0.0
     return EnergyMotion(curve, tuple(legs), None, 0.0)
 
 
@@ -173,80 +204,123 @@ class _Work:
     """Reduced inertia, and work of the reduced force from the table's start, on the whole line where the table is periodic."""
 
     def __init__(self, curve: Curve):
-        table = curve.table
-        only = Panels(table.low, table.width, table.coefficients[:, :, 1:2], False)
-        integral = only.integral()
-        inertia = np.pad(table.coefficients[:, :, :1], ((0, 0), (0, 1), (0, 0)))
-        self.both = Panels(table.low, table.width, np.concatenate([inertia, integral.coefficients], axis=2), False)
+        self.table = table = curve.table
+        self.both = table.with_integral(1)
+        integral = self.both.coefficients[:, :, 2]
         self.low, self.high, self.periodic = table.low, table.high, table.periodic
-        self.per_turn = float(integral.coefficients[-1, :, 0].sum())
-        self.largest = float(np.abs(integral.coefficients).sum(axis=1).max())
+        self.per_turn = float(integral[-1].sum())
+        self.largest = float(np.abs(integral).sum(axis=1).max())
+        self.lowest = float((_SAMPLED @ integral.T).min())
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
         """J and the work (n,) at positions (n,)."""
         if not self.periodic:
-            inertia, work = self.both(q).T
+            inertia, _, work = self.both(q).T
             return inertia, work
         turns = np.floor((q - self.low) / (self.high - self.low))
-        inertia, work = self.both(q - turns * (self.high - self.low)).T
+        inertia, _, work = self.both(q - turns * (self.high - self.low)).T
         return inertia, turns * self.per_turn + work
 
+    def never_turns(self, q: float, kinetic: float, sign: float) -> bool:
+        """Whether from q on, with that kinetic energy, no place is too high, since each turn brings more work."""
+        if not self.periodic or sign * self.per_turn < 0.0:
+            return False
+        turns = np.floor((q - self.low) / (self.high - self.low))
+        done = float(self(np.array([q]))[1][0]) - float(turns) * self.per_turn
+        return kinetic + self.lowest - done > 1e-6 * self.largest
 
-def _next(
-    curve: Curve, work: _Work, energy: float, q: float, sign: float, reach: float, from_rest: bool, size: float
-) -> tuple[float | None, bool]:
-    """Where the leg that starts at q ends: at the first turning point within ``reach``, or at the end of that."""
-    table = curve.table
-    span = reach
-    if not table.periodic:
-        span = min(reach, (table.high - q) if sign > 0 else (q - table.low))
-        if span <= 0:
-            return None, False
-    per = 24 * table.count * max(1, round(span / (table.high - table.low)))
-    x = q + sign * span * (np.arange(1, per + 1) / per)
-    left = energy + work(x)[1]
-    low = np.flatnonzero(left <= 0.0)
-    low = low[low > 0] if from_rest else low
-    if not len(low):
-        return q + sign * span, False
-    a, b = (x[low[0] - 1] if low[0] else q), x[low[0]]
-    for _ in range(80):
-        middle = 0.5 * (a + b)
-        if energy + work(np.array([middle]))[1][0] > 0.0:
-            a = middle
+    def near(self, q: float, way: Array) -> Array:
+        """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
+        force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(len(way), -1)
+        return np.asarray(way * (force @ _GAUSS[1]))
+
+    def gain(self, q: float, way: Array) -> Array:
+        """Work (n,) on signed ways (n,) from q on."""
+        out = self(q + way)[1] - self(np.array([q]))[1]
+        short = np.abs(way) <= self.table.width
+        if short.any():
+            out[short] = self.near(q, way[short])
+        return np.asarray(out)
+
+
+def _room(table: Panels, q: float, sign: float) -> float:
+    """How far a table that does not repeat leads on."""
+    return table.high - q if sign > 0 else q - table.low
+
+
+def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
+    """How far the motion leads from q, where it has some kinetic energy, to its turning point; infinite where that lies beyond
+    ``reach`` or the table's end, None where it cannot be told (no room, an equilibrium at the very end)."""
+    table = work.table
+    span = reach if table.periodic else min(reach, _room(table, q, sign))
+    if span <= 0:
+        return None
+    if work.never_turns(q, kinetic, sign):
+        return float("inf")
+    per = SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
+    ways = span * (np.arange(1, per + 1) / per)
+    left = kinetic + work(q + sign * ways)[1] - work(np.array([q]))[1]
+    out = np.flatnonzero(left <= 0.0)
+    if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
+        short = ways[0] * 2.0 ** np.arange(-SHORTEST, 1.0)
+        out_near = np.flatnonzero(kinetic + work.near(q, sign * short) <= 0.0)
+        if len(out_near) and (out_near[0] or kinetic):
+            k = out_near[0]
+            return _turn(work, q, kinetic, sign, short[k - 1] if k else 0.0, short[k])
+        out = out[1:]
+    if not len(out):
+        return float("inf")
+    return _turn(work, q, kinetic, sign, ways[out[0] - 1], ways[out[0]])
+
+
+SHORTEST = 40  # halvings of the first sample: a way of 1e-12 of it is still told from none
+
+
+def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:
+    """The way between two others at which the kinetic energy is used up: Newton's method, and halving where that leads astray."""
+    way, before = 0.5 * (low + high), np.inf
+    for _ in range(200):
+        left = kinetic + float(work.gain(q, np.array([sign * way]))[0])
+        slope = sign * float(work.table(np.array([q + sign * way]))[0, 1])
+        if left > 0.0:
+            low = way
         else:
-            b = middle
-    for _ in range(3):  # the last digits by Newton's method: the slope of the energy is the force
-        force = float(table(np.array([b]))[0, 1])
-        if force == 0.0:
-            return None, False
-        b = b - (energy + work(np.array([b]))[1][0]) / force
-    return float(b), True
+            high = way
+        new = way - left / slope if slope else np.inf
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        change, way = abs(new - way), new
+        if change <= 4e-16 * way or before <= change <= 1e-12 * way:  # the last digits waver
+            break
+        before = change
+    return way if float(work.table(np.array([q + sign * way]))[0, 1]) else None
 
 
-def _leg(
-    curve: Curve, work: _Work, energy: float, start: float, end: float, ends: tuple[bool, bool], time: float, tolerance: float
-) -> Leg | None:
-    length = end - start
+def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], kinetic: float, tolerance: float) -> Panels | None:
+    """dt/du and t(u) of a leg from ``start``, where it has a kinetic energy, over a signed ``length``; None where no table of
+    them is found.
+
+    T = length f(u) Q, with Q the mean force on the way from a turning point: what vanishes there, f, is taken out of the root.
+    """
+    size, width = abs(length), work.table.width
+    until = work(np.array([start]))[1]
 
     def rate(u: Array) -> Array:
-        f, slope = _way(u, ends)
+        f, rest, slope = _way(u, ends)
         q = start + length * f
         inertia, done = work(q)
-        kinetic = energy + done
-        for at, turning in ((start, ends[0]), (end, ends[1])):
-            if turning:  # next to a turning point the difference would cancel: integrate the force from there
-                near = np.abs(q - at) < curve.table.width
-                way = q[near] - at
-                force = curve.table((at + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(len(way), -1)
-                kinetic[near] = way * (force @ _GAUSS[1])
-        kinetic = np.maximum(kinetic, 1e-300)
-        return (abs(length) * slope * np.sqrt(0.5 * inertia / kinetic))[:, None]
+        energy = kinetic + (done - until)
+        if size <= width:  # all of it by integrals from its start, which keep the digits of small differences
+            first = f <= rest if ends[1] else f >= 0.0
+            energy[first] = kinetic + work.near(start, length * f[first])
+        else:
+            first = ends[0] & (size * f < width)
+            if first.any():
+                energy[first] = work.near(start, length * f[first])
+        if ends[1]:
+            last = ~first & (size * rest < width)
+            energy[last] = work.near(start + length, -length * rest[last])
+        return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
 
-    first = max(2, round(abs(length) / curve.table.width))
-    panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=first, most=4096)
-    if panels.tail()[0] > 1e-6:
-        return None
-    rates = np.pad(panels.coefficients, ((0, 0), (0, 1), (0, 0)))
-    clock = Panels(panels.low, panels.width, np.concatenate([rates, panels.integral().coefficients], axis=2), False)
-    return Leg(start, length, ends, time, clock)
+    panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=max(2, round(size / width)), most=4096)
+    return panels.with_integral(0) if panels.tail()[0] <= 1e-6 else None

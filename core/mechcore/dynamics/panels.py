@@ -15,6 +15,8 @@ __all__ = ["NODES", "Panels", "fit_panels", "nodes_of"]
 
 Array = NDArray[np.float64]
 NODES = 16  # of a panel
+NOISE = 1e-9  # tails below this that stay where they are come from rounding
+MANY = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
 _X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
 
@@ -45,6 +47,19 @@ def _unit(k: int) -> Array:
 
 
 _INT = _integral_matrix(NODES)
+
+
+def _polynomials(z: Array, n: int) -> Array:
+    """Chebyshev polynomials T_0 .. T_(n-1) at z (m,), within [-1, 1]: (m, n)."""
+    if len(z) < MANY:
+        return np.asarray(np.cos(np.multiply.outer(np.arccos(z), np.arange(n))))
+    out = np.empty((n, len(z)))
+    out[0], out[1] = 1.0, z
+    twice = z + z
+    for k in range(2, n):
+        np.multiply(twice, out[k - 1], out=out[k])
+        out[k] -= out[k - 2]
+    return out.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,22 +93,30 @@ class Panels:
             outside = np.abs(z) > 1.0 + 1e-9
             if outside.any():
                 z = np.where(outside, np.nan, z)
-        angle = np.arccos(np.minimum(np.maximum(z, -1.0), 1.0))
-        basis = np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[1])))
+        basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
         return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
 
     def derivative(self) -> Panels:
         """The functions' derivatives by x."""
-        inner = np.einsum("ij,pjc->pic", _derivative_matrix(self.coefficients.shape[1]), self.coefficients)
+        inner = _derivative_matrix(self.coefficients.shape[1]) @ self.coefficients
         return Panels(self.low, self.width, (2.0 / self.width) * inner, self.periodic)
 
     def integral(self) -> Panels:
         """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
-        inner = 0.5 * self.width * np.einsum("ij,pjc->pic", _INT, self.coefficients)
+        inner = 0.5 * self.width * (_INT @ self.coefficients)
         gains = inner.sum(axis=1)  # value at the right border: every Chebyshev polynomial is 1 there; 0 at the left
         start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
         inner[:, 0] += start
         return Panels(self.low, self.width, inner, False)
+
+    def with_integral(self, k: int) -> Panels:
+        """The functions, and beside them the integral of function k from ``low`` on (not periodic)."""
+        p, n, c = self.coefficients.shape
+        out = np.zeros((p, n + 1, c + 1))
+        out[:, :n, :c] = self.coefficients
+        only = Panels(self.low, self.width, self.coefficients[:, :, k : k + 1], False)
+        out[:, :, c] = only.integral().coefficients[:, :, 0]
+        return Panels(self.low, self.width, out, False)
 
     def stacked(self, other: Panels) -> Panels:
         """Functions of both, side by side."""
@@ -127,13 +150,16 @@ def fit_panels(
     together until then. ``known``: the values at the `nodes_of` the first panels, where they are there already."""
     count = first
     previous: Any = np.inf
+    coarser: Any = None
     while True:
         width = (high - low) / count
         values = function(nodes_of(low, high, count)) if known is None else known
         known = None
-        coefficients = np.einsum("ij,pjc->pic", _FIT, values.reshape(count, NODES, -1))
+        coefficients = _FIT @ values.reshape(count, NODES, -1)
         panels = Panels(low, width, coefficients, periodic)
         tail = float(panels.tail().max())
-        if tail <= tolerance or 2 * count > most or (tail < 1e-10 and tail > 0.3 * previous):
+        if previous < NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
+            return coarser if previous < tail else panels
+        if tail <= tolerance or 2 * count > most:
             return panels
-        previous, count = tail, 2 * count
+        previous, coarser, count = tail, panels, 2 * count

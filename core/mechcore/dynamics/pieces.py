@@ -14,6 +14,7 @@ from ..motion import Motion
 from ..solve import Compiled
 from .chart import Chart
 from .curve import Curve
+from .energy import EnergyMotion
 from .happenings import Stop
 from .integrate import Solution
 from .reactions import piece_forces
@@ -38,8 +39,8 @@ class Piece:
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
-        q, v, _ = self.way(t)
-        return q, v, self.system(q, v, t)
+        q, v, a = self.way(t)
+        return q, v, a if isinstance(self.way, EnergyMotion) else self.system(q, v, t)
 
     def motion(self, t: Array) -> Motion:
         """The mechanism's motion at times (n,) within the piece; accelerations not from a table, so that links are in balance to

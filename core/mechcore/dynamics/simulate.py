@@ -35,6 +35,7 @@ __all__ = ["simulate"]
 
 Array = NDArray[np.float64]
 BESIDE = 0.1  # how far from the start, in scales, forces are compared with
+PUSHED = 1e-4  # of the largest force in a table: what is more is not the table's own error
 BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
 
@@ -69,7 +70,7 @@ def simulate(
         system, leads = curve_around(compiled, q[0], table_tolerance(tolerance))
     if len(q):
         _weigh(compiled, q, system)
-    word = None if stops or liftoffs else _rest(compiled, q, v)
+    word = None if stops or liftoffs else _rest(compiled, q, v, system)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
         rest = Simulation(compiled, (Piece(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
@@ -77,7 +78,7 @@ def simulate(
             observe(rest)
         return rest
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
-        found = by_energy(system, q[0], v[0], duration, tolerance=table_tolerance(tolerance))
+        found = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
         if found is not None:
             whole = Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
             if observe is not None:
@@ -135,7 +136,7 @@ def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
         )
 
 
-def _rest(compiled: Compiled, q: Array, v: Array) -> Happening | None:
+def _rest(compiled: Compiled, q: Array, v: Array, system: Any) -> Happening | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
@@ -145,6 +146,10 @@ def _rest(compiled: Compiled, q: Array, v: Array) -> Happening | None:
         return None
     if any("time" in e.needs for e in effects_of(compiled.mechanism)):
         return None
+    if isinstance(system, Curve) and not system.rest:
+        largest = np.abs(system.table.coefficients[:, :, 1]).max()
+        if abs(system.table(q)[0, 1]) > PUSHED * largest:
+            return None
     model = compiled.model
     scale = np.array([1.0 if model.joints[model.joint_index[d.pair]].coordinate == "angle" else model.size for d in drives])
     near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
