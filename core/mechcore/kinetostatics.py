@@ -96,11 +96,15 @@ class Forces:
         j = self._joint(pair)
         force, couple = self._transmitted[j]
         if j not in self.motion.model.driven:
-            return self._rows(force, couple)
+            return self._rows(force, added(couple, self._carried(pair)))
         if self.motion.model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return self._rows(force, 0.0)
+            return self._rows(force, self._carried(pair))
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
+
+    def pressed(self, pair: str) -> Real:
+        """The reaction of a pair without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
+        return self._normal(pair)
 
     def position(self, pair: str) -> Real:
         """Where the reaction of a pair is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
@@ -246,6 +250,16 @@ class Forces:
         return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, self.dissipated])
 
     # -- inside -------------------------------------------------------------------------------------------------------
+    def _carried(self, pair: str) -> Array:
+        """Couple on the second link that the bearings of a shaft in the plane carry."""
+        total: Array = 0.0
+        for relation in self.motion.model.relations:
+            if relation.bearing is not None:
+                for name, sign in relation.bearing.joints:
+                    if name == pair:
+                        total = total + sign * relation.bearing.couple(self.motion, *self._contacts[relation.name])
+        return total
+
     def _joint(self, pair: str) -> int:
         return self.motion.model.joint_index[pair]
 
@@ -318,6 +332,10 @@ def transmit(
                 f = sign * contacts[relation.name][1]
                 force[k] = force[k] + f
                 moment[k] = moment[k] + crossed(place - motion.origins[k], f)
+            if relation.bearing is not None:
+                couple = relation.bearing.couple(motion, *contacts[relation.name])
+                for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
+                    moment[model.index[link]] = moment[model.index[link]] + sign * couple
         if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
             cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
         for c, cut in cuts.items():

@@ -118,4 +118,9 @@ def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, li
             for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
                 k = model.index[link]
                 put(column, k, along, place - motion.origins[k], sign)
+            if relation.bearing is not None:
+                couple = relation.bearing.couple(motion, place, along)
+                for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
+                    if (k := model.index[link]) != 0:
+                        matrix[:, 3 * k - 1, column] += sign * couple / model.size
     return matrix, labels

@@ -275,13 +275,12 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
     if follower.second is not None:
         second = (follower.second.point, convert.si(follower.second.roller, "length", f"{path}.follower.second.roller"))
     if friction is not None and friction.coefficient:
-        plain = pair.closure != "form" and not any(getattr(profile, key) is not None for key in SOLIDS)
-        if not plain:
-            why = "friction is computed where one flank of a plane cam is pressed."
-            convert.note(f"{path}.friction", why, "Leave it out here, and give friction to the guide.")
-        elif follower.roller is not None and not friction.radius:
+        roller = follower.roller if follower.groove is None else follower.groove
+        if roller is not None and not friction.radius:
             convert.note(f"{path}.friction", "'radius' is missing: a roller rolls, and rubs on its pin.", 'Add radius = "4 mm".')
-        elif follower.roller is None and friction.radius:
+        elif roller is not None and not friction.radius < convert.si(roller, "length", f"{path}.follower"):
+            convert.note(f"{path}.friction.radius", "the pin is not thinner than its roller.", "Give a smaller radius.")
+        elif roller is None and friction.radius:
             convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
     lift, contour = None, None
     if profile.lift is not None:

@@ -35,7 +35,7 @@ def placed_cams(motion: Motion) -> list[AnyCam]:
 
 def contact_force(forces: Forces, cam: AnyCam) -> Real:
     """Force along the common normal (F) [N], positive where the cam presses on the follower."""
-    reaction = forces.reaction(cam.name)
+    reaction = forces.pressed(cam.name)
     return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
 
 

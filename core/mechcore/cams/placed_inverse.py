@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
 from .closures import InverseCam
-from .followers import Roller
-from .placed import ContactRows, on_knots
+from .placed import ContactRows
+from .placed_roller import PlacedRoller
 
 if TYPE_CHECKING:
     from ..motion import Motion
@@ -26,35 +26,15 @@ STEEPEST = np.radians(89.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PlacedInverse:
-    """``links`` are (crank, driven link). A place z of the theory's ground axes lies at ``centre + axes z`` on the carrier.
+class PlacedInverse(PlacedRoller):
+    """``links`` are (crank, driven link). A point z of the driven link's theoretical axes is ``own + mount z`` in its own ones;
+    ``tip`` is the roller's centre on the crank."""
 
-    ``own``, ``mount``: a point z of the driven link's theoretical axes is ``own + mount z`` in its own ones. ``zero``: its
-    coordinate where the theory's is zero; ``tip``: of the roller's centre on the crank.
-    """
-
-    name: str
-    links: tuple[str, str]
-    carrier: str
-    guide: str
     cam: InverseCam
     way: tuple[float, float]  # of the crank over which the law is given; beyond, the groove is a circle about the crank
-    centre: complex
-    axes: complex
-    own: complex
     mount: complex
     tip: complex
-    sense: int
-    pressure_limit: float | None
     form: bool = True
-    bed: str | None = None
-    ahead: float = 1.0
-    phase: float = 0.0
-    base: float = 0.0
-    bridges: tuple[Any, ...] = ()
-    lost: tuple[Any, ...] = ()
-    intended: None = None
-    mate: None = None
 
     @property
     def scale(self) -> float:
@@ -64,24 +44,6 @@ class PlacedInverse:
     @property
     def arm(self) -> float:
         return self.cam.crank if self.cam.turns else 0.0
-
-    @property
-    def side(self) -> int:
-        return 1
-
-    @property
-    def face(self) -> Roller:
-        return Roller(self.cam.radius)
-
-    @property
-    def knots(self) -> Real:
-        return np.asarray(self.cam.law.knots)
-
-    def law(self, argument: Array) -> Array:
-        """The driven link's coordinate and its first two derivatives with respect to the crank's angle, (3, ...)."""
-        x = on_knots(self.cam.law, np.asarray(argument, float))
-        known = np.isfinite(x)
-        return np.where(known, self.cam.law(np.where(known, x, self.cam.law.start), 2), np.nan)
 
     def check(self) -> None:
         """Raises where the roller jams in its groove, or undercuts a flank."""
@@ -109,25 +71,12 @@ class PlacedInverse:
                     )
                 )
 
-    def argument(self, motion: Motion) -> Real:
-        """The law's argument (F) [rad], within one turn."""
-        turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
-        x = self.sense * np.angle(turn)
-        return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
-
-    def place(self, motion: Motion, z: Array) -> Array:
-        """Points of the theory's ground axes in the world."""
-        return motion.of_point(motion.model.index[self.carrier], 0j) + motion.rotation(motion.model.index[self.carrier]) * (
-            self.centre + self.axes * z
-        )
-
     def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
         """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""
-        x = on_knots(self.cam.law, self.argument(motion))
-        theta = np.where(np.isfinite(x), x, self.cam.law.start)
+        theta, known = self.known(self.argument(motion))
         pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
         turned = np.exp(1j * q) if self.cam.turns else 1.0
-        lost = np.where(np.isfinite(x), 1.0, np.nan)
+        lost = np.where(known, 1.0, np.nan)
         return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else np.full(theta.shape, 1j)
 
     def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
@@ -136,7 +85,7 @@ class PlacedInverse:
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
         push = direction / np.abs(direction) * np.where(np.real(multiplier) >= 0.0, 1.0, -1.0)
-        world = self.axes * motion.rotation(motion.model.index[self.carrier])
+        world = self.world(motion)
         return self.place(motion, pin + self.cam.radius * push), direction * world
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
@@ -148,7 +97,7 @@ class PlacedInverse:
         angle, s = self.argument(motion), self.law(self.argument(motion))
         _, n, away = self._at(motion)
         n = n * np.sign(np.real(np.conj(n) * away))
-        world = self.axes * motion.rotation(motion.model.index[self.carrier])
+        world = self.world(motion)
         known = np.where(np.isfinite(angle), angle, self.cam.law.start)
         flank = self.cam.flank_radius(known, 1)
         return ContactRows(

@@ -1,10 +1,10 @@
 """A spatial cam in a plane mechanism: a barrel, end or globoidal cam whose axis lies in the plane of the linkage.
 
 The cam's link has one revolute pair, whose angle is that of the cam about its own axis, counter-clockwise seen from the axis' tip.
-The follower moves in the plane by the law, exactly. Of the forces in space the plane mechanism knows what does work: that along
-the follower's motion and the torque on the cam's shaft. It is recorded as the force of the equivalent plane mechanism, through the
-relative instant centre of cam and follower, so that power and all plane balances are exact; the contact itself, its pressure
-angle and the force along the normal are those in space.
+The follower moves in the plane by the law, exactly. The roller is pressed in the middle of its length. Of the force there the plane
+mechanism has the part in its plane, on the follower where the roller is; and as what turns the shaft is its moment about the cam's
+axis, its moment in the plane is taken by the shaft's bearings (`mechcore.pairs.relation.Bearing`). Across the plane, the follower
+and its guide carry what is left of it: that is not computed.
 """
 
 from __future__ import annotations
@@ -16,49 +16,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
-from .followers import Roller
-from .placed import ContactRows, on_knots
-from .spatial import SpatialCam, spatial_limits
+from .placed import ContactRows
+from .placed_roller import PlacedRoller
+from .spatial import Globoid, SpatialCam, spatial_limits
 
 if TYPE_CHECKING:
     from ..motion import Motion
     from ..spec import SpatialBlank
 
-__all__ = ["PlacedSpatial"]
+__all__ = ["PlacedSpatial", "Rubbing"]
 
 Array = Any
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlacedSpatial:
-    """``centre``: the cam's pin on the carrier; a place y + i z (barrel) or x + i z (globoid) of the theory's ground axes in the
-    plane lies at ``centre + axes w``, so that the cam's axis has the direction ``1j axes``. ``own``: the pin on the cam's link.
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """One sliding of the roller on its flank over the frames (F): a unit of friction along it on the follower is the force
+    ``along`` in the plane at ``place``, the opposite on the cam there, and the couple ``twist`` [m] on the cam against the carrier.
+
+    ``rate``: of sliding, follower against cam [m/s].
     """
 
-    name: str
-    links: tuple[str, str]
-    carrier: str
-    guide: str
+    place: Complex
+    along: Complex
+    twist: Real
+    rate: Real
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """Where roller and flank touch, in the theory's ground axes (F, 3): ``axis`` point in the middle of the roller, ``normal`` from
+    the cam to the roller on the lifting flank, direction ``a`` of the roller's axis; ``lift`` how the follower moves there for a
+    unit of its coordinate, over the arm."""
+
+    axis: Real
+    normal: Real
+    a: Real
+    lift: Real
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedSpatial(PlacedRoller):
+    """A place y + i z (barrel) or x + i z (globoid) of the theory's ground axes in the plane lies at ``centre + axes w``, so that
+    the cam's axis has the direction ``1j axes``; ``centre`` is the cam's pin on the carrier, ``own`` on the cam's link.
+    """
+
     cam: SpatialCam
     blank: SpatialBlank
-    centre: complex
-    axes: complex
-    own: complex
     pivot: complex | None  # of an arm, on the carrier
     arm: float
-    base: float
-    form: bool
-    sense: int
-    phase: float
-    pressure_limit: float | None
-    bed: str | None = None
-    ahead: float = 1.0
-    bridges: tuple[Any, ...] = ()
-    lost: tuple[Any, ...] = ()
-    intended: None = None
-    mate: None = None
 
     @property
     def scale(self) -> float:
@@ -66,27 +74,9 @@ class PlacedSpatial:
         return self.arm or 1.0
 
     @property
-    def side(self) -> int:
-        return 1
-
-    @property
-    def face(self) -> Roller:
-        return Roller(self.cam.radius)
-
-    @property
-    def knots(self) -> Real:
-        return np.asarray(self.cam.law.knots)
-
-    @property
     def middle(self) -> float:
         """Of the roller, along its axis [m]."""
         return 0.5 * (self.cam.inner + self.cam.outer)
-
-    def law(self, argument: Array) -> Array:
-        """The follower's coordinate and its first two derivatives with respect to the cam's angle, (3, ...)."""
-        x = on_knots(self.cam.law, np.asarray(argument, float))
-        known = np.isfinite(x)
-        return np.where(known, self.cam.law(np.where(known, x, self.cam.law.start), 2), np.nan)
 
     def check(self) -> None:
         """Raises where the flanks cannot be cut by the roller."""
@@ -103,71 +93,102 @@ class PlacedSpatial:
             )
         )
 
-    def argument(self, motion: Motion) -> Real:
-        """The law's argument (F) [rad], within one turn."""
-        turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
-        x = self.sense * np.angle(turn) + self.phase
-        return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
-
-    def place(self, motion: Motion, w: Array) -> Array:
-        """Places of the theory's ground axes in the plane in the world."""
-        return motion.of_point(motion.model.index[self.carrier], 0j) + motion.rotation(motion.model.index[self.carrier]) * (
-            self.centre + self.axes * w
-        )
-
-    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
-        """The relative instant centre, and the force there on the follower per multiplier."""
-        s = self.law(self.argument(motion))
-        rate = self.sense * s[1]
-        world = self.axes * motion.rotation(motion.model.index[self.carrier])
-        if self.pivot is None:
-            return self.place(motion, rate + 1j * s[0]), 1j * world
-        p = (self.pivot - self.centre) / self.axes
-        share = rate / (1.0 + rate)  # of the way from the cam's pin to the pivot
-        return self.place(motion, share * p), self._across(p, share) * world
-
-    def _across(self, p: complex, share: Real) -> Complex:
-        """Force on an arm per multiplier: across the line to the pivot, its moment about the pivot clockwise."""
-        return np.asarray(1j * p / abs(p) * (self.arm / ((1.0 - share) * abs(p))), complex)
-
-    def pressing(self, motion: Motion, reaction: Complex) -> Real:
-        """Force along the normal in space (F) [N] from the reaction of the plane mechanism; positive: the lifting flank."""
-        s = self.law(self.argument(motion))
-        world = self.axes * motion.rotation(motion.model.index[self.carrier])
-        if self.pivot is None:
-            along = np.real(reaction * np.conj(1j * world))
-        else:
-            p = (self.pivot - self.centre) / self.axes
-            unit = self._across(p, self.sense * s[1] / (1.0 + self.sense * s[1])) * world
-            along = np.real(reaction * np.conj(unit)) / np.abs(unit) ** 2
-        return np.asarray(along / np.cos(self._flank(motion).pressure_angle[:, 0]))
+    # -- in space -----------------------------------------------------------------------------------------------------
 
     def _flank(self, motion: Motion) -> Any:
-        x = on_knots(self.cam.law, self.argument(motion))
-        return self.cam.flank(np.where(np.isfinite(x), x, 0.0), [self.middle])
+        return self.cam.flank(self.known(self.argument(motion))[0], [self.middle])
+
+    def _touch(self, motion: Motion) -> _Touch:
+        flank = self._flank(motion)
+        lost = np.where(np.isfinite(self.argument(motion)), 1.0, np.nan)[:, None]
+        axis, a = (flank._axis[k][:, 0] for k in (0, 2))
+        return _Touch(axis * lost, flank._normals[0][:, 0] * lost, a, self.cam.mount.carried(axis) / self.scale)
+
+    def _shadow(self, x: Real) -> Complex:
+        """Vectors (F, 3) as the plane sees them (F)."""
+        first = x[:, 0] if isinstance(self.cam.mount, Globoid) else x[:, 1]
+        return np.asarray(first + 1j * x[:, 2])
+
+    def _point(self, t: _Touch, pulls: Array) -> Real:
+        """Where the roller touches (F, 3): on the lifting flank, or on the other one where it pulls."""
+        sign = np.where(pulls, -1.0, 1.0)[:, None]
+        point = t.axis - sign * self.cam.radius * t.normal
+        if self.blank.kind == "rib":  # one roller on either side
+            point = point + sign * (0.5 * self.blank.thickness + self.cam.radius) * np.array([0.0, 0.0, 1.0])
+        return np.asarray(point)
+
+    # -- in the plane -------------------------------------------------------------------------------------------------
+
+    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+        """Where the roller touches, and the force there on the follower per multiplier, which is its part along the lift."""
+        t = self._touch(motion)
+        pulls = np.real(multiplier) < 0.0 if self.form else np.zeros(motion.frames, bool)
+        at = self._shadow(self._point(t, np.broadcast_to(pulls, (motion.frames,))))
+        force = self._shadow(t.normal) / np.einsum("fi,fi->f", t.normal, t.lift)
+        return self.place(motion, at), force * self.world(motion)
+
+    def couple(self, motion: Motion, place: Array, force: Array) -> Array:
+        """Couple [N m] on the cam of what its bearings carry, under a force along the normal on the follower: the moment in the
+        plane about the cam's pin less that about the cam's axis."""
+        t = self._touch(motion)
+        n = self._shadow(t.normal) * self.world(motion)
+        size = np.real(np.conj(n) * force) / np.abs(n) ** 2
+        turning = t.axis[:, 0] * t.normal[:, 1] - t.axis[:, 1] * t.normal[:, 0]
+        return np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning
+
+    def _twist(self, at: Real, direction: Real) -> Real:
+        w, f = self._shadow(at), self._shadow(direction)
+        turning = at[:, 0] * direction[:, 1] - at[:, 1] * direction[:, 0]
+        return np.asarray(np.imag(np.conj(w) * f) - turning)
+
+    def rubbing(self, motion: Motion, flank: Array) -> tuple[Rubbing, Rubbing, Real]:
+        """The roller against its flank across its axis, where it rolls, and along it, where it slides; and how much of the normal
+        force lies in the plane (F). ``flank``: negative where the other flank of a groove is pressed.
+
+        Along its axis a roller slides as the place of contact is not where its axis is: at a pressure angle alpha the cam's surface
+        has there the speed omega r sin(alpha) along a radial roller.
+        """
+        t = self._touch(motion)
+        pulls = np.broadcast_to(np.real(flank) < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
+        point = self._point(t, pulls)
+        speed = motion.speeds.spin
+        spin = motion.model.angles.spin
+        turning = speed[spin[motion.model.index[self.links[0]]]] - speed[spin[motion.model.index[self.carrier]]]
+        pace = np.broadcast_to(turning, (motion.frames,))[:, None]
+        rate = self.sense * self.law(self.argument(motion))[1][:, None] * pace  # of the follower's coordinate
+        slip = rate * self.cam.mount.carried(point) - pace * np.cross([0.0, 0.0, 1.0], point)
+        found = [
+            Rubbing(
+                place=np.asarray(self.place(motion, self._shadow(point))),
+                along=np.asarray(self._shadow(d) * self.world(motion)),
+                twist=self._twist(point, d),
+                rate=np.einsum("fi,fi->f", d, slip),
+            )
+            for d in (np.cross(t.a, t.normal), t.a)
+        ]
+        return found[0], found[1], np.abs(self._shadow(t.normal))
+
+    def pressing(self, motion: Motion, reaction: Complex) -> Real:
+        """Force along the normal in space (F) [N] from the frictionless reaction on the follower; positive: the lifting flank."""
+        n = self._shadow(self._touch(motion).normal) * self.world(motion)
+        return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
-        """The contact in the middle of the roller over a motion, its place as the plane sees it."""
+        """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)
-        if self.pivot is None:
-            w = 1j * s[0]
-        else:
-            along = -np.exp(-1j * s[0])
-            w = (self.pivot - self.centre) / self.axes + (self.arm if self.blank.kind != "globoid" else self.middle) * along
-        world = self.axes * motion.rotation(motion.model.index[self.carrier])
         with np.errstate(divide="ignore"):
             radius = 1.0 / flank.principal_curvatures[0][:, 0]
-        nothing = np.full(angle.shape, np.nan)
-        zero = float(self.cam.law.pieces[0].at(0.0, 0)[0])
+        t = self._touch(motion)
+        normal = self._shadow(t.normal) * self.world(motion)
         return ContactRows(
             angle=angle,
-            place=np.array(np.broadcast_to(self.place(motion, w), angle.shape)),
-            normal=np.array(np.broadcast_to(1j * world, angle.shape)),
+            place=np.asarray(self.place(motion, self._shadow(t.axis))),
+            normal=np.asarray(normal / np.abs(normal)),
             pressure_angle=np.where(lost, np.nan, flank.pressure_angle[:, 0]),
             radius=np.where(lost, np.nan, radius),
-            eccentricity=nothing,
+            eccentricity=np.full(angle.shape, np.nan),
             coordinate=s[0],
-            lift=s[0] - zero,
+            lift=s[0] - float(self.cam.law.pieces[0].at(0.0, 0)[0]),
         )

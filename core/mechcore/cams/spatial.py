@@ -44,6 +44,10 @@ class Barrel:
         """Unit direction in which points (n, m, 3) of the follower move when the coordinate grows."""
         return np.broadcast_to([0.0, 0.0, 1.0], x.shape)
 
+    def carried(self, x: Real) -> Real:
+        """Velocity of points (..., 3) of the follower for a unit rate of its coordinate."""
+        return np.broadcast_to([0.0, 0.0, 1.0], x.shape)
+
 
 @dataclass(frozen=True)
 class BarrelArm:
@@ -67,9 +71,12 @@ class BarrelArm:
         return point, a
 
     def away(self, x: Real, q: Real) -> Real:
-        r = x - np.array([0.0, *self.pivot])
-        d = _stack(0.0, r[..., 2], -r[..., 1])
+        d = self.carried(x)
         return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+    def carried(self, x: Real) -> Real:
+        r = x - np.array([0.0, *self.pivot])
+        return _stack(0.0, r[..., 2], -r[..., 1])
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,9 @@ class Globoid:
     def away(self, x: Real, q: Real) -> Real:
         d = _stack(np.sin(q)[:, None], 0.0, np.cos(q)[:, None])
         return np.broadcast_to(d, x.shape)
+
+    def carried(self, x: Real) -> Real:
+        return _stack(x[..., 2], 0.0, self.distance - x[..., 0])
 
 
 Mount = Barrel | BarrelArm | Globoid

@@ -179,6 +179,10 @@ class JoinedForces:
         follower has left its cam."""
         return self._join(lambda f: _transmitted(f, pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
 
+    def pressed(self, pair: str) -> Array:
+        """What the pair transmits without what friction adds to it."""
+        return self._join(lambda f: f.pressed(pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
+
     def position(self, pair: str) -> Array:
         relation = self.motion._relation(pair)
         return self._join(lambda f: f.position(pair) if _has(f, pair) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))

@@ -21,7 +21,7 @@ from ..kinetostatics import transmit
 from ..leastnorm import indeterminate
 from ..motion import Motion
 from ..spec import Revolute, braked, friction_of
-from .elements import Element, elements_of
+from .elements import Element, elements_of, two_sided
 from .fixedpoint import solve_normal_loads
 from .response import respond, system
 from .result import FrictionResult
@@ -42,8 +42,8 @@ def solve_friction(
     """
     _check(motion)
     _refuse_indeterminate(motion)
-    elements = elements_of(motion)
-    flanks = None
+    flanks = transmit(motion, force, moment)[2] if two_sided(motion) else None
+    elements = elements_of(motion, flanks)
     for _ in range(FLANKS):
         response = respond(motion, elements, force, moment, flanks)
         before = response.base[2] if flanks is None else flanks
@@ -56,6 +56,7 @@ def solve_friction(
         if all(np.all((after[r] < 0.0) == (before[r] < 0.0)) for r in after):
             break
         flanks = after
+        elements = elements_of(motion, flanks) if two_sided(motion) else elements
     if friction.jammed.any():
         gap = np.where(friction.jammed, np.nan, 1.0)
         transmitted = [(f * gap, c * gap) for f, c in transmitted]

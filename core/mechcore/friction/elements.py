@@ -8,13 +8,15 @@ Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r
 Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
 its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
 count, whatever the pressure between them; beyond that they press on opposite sides.
-Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags.
+Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags. Where a roller rolls and is
+also pushed along its axis, as on cams about an axis in the plane, the whole friction at the flank is mu |N| against the whole
+sliding; what the pin drags is its part across the axis, so that along it there is mu sqrt(1 - r^2 / R^2) |N|.
 Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -27,7 +29,7 @@ from ..spec import CamPair, Cylinder, Friction, Pair, PinSlot, Prismatic, Revolu
 
 Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
-__all__ = ["STILL", "Element", "elements_of", "relative_rate"]
+__all__ = ["STILL", "Element", "elements_of", "relative_rate", "two_sided"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -45,13 +47,16 @@ class Element:
     what: Literal["turn", "slide"]
     kind: Kind  # how the normal load follows from what the pair transmits
     friction: Friction
-    factor: float  # moment or force per normal load [m or 1]
+    factor: Any  # moment or force per normal load [m or 1], a number or (F,)
     links: tuple[int, int]  # first and second
     joint: int  # -1 for a relation
     along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
     rate: Real
     sign: Real
     place: Array = None  # of a cam: where they touch
+    twist: Array = None  # of a cam about an axis in the plane: couple on it per unit, the opposite on its carrier [m]
+    carrier: int = -1
+    seen: Array = 1.0  # of the same: how much of the normal force the plane sees
 
     @property
     def unit(self) -> str:
@@ -73,6 +78,9 @@ class Element:
                 force[k] = force[k] + f
                 at = motion.joint_point(self.joint) if self.place is None else self.place
                 moment[k] = moment[k] + cross(at - motion.origins[k], f)
+        if self.twist is not None:
+            for k, couple in ((self.links[0], value * self.twist), (self.carrier, -value * self.twist)):
+                moment[k] = moment[k] + couple
 
     def normal(
         self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
@@ -81,7 +89,7 @@ class Element:
         if self.kind == "brake":  # its factor is the whole friction, whatever the pair transmits: see `response.system`
             return np.ones(motion.frames), np.zeros(motion.frames)
         if self.kind == "contact":
-            force = contacts[self.pair][1]
+            force = contacts[self.pair][1] / self.seen
             return np.real(force), np.imag(force)
         force, couple = transmitted[self.joint]
         if self.kind == "pin":
@@ -98,12 +106,22 @@ class Element:
         return n, c * (2.0 / f.length)
 
 
-def elements_of(motion: Motion) -> list[Element]:
-    """All elements of a mechanism, in the order of its pairs."""
+def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
+    """All elements of a mechanism, in the order of its pairs. ``flanks``: relation -> multiplier (F,) whose sign says on which of
+    its two sides a cam presses; without it all press where they push."""
     turning = max((_peak(w) for w in motion.speeds.spin), default=0.0)
     moving = max([turning * motion.model.size, *(_peak(v) for v in motion.speeds.slide.values())])
     least = {"turn": NOISE * turning, "slide": NOISE * moving}
-    return [_element(motion, pair, *parts, least) for pair in motion.mechanism.pairs for parts in _parts(pair)]
+    return [
+        _element(motion, pair, *parts, least, flanks or {}, nth)
+        for pair in motion.mechanism.pairs
+        for nth, parts in enumerate(_parts(pair))
+    ]
+
+
+def two_sided(motion: Motion) -> bool:
+    """Whether friction acts on a cam that can press on either of two sides."""
+    return any(isinstance(p, CamPair) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.pairs)
 
 
 def _parts(
@@ -124,43 +142,66 @@ def _parts(
         return [*pushed, ("slide", "brake", f.brake)] if f.brake else pushed
     if isinstance(pair, CamPair):
         roller = getattr(pair.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
-        return [("slide", "contact", mu * f.radius / roller if roller else mu)]
+        share = f.radius / roller if roller else 1.0
+        rolls: list[Any] = [("slide", "contact", mu * share)]
+        return rolls if pair.spatial is None else [*rolls, ("slide", "contact", mu * np.sqrt(1.0 - share * share))]
     if isinstance(pair, PinSlot):
         turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
         return [("slide", "normal", mu), *turn]
     return [("turn", "normal" if isinstance(pair, Rolling) else "contact", f.lever)]
 
 
-def _element(motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, least: dict[str, float]) -> Element:
+def _element(
+    motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
+) -> Element:
     model = motion.model
     friction = friction_of(pair)
     assert friction is not None
     j = model.joint_index.get(pair.name, -1)
     first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
     if isinstance(pair, CamPair):
-        return _of_cam(motion, pair, friction, factor, (first, second), least["slide"])
+        return _of_cam(motion, pair, friction, factor, (first, second), least["slide"], flanks, nth)
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
-    still = max(STILL * _peak(rate), least[what])
-    sign = np.where(np.abs(rate) <= still, 0.0, np.sign(rate))
-    return Element(pair.name, what, kind, friction, factor, (first, second), j, along, rate, sign)
+    return Element(pair.name, what, kind, friction, factor, (first, second), j, along, rate, _sign(rate, least[what]))
 
 
-def _of_cam(motion: Motion, pair: CamPair, friction: Friction, factor: float, links: tuple[int, int], least: float) -> Element:
+def _of_cam(
+    motion: Motion,
+    pair: CamPair,
+    friction: Friction,
+    factor: Any,
+    links: tuple[int, int],
+    least: float,
+    flanks: Mapping[int, Array],
+    nth: int,
+) -> Element:
     """Sliding of the follower on its cam: along the common tangent at the contact, at the difference of both surfaces' speeds.
 
     A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
     """
-    geometry = next(r.geometry for r in motion.model.relations if r.name == pair.name)
-    place, direction = geometry.contact(motion, np.ones(motion.frames))
+    index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == pair.name)
+    geometry, flank = relation.geometry, flanks.get(index, np.ones(motion.frames))
+    if relation.bearing is not None:
+        *rubbing, seen = geometry.rubbing(motion, flank)
+        r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
+        sign = _sign(r.rate, least)
+        return Element(
+            pair.name, "slide", "contact", friction, factor, links, -1, r.along, r.rate, sign, r.place, r.twist, carrier, seen
+        )  # fmt: skip
+    if pair.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
+        factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
+    place, direction = geometry.contact(motion, flank)
     with np.errstate(invalid="ignore"):
         along = 1j * direction / np.abs(direction)
     spin = motion.model.angles.spin
     speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
     rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
-    still = max(STILL * _peak(rate), least)
-    sign = np.where(np.abs(rate) <= still, 0.0, np.sign(rate))
-    return Element(pair.name, "slide", "contact", friction, factor, links, -1, along, rate, sign, place)
+    return Element(pair.name, "slide", "contact", friction, factor, links, -1, along, rate, _sign(rate, least), place)
+
+
+def _sign(rate: Real, least: float) -> Real:
+    return np.where(np.abs(rate) <= max(STILL * _peak(rate), least), 0.0, np.sign(rate))
 
 
 def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:

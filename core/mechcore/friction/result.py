@@ -80,6 +80,10 @@ class FrictionResult:
             else:
                 out[:, 0] += value * np.real(e.along)
                 out[:, 1] += value * np.imag(e.along)
+        for relation in self.motion.model.relations:  # what bearings of shafts in the plane carry
+            for name, sign in relation.bearing.joints if relation.bearing is not None else ():
+                if name == pair:
+                    out[:, 2] += sign * sum(self.value(i) * self.elements[i].twist for i in self._elements_of(relation.name))
         return out
 
     def wrench(self, pair: str) -> Real:

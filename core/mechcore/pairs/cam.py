@@ -14,7 +14,7 @@ from ..laws.curve import MotionCurve, Piece
 from ..spec import CamPair, Prismatic, Revolute
 from .joint import point_of
 from .parts import Builder
-from .relation import Curve, Relation
+from .relation import Bearing, Curve, Relation
 
 if TYPE_CHECKING:
     from ..cams import Cam, Follower
@@ -89,8 +89,16 @@ def build(pair: CamPair, builder: Builder) -> None:
             curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=placed.phase),
             constant=constant,
             geometry=placed,
+            bearing=_bearing(pair, builder, carrier, placed),
         )
     )
+
+
+def _bearing(pair: CamPair, builder: Builder, carrier: str, placed: Any) -> Bearing | None:
+    """What carries the shaft of a cam whose axis lies in the plane."""
+    if pair.spatial is None:
+        return None
+    return Bearing(carrier=carrier, couple=placed.couple, joints=builder.bearings_between(pair, pair.links[0], carrier))
 
 
 def _build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:

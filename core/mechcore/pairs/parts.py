@@ -32,13 +32,20 @@ class Builder:
 
         They may be pinned to each other, or to the same place of others (several links on one shaft, a wheel welded to its shaft).
         """
-        reached = [((link, z), (link, z)) for z in self._axes_of(link)]
-        for (k, z), (_, own) in reached:  # grows while it is walked through: nearest first
+        return self._way_between(pair, link, carrier)[:2]
+
+    def bearings_between(self, pair: Pair, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
+        """The revolute pairs about that axis on the way from ``carrier`` to ``link``, +1 where the second is nearer to it."""
+        return self._way_between(pair, link, carrier)[2]
+
+    def _way_between(self, pair: Pair, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
+        reached: list[tuple[str, complex, complex, tuple[tuple[str, float], ...]]] = [(link, z, z, ()) for z in self._axes_of(link)]
+        for k, z, own, way in reached:  # grows while it is walked through: nearest first
             if k == carrier:
-                return z, own
-            for place in self._on_the_same_axis(k, z):
-                if not any(place[0] == seen[0] and self._same(seen[0], place[1], seen[1]) for seen, _ in reached):
-                    reached.append((place, (link, own)))
+                return z, own, way
+            for other, there, through in self._on_the_same_axis(k, z):
+                if not any(other == seen[0] and self._same(other, there, seen[1]) for seen in reached):
+                    reached.append((other, there, own, way + through))
         others = sorted({k for p in self.mechanism.pairs if isinstance(p, Revolute) and link in p.links for k in p.links} - {link})
         known = f" It is pinned to {', '.join(repr(k) for k in others)}." if others else ""
         raise MechanismError(
@@ -70,9 +77,9 @@ class Builder:
             if end == k
         ]
 
-    def _on_the_same_axis(self, link: str, z: complex) -> list[tuple[str, complex]]:
-        """Where the axis through ``z`` of a link goes through the links that are pinned to it there, or welded to it."""
-        out = []
+    def _on_the_same_axis(self, link: str, z: complex) -> list[tuple[str, complex, tuple[tuple[str, float], ...]]]:
+        """Where the axis through ``z`` of a link goes through the links pinned to it there, or welded to it, and the pin."""
+        out: list[tuple[str, complex, tuple[tuple[str, float], ...]]] = []
         for p in self.mechanism.pairs:
             if not isinstance(p, Revolute | Weld) or link not in p.links:
                 continue
@@ -80,9 +87,9 @@ class Builder:
             own, other = (point_of(self.links[p.links[i]], p.points[i]) for i in (side, 1 - side))
             if isinstance(p, Weld):
                 turn = cmath.exp(1j * (p.angle if side else -p.angle))
-                out.append((p.links[1 - side], other + (z - own) * turn))
+                out.append((p.links[1 - side], other + (z - own) * turn, ()))
             elif self._same(link, z, own):
-                out.append((p.links[1 - side], other))
+                out.append((p.links[1 - side], other, ((p.name, 1.0 if side else -1.0),)))
         return out
 
     def _same(self, link: str, a: complex, b: complex) -> bool:

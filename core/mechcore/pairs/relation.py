@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ..motion import Motion
 
-__all__ = ["Curve", "Relation"]
+__all__ = ["Bearing", "Curve", "Relation"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +24,20 @@ class Curve:
     angles: tuple[tuple[str, float], ...] = ()  # (link, coefficient)
     slides: tuple[tuple[str, float], ...] = ()  # (sliding pair, coefficient)
     shift: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bearing:
+    """What a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
+
+    The force on the second link acts at the contact, the opposite there on the first; beside it a couple acts on the first link,
+    the opposite on the ``carrier``. ``joints``: (revolute pair, +1 where its second link is on the side of the first link of the
+    relation) through which the couple passes from the carrier.
+    """
+
+    carrier: str
+    couple: Callable[[Motion, Any, Any], Any]  # (motion, place, force on the second link) -> couple on the first link [N m]
+    joints: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,4 +56,5 @@ class Relation:
     contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier
     curve: Curve | None = None
     constant: float | None = None  # [m], of the links' own angles and of displacements
+    bearing: Bearing | None = None
     geometry: Any = None  # what else the pair knows, for those who draw or record it
