@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from viser._messages import RunJavascriptMessage
+
+_marks = itertools.count(1)
 
 ARGS = [
     "--no-sandbox",
@@ -23,11 +27,19 @@ ARGS = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # there is no graphics card: the page itself is put together faster without pretending one
 ]
+# Without a graphics card a picture costs by its pixels: half as many each way, one sample each. That is also what keeps viser from
+# changing the number of pixels by itself when the machine is busy.
+PIXELS = "?fixedDpr=0.5"
+ONE_SAMPLE = """const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+        return get.call(this, kind, kind === 'webgl2' ? { ...options, antialias: false } : options); }"""
 SIZE = {"width": 1100, "height": 700}
 PATIENCE = 60.0  # [s] for anything that has to come: a slow machine without a graphics card may need most of it
 READY = """names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && m.messageQueue.length === 0 &&
     names.every(n => m.nodeRefFromName[n] && m.nodePoseData[n] && m.nodePoseData[n].poseUpdateState === 'updated'); }"""
+POSES = """names => names.map(n => { const d = window.__viserMutable.nodePoseData[n]; return [...d.wxyz, ...d.position]; })"""
 POSE = "name => { const d = window.__viserMutable.nodePoseData[name]; return [...d.wxyz, ...d.position]; }"
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
 CANVAS = """() => { const r = document.querySelector('canvas[data-engine]').getBoundingClientRect();
@@ -60,9 +72,58 @@ def new_page(browser: Any, size: dict[str, int]) -> Any:
     return opened
 
 
+def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str]) -> Any:
+    """A page with the viewer, when these nodes of the scene are there."""
+    page = new_page(browser, size)
+    page.add_init_script(ONE_SAMPLE)
+    page.goto(f"{viewer.url}{PIXELS}")
+    _arrange(page, nodes)
+    return page
+
+
+def reload(page: Any, nodes: Sequence[str]) -> None:
+    """Load the viewer's page again."""
+    page.reload()
+    _arrange(page, nodes)
+
+
+def _arrange(page: Any, nodes: Sequence[str]) -> None:
+    # Without a graphics card viser says so in a note that covers the top of the page
+    page.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
+    page.wait_for_function(READY, arg=list(nodes))
+
+
 def open_tab(page: Any, tab: str) -> None:
-    """Open a tab of a panel."""
-    page.get_by_role("tab", name=tab, exact=True).click()
+    """Open a tab of a panel, if it is not open."""
+    found = page.get_by_role("tab", name=tab, exact=True)
+    if found.get_attribute("aria-selected") != "true":
+        found.click()
+
+
+def caught_up(viewer: Any, page: Any) -> None:
+    """Wait until all that has been asked for is drawn by the server, and all that the server has sent so far has reached the page:
+    what is then not there is not on its way either."""
+    assert viewer.player.wait()
+    mark = next(_marks)
+    message = RunJavascriptMessage(source=f"window.mechvizMark = {mark};")
+    message.redundancy_key = lambda: "mark of a test"  # type: ignore[method-assign]
+    viewer.server._websock_server.queue_message(message)  # among all others, hence after those before it
+    viewer.server.flush()
+    page.wait_for_function("mark => window.mechvizMark >= mark", arg=mark)
+
+
+def heard(viewer: Any) -> None:
+    """Wait until all that the browsers have said so far has reached the server, and its callbacks have run."""
+    for client in viewer.server.get_clients().values():
+        client.local_storage.get_item("", timeout=PATIENCE)  # an answer, hence after all that was said before it
+    assert viewer.player.wait()
+
+
+def next_frames(page: Any, count: int = 2) -> None:
+    """Wait until the page has gone through some more of its frames."""
+    page.evaluate(
+        "count => new Promise(done => { const next = () => count-- > 0 ? requestAnimationFrame(next) : done(); next(); })", count
+    )
 
 
 def until(page: Any, condition: Any, what: str, seconds: float = PATIENCE) -> None:

@@ -7,7 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import CANVAS, POSE, READY, SEEN, browser, new_page, open_tab, picture, until
+from browsing import (
+    CANVAS,
+    POSE,
+    POSES,
+    SEEN,
+    browser,
+    caught_up,
+    next_frames,
+    open_tab,
+    open_viewer,
+    picture,
+    reload,
+    until,
+)
 
 from mechviz import scene
 from mechviz.run import run_scene
@@ -56,12 +69,8 @@ def errors() -> list[str]:
 
 @pytest.fixture(scope="module")
 def page(browser, viewer, errors) -> Iterator[Any]:
-    opened = new_page(browser, SIZE)
+    opened = open_viewer(browser, viewer, SIZE, NODES)
     opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(viewer.url)
-    # Without a graphics card viser says so in a note that covers the top of the page
-    opened.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
-    opened.wait_for_function(READY, arg=NODES)
     yield opened
     opened.close()
 
@@ -84,12 +93,10 @@ def _type(page: Any, label: str, value: str) -> None:
 
 
 def _drawn(viewer: Viewer, page: Any) -> bool:
-    for link in LINKS:
-        x, y, angle = viewer.run.motion.pose(link)[viewer.frame]
-        wanted = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2), x, y, 0.0])
-        if np.abs(np.array(page.evaluate(POSE, link_path(link))) - wanted).max() > 1e-3:
-            return False
-    return True
+    x, y, angle = np.array([viewer.run.motion.pose(link)[viewer.frame] for link in LINKS]).T
+    zero = np.zeros(len(LINKS))
+    wanted = np.column_stack([np.cos(angle / 2), zero, zero, np.sin(angle / 2), x, y, zero])
+    return bool(np.abs(np.array(page.evaluate(POSES, NODES)) - wanted).max() < 1e-3)
 
 
 def _width(viewer: Viewer) -> float:
@@ -98,6 +105,9 @@ def _width(viewer: Viewer) -> float:
 
 
 def _until_drawn(viewer: Viewer, page: Any) -> None:
+    """Until the run is there as it is now, and nothing else is on its way."""
+    assert viewer.studio.wait()
+    caught_up(viewer, page)
     until(page, lambda: _drawn(viewer, page), "poses in the browser")
 
 
@@ -120,23 +130,22 @@ def test_dragging_a_slider_solves_on_the_way_and_ends_at_its_value(viewer, page)
     uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
     thumb = page.locator(f'[id="{uuid}"] [role=slider]').bounding_box()
     x, y = thumb["x"] + thumb["width"] / 2, thumb["y"] + thumb["height"] / 2
-    solved = []
-    present = viewer.inspector.present
-    viewer.inspector.present = lambda show: (solved.append(show), present(show))
+    slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]
+
+    def length() -> float:
+        return viewer.run.motion.mechanism.links[1].points["B"][0]
+
+    page.mouse.move(x, y)
+    page.mouse.down()
     try:
-        page.mouse.move(x, y)
-        page.mouse.down()
-        for k in range(1, 9):
-            page.mouse.move(x + 2 * k, y)
-            page.wait_for_timeout(30)
-        page.mouse.up()
-        slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]
-        until(page, lambda: slider.value > 0.105, "dragged")
-        until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(slider.value), "the last value")
-        assert len(solved) > 3, "solved while it was dragged"
-        _until_drawn(viewer, page)
+        for k in range(1, 5):  # each step is solved before the next one is made: the button is down all the time
+            before = length()
+            page.mouse.move(x + 4 * k, y)
+            until(page, lambda before=before: length() > before, "solved while it is dragged")
     finally:
-        del viewer.inspector.present
+        page.mouse.up()
+    until(page, lambda: slider.value > 0.105 and length() == pytest.approx(slider.value), "the last value")
+    _until_drawn(viewer, page)
 
 
 def test_undo_redo_and_reset(viewer, page):
@@ -231,11 +240,11 @@ def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
     page.wait_for_function(SEEN, arg="/pivots/E")
     x, y = _on_screen(page, viewer, np.array([0.28, 0.0]))
     page.mouse.move(x + 30, y)  # the arrow of the handle that points right
-    page.wait_for_timeout(300)
+    next_frames(page, 3)  # the handle sees the mouse
     page.mouse.down()
     for k in range(1, 8):
         page.mouse.move(x + 30 + 4 * k, y)
-        page.wait_for_timeout(60)
+        next_frames(page, 2)
     page.mouse.up()
     until(page, lambda: viewer.run.motion.mechanism.links[0].points["E"][0] > 0.285, "the pivot has moved")
     assert viewer.run.motion.mechanism.links[0].points["E"][1] == pytest.approx(0.0, abs=1e-3)
@@ -328,11 +337,8 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
 
     write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=120), folder / "short.rrd")
     with Viewer(Recording(folder / "short.rrd"), port=0) as shown:
-        opened = new_page(browser, SIZE)
+        opened = open_viewer(browser, shown, SIZE, NODES)
         try:
-            opened.goto(shown.url)
-            opened.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
-            opened.wait_for_function(READY, arg=NODES)
             assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
             opened.get_by_role("button", name="Play", exact=True).click()
             until(opened, lambda: shown.player.aside, "played by the browser")
@@ -356,9 +362,7 @@ def test_who_comes_later_or_reloads_sees_what_has_been_made_of_the_scene(viewer,
     until(page, lambda: _drawn(viewer, page), "drawn")
     longer = _width(viewer)
     until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=1e-4), "the longer crank")
-    page.reload()
-    page.add_style_tag(content=".mantine-Notifications-root{visibility:hidden}")
-    page.wait_for_function(READY, arg=NODES)
+    reload(page, NODES)
     _until_drawn(viewer, page)
     until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=1e-4), "the longer crank after a reload")
     uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
@@ -383,14 +387,14 @@ def test_every_control_has_a_name(page):
     """For screen readers: each input, slider and list is labelled, each button says what it does."""
     for tab in ("Edit", "Effects", "View"):
         open_tab(page, tab)
-        page.wait_for_timeout(400)
-        assert page.evaluate(NAMELESS) == [], tab
+        until(page, lambda: page.evaluate(NAMELESS) == [], f"a name for every control under {tab}")
 
 
 def _on_screen(page: Any, viewer: Viewer, xy: np.ndarray) -> tuple[float, float]:
     """Where a place in front of the mechanism is on the page."""
     left, top, width, height = page.evaluate(CANVAS)
     z = viewer.scene.current.z_top
+    next_frames(page)  # a camera that has been told where to be is there
     at = page.evaluate(
         """([x, y, z]) => { const m = window.__viserMutable; const root = m.nodeRefFromName[''];
             const v = m.camera.position.clone().set(x, y, z).applyMatrix4(root.matrixWorld).project(m.camera);
@@ -403,5 +407,7 @@ def _on_screen(page: Any, viewer: Viewer, xy: np.ndarray) -> tuple[float, float]
 def _click(page: Any, viewer: Viewer, xy: np.ndarray) -> None:
     x, y = _on_screen(page, viewer, xy)
     page.mouse.move(x, y)
-    page.wait_for_timeout(150)
+    page.wait_for_function(
+        "() => document.querySelector('canvas[data-engine]').style.cursor === 'pointer'"
+    )  # the page sees that the mouse is on it
     page.mouse.click(x, y)

@@ -7,7 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import CAMERA, CANVAS, CURSOR, POSE, READY, SEEN, SIZE, browser, new_page, open_tab, picture, until
+from browsing import (
+    CAMERA,
+    CANVAS,
+    CURSOR,
+    POSE,
+    POSES,
+    READY,
+    SEEN,
+    SIZE,
+    browser,
+    caught_up,
+    heard,
+    next_frames,
+    open_tab,
+    open_viewer,
+    picture,
+    until,
+)
 
 from mechviz import scene
 from mechviz.run import run_scene
@@ -21,7 +38,8 @@ pytestmark = pytest.mark.browser
 
 # The script that plays is sent when it is first needed: a page that has never had it does not play
 PLAYS = "() => !!window.mechvizPlayback && window.mechvizPlayback.running"
-NODES = tuple(link_path(link) for link in ("crank", "coupler", "rocker"))
+LINKS = ("crank", "coupler", "rocker")
+NODES = tuple(link_path(link) for link in LINKS)
 
 
 @pytest.fixture(scope="module")
@@ -38,20 +56,11 @@ def errors() -> list[str]:
 
 @pytest.fixture(scope="module")
 def page(browser, viewer, errors) -> Iterator[Any]:
-    opened = new_page(browser, SIZE)
+    opened = open_viewer(browser, viewer, SIZE, NODES)
     opened.on("pageerror", lambda error: errors.append(str(error)))
-    _go(opened, viewer)
+    _until_fitted(viewer, opened)
     yield opened
     opened.close()
-
-
-def _go(page: Any, viewer: Viewer) -> None:
-    """Open the viewer and wait until the mechanism is there."""
-    page.goto(viewer.url)
-    # Without a graphics card viser says so in a note that covers the top of the page
-    page.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
-    page.wait_for_function(READY, arg=list(NODES))
-    _until_fitted(viewer, page)
 
 
 @pytest.fixture(autouse=True)
@@ -68,12 +77,13 @@ def _pose_of_core(viewer: Viewer, link: str, frame: int) -> np.ndarray:
 
 
 def _drawn(viewer: Viewer, page: Any) -> bool:
-    links = ("crank", "coupler", "rocker")
-    found = [np.abs(np.array(page.evaluate(POSE, link_path(n))) - _pose_of_core(viewer, n, viewer.frame)).max() for n in links]
-    return max(found) < 1e-3
+    wanted = np.array([_pose_of_core(viewer, link, viewer.frame) for link in LINKS])
+    return bool(np.abs(np.array(page.evaluate(POSES, NODES)) - wanted).max() < 1e-3)
 
 
 def _until_drawn(viewer: Viewer, page: Any) -> None:
+    """Until the frame is there and nothing else is on its way."""
+    caught_up(viewer, page)
     until(page, lambda: _drawn(viewer, page), f"poses of frame {viewer.frame} in the browser")
     page.wait_for_function(READY, arg=list(NODES))
 
@@ -130,7 +140,8 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
     until(page, lambda: not viewer.playing, "paused")
     _until_drawn(viewer, page)
     frame, pose = viewer.frame, page.evaluate(POSE, NODES[1])
-    page.wait_for_timeout(300)
+    next_frames(page, 6)
+    caught_up(viewer, page)
     assert viewer.frame == frame and page.evaluate(POSE, NODES[1]) == pose
 
 
@@ -145,7 +156,7 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
     traffic.append(buffer.message_counter - before)
     page.evaluate("() => { const p = window.mechvizPlayback; p.running = false; p.show(123, true); }")
     page.wait_for_function(READY, arg=list(NODES))
-    for link in ("crank", "coupler", "rocker"):
+    for link in LINKS:
         assert np.abs(np.array(page.evaluate(POSE, link_path(link))) - _pose_of_core(viewer, link, 123)).max() < 1e-6
     torque = viewer.run.forces.effort("A")[123]
     page.get_by_text(f"{torque:.5g} N m".replace("-", "−")).first.wait_for()
@@ -190,7 +201,7 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     for key, frame in (("ArrowRight", 301), ("ArrowRight", 302), ("ArrowLeft", 301), ("ArrowUp", 311), ("Home", 0), ("End", 360)):
         page.keyboard.down(key)
         until(page, lambda frame=frame: viewer.frame == frame, f"{key} to {frame}")
-        page.wait_for_timeout(100)  # held: viser would turn the camera as long as an arrow key is down
+        next_frames(page, 3)  # held: viser would turn the camera as long as an arrow key is down
         page.keyboard.up(key)
     assert page.evaluate(CAMERA) == camera
     page.keyboard.press("Space")
@@ -203,7 +214,7 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     thumb.focus()
     page.keyboard.press("ArrowRight")
     until(page, lambda: viewer.frame == 11, "one step of the slider")
-    page.wait_for_timeout(200)
+    heard(viewer)
     assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
 
 
@@ -241,7 +252,7 @@ def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
     page.get_by_role("button", name="Step ▸", exact=True).focus()
     page.keyboard.press("Space")
     until(page, lambda: viewer.frame == 301, "one step")
-    page.wait_for_timeout(200)
+    heard(viewer)
     assert viewer.frame == 301 and not viewer.playing
 
 
@@ -274,7 +285,7 @@ def test_arrows_grow_and_the_legend_says_so(viewer, page):
 
 
 def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, page):
-    slot = viewer.plots.slots[0]
+    slot, first = viewer.plots.slots[0], viewer.plots.slots[0].quantity.title
     for frame in (45, 270):
         viewer.set_frame(frame)
         until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
@@ -286,6 +297,7 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
     assert page.evaluate(CURSOR, uuid) == pytest.approx([270, 270])
     curve = page.evaluate("uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])", uuid)
     assert max(curve) == pytest.approx(viewer.run.forces.reaction("B")[:, 0].max())
+    viewer.plots.choose(slot, first)
 
 
 def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeypatch, errors):
@@ -294,7 +306,7 @@ def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeyp
         page.evaluate(
             f"uuid => window.__viserMutable.sendMessage({{type: 'GuiUpdateMessage', uuid, updates: {{value: {value}}}}})", uuid
         )
-    page.wait_for_timeout(300)
+    heard(viewer)
     assert 0 <= viewer.frame <= 360
 
     def fail(_frames: int) -> None:
@@ -311,9 +323,9 @@ def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeyp
 
 
 def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page, browser):
-    other = new_page(browser, {"width": 1000, "height": 500})
+    other = open_viewer(browser, viewer, {"width": 1000, "height": 500}, NODES)
     try:
-        _go(other, viewer)
+        _until_fitted(viewer, other)
         viewer.set_frame(200)
         _until_drawn(viewer, other)
         _until_drawn(viewer, page)
@@ -402,11 +414,8 @@ def test_in_2d_dragging_moves_the_picture_and_turns_nothing(viewer, page):
 
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
     with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
-        opened = new_page(browser, SIZE)
+        opened = open_viewer(browser, shown, SIZE, [link_path("crank")])
         try:
-            opened.goto(shown.url)
-            opened.add_style_tag(content=".mantine-Notifications-root{display:none !important}")
-            opened.wait_for_function(READY, arg=[link_path("crank")])
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
             open_tab(opened, "View")
             opened.get_by_text("Velocity plan", exact=True).first.wait_for()
