@@ -1,8 +1,8 @@
 """Forward dynamics side by side: work and precision of mechviz and of peers on Andrews' squeezer and the chain of four-bars.
 
-    python benchmarks/dynamics.py [--short] [--alone]
+    python benchmarks/dynamics.py [--short] [--alone] [--only squeezer|chains|freedoms|scaling]
 
-All rows of a problem take turns in one process; the least time counts. The peers are installed into the environment of
+All rows of a problem take turns in one process; the least processor time counts. The peers are installed into the environment of
 `peers/run.py` on first use, in which the script then runs; with ``--alone`` it runs where it is, and what is not installed gets no
 row. Every run of mechviz starts from the compiled mechanism: nothing is kept from the run before.
 """
@@ -131,11 +131,11 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
             job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
             rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
     if find_spec("pinocchio"):
-        rows += [("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-6, 1e-8, 1e-11)]
+        rows += [("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)]
     if find_spec("mujoco"):
-        rows += [("MuJoCo RK4", f"{steps} steps", mujoco_squeezer(i, steps)) for steps in (125, 1000, 4000)]
+        rows += [("MuJoCo RK4", f"{steps} steps", mujoco_squeezer(i, steps)) for steps in (125, 1000, 1500, 4000)]
     if find_spec("exudyn"):
-        rows += [("exudyn gen.-alpha", f"{steps} steps", exudyn_squeezer(i, steps)) for steps in (300, 3000)]
+        rows += [("exudyn gen.-alpha", f"{steps} steps", exudyn_squeezer(i, steps)) for steps in (300, 3000, 40_000)]
     return rows
 
 
@@ -206,7 +206,7 @@ def report(title: str, rows: list[Row], exact: float, *, runs: int) -> None:
         except Exception as error:  # a peer that fails does not disturb the others
             print(f"{who} {setting}: {type(error).__name__}: {error}"[:120])
     jobs = {key: next(j for w, s, j in rows if (w, s) == key) for key in errors}
-    times = interleaved({f"{w}|{s}": j for (w, s), j in jobs.items()}, runs=runs, seconds=0.05, pick=min)
+    times = interleaved({f"{w}|{s}": j for (w, s), j in jobs.items()}, runs=runs, seconds=0.05, pick=min, clock=time.process_time)
     ours = [(times[f"{w}|{s}"], e) for (w, s), e in errors.items() if w == "mechviz"]
     print(f"\n### {title}\n\n| who | setting | time [ms] | error [rad] | mechviz at this error or less is faster by |")
     print("|---|---|---|---|---|")
@@ -222,13 +222,13 @@ def scaling(counts: tuple[int, ...]) -> None:
     print("| N | compile [ms] | energy 1e-9 [ms] | us a loop | error [rad] |\n|---|---|---|---|---|")
     for n in counts:
         spent, best, error = [], np.inf, np.nan
-        for _ in range(2):
-            start = time.perf_counter()
+        for _ in range(3 if n > 100 else 10):
+            start = time.process_time()
             compiled = compile_mechanism(chain(n))
-            spent.append(time.perf_counter() - start)
-            start = time.perf_counter()
+            spent.append(time.process_time() - start)
+            start = time.process_time()
             end = mechviz_end(compiled, 10.0, 1e-9, "energy")
-            best = min(best, time.perf_counter() - start)
+            best = min(best, time.process_time() - start)
             error = abs(end - chain_end(n))
         print(f"| {n} | {1e3 * min(spent):.1f} | {1e3 * best:.1f} | {1e6 * best / n:.0f} | {error:.1e} |", flush=True)
 
@@ -253,14 +253,28 @@ def main() -> None:
     runs = 3 if short else 7
     known = (("numpy", "numpy"), ("scipy", "scipy"), ("mujoco", "mujoco"), ("pin", "pinocchio"), ("exudyn", "exudyn"))
     packages = [p for p, name in known if find_spec(name)]
-    print(f"{machine(*packages)}; least of {runs} turns, taken in alternation")
-    reference = case()
-    last = reference["expected"]["rows"][-1]
-    beta = last["q"]["beta"] if "q" in last else last["beta"]
-    report("Andrews' squeezing mechanism, 0.03 s, error of the crank angle", andrews_rows(reference), beta, runs=runs)
+    print(f"{machine(*packages)}; least processor time of {runs} turns, taken in alternation")
+    only = sys.argv[sys.argv.index("--only") + 1] if "--only" in sys.argv else ""
+    if only in ("", "squeezer"):
+        reference = case()
+        last = reference["expected"]["rows"][-1]
+        beta = last["q"]["beta"] if "q" in last else last["beta"]
+        report("Andrews' squeezing mechanism, 0.03 s, error of the crank angle", andrews_rows(reference), beta, runs=runs)
+    if only in ("", "chains"):
+        chains(short, runs)
+    if only in ("", "freedoms"):
+        freedoms()
+    if only in ("", "scaling"):
+        scaling((10, 40, 100) if short else (10, 40, 100, 200, 400, 1000))
+
+
+def chains(short: bool, runs: int) -> None:
     for n in (1, 2) if short else (1, 2, 10, 40):
         title = f"Chain of {n} four-bar{'s' if n > 1 else ''}, 10 s through its singular position"
         report(title, chain_rows(n), chain_end(n), runs=runs if n < 10 else 2)
+
+
+def freedoms() -> None:
     pendulum = json.loads((ROOT / "tests" / "reference" / "dynamics.json").read_text())["cases"]
     inputs = next(c for c in pendulum if c["id"] == "double-pendulum-physical")["inputs"]
     for title, mechanism, duration in (
@@ -269,7 +283,6 @@ def main() -> None:
     ):
         rows, exact = same_equations(mechanism, duration)
         report(title, rows, exact, runs=3)
-    scaling((10, 40, 100) if short else (10, 40, 100, 300, 1000))
 
 
 if __name__ == "__main__":
