@@ -131,7 +131,9 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
             job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
             rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
     if find_spec("pinocchio"):
-        rows += [("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)]
+        rows += [
+            ("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
+        ]
     if find_spec("mujoco"):
         rows += [("MuJoCo RK4", f"{steps} steps", mujoco_squeezer(i, steps)) for steps in (125, 1000, 1500, 4000)]
     if find_spec("exudyn"):

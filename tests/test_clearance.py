@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dynamic_mechanisms import slider_crank
+from scipy.special import gamma
 
 import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
@@ -60,6 +61,25 @@ def test_an_impact_has_the_stated_restitution_whatever_the_stiffness(restitution
     energy = found.energies([0.045])[0]
     assert energy[3] == pytest.approx(speed**2 * (1.0 - restitution**2), rel=1e-6, abs=1e-9)
     assert abs(found.drift([0.06])[0]) < 1e-8
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.5])
+def test_a_contact_of_hertz_is_as_exact_as_asked_for(exponent: float):
+    """Its force starts as a broken power of time, which no polynomial follows. Without weight and losses, against the duration of
+    the contact (Johnson, Contact Mechanics, 11.4, for 3/2): 2 d / v times the integral of 1 / sqrt(1 - x^(n + 1)), 0 to 1."""
+    speed, stiffness, radial, mass = 0.4, 3e6, 0.01, 2.0
+    made = ball(exponent=exponent, stiffness=stiffness)
+    drives = tuple(replace(d, law=Free(0.0, speed)) if d.pair == "O.across" else d for d in made.drives)
+    compiled = compile_mechanism(replace(made, drives=drives, effects=("inertia",)))
+    p = 1.0 / (exponent + 1.0)
+    deepest = (0.5 * mass * speed**2 / (stiffness * radial ** (1.0 - exponent) * p)) ** p
+    lasts = 2.0 * deepest / speed * np.sqrt(np.pi) * gamma(1.0 + p) / gamma(0.5 + p)
+    for tolerance in (1e-8, 1e-9, 1e-11):
+        found = simulate(compiled, 0.06, tolerance=tolerance)
+        q, v, _ = found([0.06])
+        assert abs(q[0, 1] - (radial - speed * (0.06 - radial / speed - lasts))) < 0.2 * tolerance
+        assert abs(v[0, 1] + speed) < 6.0 * tolerance
+        assert abs(found.drift([0.06])[0]) < 30.0 * tolerance
 
 
 def test_it_comes_to_rest_on_the_bottom_pressed_in_by_its_weight():

@@ -15,6 +15,7 @@ from .collocation import Rule, Window, gauss, radau, solve_window
 __all__ = ["Solution", "System", "integrate", "nodes_for"]
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
 
 
@@ -96,6 +97,7 @@ def integrate(
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     longest = 0.0  # window so far
     chatter = 0  # windows in a row that a bend has cut to almost nothing
+    starts = bends is not None  # at a bend, or where one may be
     cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
     while t < t1 - least:
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
@@ -112,16 +114,19 @@ def integrate(
                 cuts, uncut, h = cuts + 1, max(uncut, h), bend - t
                 guess = window(t + h * rule.nodes)[2]
                 continue
-            error = _tail(window, max(longest, h)) / (tolerance * scale)
-            worst = float(np.max(error))
+            left, rough, power = _tail(window, max(longest, h))
+            worst = float(np.max(left / (tolerance * scale)))
+            order = float(s + 1)
+            if (starts or cuts) and float(np.max(rough / (tolerance * scale))) > worst:
+                worst, order = float(np.max(rough / (tolerance * scale))), power
             if worst > 4.0 and h < 1e4 * least:
                 worst = 4.0  # the equations jump here without saying so; as near to the jump as time can be told
         else:
             solution.evaluations += 8
-            worst = np.inf
+            worst, order = np.inf, float(s + 1)
         if worst > 4.0:
             solution.rejected += 1
-            h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / (s + 1)), 0.1, 0.7)) if np.isfinite(worst) else 0.3
+            h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
             if h < 1e3 * least:
                 raise MechanismError(
                     Fault(
@@ -131,6 +136,7 @@ def integrate(
                     )
                 )
             guess = np.repeat(guess[:1], s, axis=0)
+            cuts = 0  # what is left of it does not reach the bend
             continue
         solution.windows.append(window)
         longest = max(longest, h)
@@ -151,24 +157,34 @@ def integrate(
         end_q, end_v, end_a = window(np.array([t + h]))
         q, v = end_q[0], end_v[0]
         t += h
-        longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / (s + 1)), 0.3, 1.6))
+        longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
         guess = _extrapolated(window, t + longer * rule.nodes, end_a)
         h = max(longer, 0.5 * uncut)
         if uncut:
             guess = np.repeat(end_a, s, axis=0)
-        cuts, uncut = 0, 0.0
+        starts, cuts, uncut = cuts > 0, 0, 0.0
     return solution
 
 
-def _tail(window: Window, longest: float) -> Array:
-    """Estimate of the error in a window (f,): what the last two coefficients of the acceleration amount to in it.
+def _tail(window: Window, longest: float) -> tuple[Array, Array, float]:
+    """Two estimates of the error in a window (f,), and the order of the second.
 
-    As a position, and as a speed that is kept for the ``longest`` window: where the equations jump, windows become so short that
-    a wrong speed is no error of the position within them, but it is one of all that follows.
+    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
+    window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
+    one of all that follows.
+
+    And what the quadrature misses of the speed: the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is
+    left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
+    left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
     """
-    s = len(window.a)
+    s, size = len(window.a), np.abs(window.a)
     k = np.array([s - 2, s - 1])
-    return window.length * longest * np.max(np.abs(window.a[-2:]) / (4.0 * (k * k))[:, None], axis=0)
+    last, middle = size[-2:].max(axis=0), size[(s - 1) // 2 : (s + 3) // 2].max(axis=0)
+    tail = window.length * longest * np.max(size[-2:] / (4.0 * (k * k))[:, None], axis=0)
+    ratio = np.minimum(last / np.maximum(middle, 1e-300), 0.25)
+    m = -np.log2(np.maximum(ratio, 1e-300))
+    missed = np.where(last > ROUNDING * size.max(axis=0), 2.0 * s * last * ratio / (m - 1.0), 0.0)
+    return tail, window.length * longest * missed, float(0.5 * (m.min() + 1.0))
 
 
 def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:
