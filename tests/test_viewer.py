@@ -33,6 +33,7 @@ from mechviz.viewer.callbacks import finite
 from mechviz.viewer.camera import FIELD_OF_VIEW, TIMELINE, USUAL_ASPECT, fit_view
 from mechviz.viewer.curves import Curves, padded_range, thinned
 from mechviz.viewer.marks3d import joint_groups
+from mechviz.viewer.plan_diagram import plan_graph, plan_svg
 from mechviz.viewer.plans3d import arrow_lines, placed
 from mechviz.viewer.player import Player
 from mechviz.viewer.quantities import find_axes, find_quantities, first_choice
@@ -307,6 +308,21 @@ def test_the_legend_states_round_scales(four_bar):
 def test_the_plan_says_what_was_left_out_and_why(kinematic):
     text = words.plan_list(kinematic)
     assert "positions" in text and "reactions and drive efforts" in text and "pure kinematics" in text
+
+
+def test_the_plan_as_a_diagram_has_an_arrow_for_what_is_needed_and_none_for_what_is_left_out(kinematic):
+    rough = run_scene(scene.load("slider-crank-friction"), frames=24)
+    graph = plan_graph(rough.motion.mechanism, rough.plan)
+    arrows = set(graph.arrows)
+    assert {("effect inertia", "accelerations"), ("effect gravity", "positions"), ("effect friction", "velocities")} <= arrows
+    assert ("effect friction", "reactions and drive efforts") in arrows, "found together with the reactions"
+    assert ("accelerations", "reactions and drive efforts") in arrows and all(box.on for box in graph.boxes)
+    graph = plan_graph(kinematic.motion.mechanism, kinematic.plan)
+    off = {box.name for box in graph.boxes if not box.on}
+    assert {"effect inertia", "effect gravity", "effect friction", "reactions and drive efforts"} <= off
+    assert not any(off & set(arrow) for arrow in graph.arrows)
+    picture = plan_svg(kinematic.motion.mechanism, kinematic.plan)
+    assert picture.count('data-on="0"') == len(off) and "pure kinematics" in picture
 
 
 # -- values from browsers ---------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from mechcore.spec import EFFECTS
 
 from . import words
 from .callbacks import Callback
+from .plan_diagram import plan_svg
 from .show import Show
 from .studio import Contribution, Studio
 
@@ -42,6 +43,7 @@ class EffectsTab:
             weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
             weigh.on_click(callback("Weighing the effects", lambda _: studio.weigh(asked=True)))
             with gui.add_folder("What was computed"):
+                self.diagram = gui.add_html(self._diagram(studio.show))
                 self.plan = gui.add_html(studio.show.notes)
 
     def update(self, show: Show) -> None:
@@ -53,8 +55,16 @@ class EffectsTab:
         for name, box in self.loads.items():
             if box.value != (name in show.run.scene.document.loads):
                 box.value = name in show.run.scene.document.loads
+        diagram = self._diagram(show)
+        if self.diagram.content != diagram:
+            self.diagram.content = diagram
         if self.plan.content != show.notes:
             self.plan.content = show.notes
+
+    @staticmethod
+    def _diagram(show: Show) -> str:
+        assert show.run is not None
+        return plan_svg(show.run.motion.mechanism, show.run.plan)
 
     def weighed(self, found: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
