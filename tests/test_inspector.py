@@ -14,9 +14,9 @@ from mechviz import scene
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene import Scene
-from mechviz.viewer import Viewer, ViewerError
+from mechviz.viewer import Viewer, ViewerError, charts
 from mechviz.viewer.camera import PRESETS, fit_view
-from mechviz.viewer.diagrams import diagram_svg, diagrams_of
+from mechviz.viewer.diagrams import Chart, diagram_svg, diagrams_of
 from mechviz.viewer.health_strip import columns, health_svg, shade
 from mechviz.viewer.history import Draft, History
 from mechviz.viewer.limits import assembles, reachable
@@ -413,7 +413,36 @@ def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
         assert first != later and title in first
         numbers = [float(v) for spots in re.findall(r'points="([^"]*)"', first) for v in re.split("[ ,]", spots)]
         assert all(-20.0 <= v <= 350.0 for v in numbers), title
-        assert diagram.unit in first, "the unit of its scale"
+        assert (diagram.y_title if isinstance(diagram, Chart) else diagram.unit) in first, "the unit of its scale"
+
+
+def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():
+    run = run_scene(scene.load("polodes-four-bar"), frames=72)
+    diagram = diagrams_of(show_of_run(run, build(run)))["Polodes of coupler"]
+    link, fixed, moving = diagram.curves
+    for frame in (0, 17, 50):
+        known = np.isfinite(moving.way)
+        assert known.sum() > 60
+        carried, still = moving.way_at(frame), fixed.way_at(frame)
+        assert carried[frame] == pytest.approx(still[frame], abs=1e-12), "both go through the instant centre"
+        assert moving.at[frame] == pytest.approx(still[frame], abs=1e-12)
+        near = slice(frame - 1, frame + 2) if frame else slice(0, 2)
+        along, other = np.diff(carried[near]), np.diff(still[near])
+        assert np.abs(along).sum() == pytest.approx(np.abs(other).sum(), rel=0.02), "it rolls: both have gone as far"
+        place = run.motion.point("coupler", next(iter(run.motion.mechanism.links[2].points)))[frame]
+        assert link.way_at(frame)[0] == pytest.approx(complex(*place))
+    assert diagram_svg(diagram, 0) != diagram_svg(diagram, 17)
+
+
+def test_the_indicator_diagram_shows_pressure_against_displacement_where_the_run_is():
+    run = run_scene(scene.load("compressor-cycle"), frames=72)
+    chart = next(d for t, d in diagrams_of(show_of_run(run, build(run))).items() if t.startswith("Indicator diagram"))
+    first, later = diagram_svg(chart, 10), diagram_svg(chart, 40)
+    dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)"', first).groups()]
+    x0, x1, y0, y1 = chart.ranges
+    assert (dot[0] - charts.LEFT) / charts.ACROSS == pytest.approx((chart.curves[0].x[10] - x0) / (x1 - x0), abs=1e-3)
+    assert (dot[1] - charts.TOP) / charts.UP == pytest.approx((y1 - chart.curves[0].y[10]) / (y1 - y0), abs=1e-3)
+    assert first != later and "displacement [mm]" in first and "[bar]" in first
 
 
 # -- cameras, names ---------------------------------------------------------------------------------------------------

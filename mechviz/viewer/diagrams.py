@@ -1,4 +1,5 @@
-"""The tab of diagrams: velocity, acceleration and force plans, polygons, polar plots and pole curves that move with the frame."""
+"""The tab of diagrams: velocity, acceleration and force plans, polygons, pole curves, paths, and one quantity against another, such
+as pressure against displacement. All move with the frame."""
 
 from __future__ import annotations
 
@@ -6,25 +7,33 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from ..drawings import Drawing, drawings_of
+from ..overlays import FIXED, MOVING
+from ..record.diagrams import Diagram as Chart
+from ..record.diagrams import find_diagrams
 from ..vectors import round_value
 from . import words
 from .callbacks import Callback
+from .charts import chart_svg
 from .plans3d import on_light
 from .show import Show
 
-__all__ = ["Curve", "Diagram", "Diagrams", "diagram_svg", "diagrams_of"]
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["Chart", "Curve", "Diagram", "Diagrams", "diagram_svg", "diagrams_of"]
 
 Array = NDArray[np.complex128]
 Color = tuple[int, int, int]
 
 WIDTH, HEIGHT, ROOM = 330.0, 300.0, 26.0  # [px]
+FAR = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
 RATE = 12.0  # pictures a second while playing
 LEAST = 4.0  # [px] below which an arrow has no label
 HEAD = 8.0  # [px]
@@ -32,12 +41,20 @@ HEAD = 8.0  # [px]
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve ``way`` (n,) of the plane with a dot at its place ``at`` (F,)."""
+    """A curve ``way`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,).
+
+    ``ride``: places and turns (F,) as complex numbers of the link on which the curve lies and with which it moves.
+    """
 
     label: str
     color: Color
     way: Array
     at: Array
+    ride: tuple[Array, Array] | None = None
+
+    def way_at(self, frame: int) -> Array:
+        """Where the curve lies at a frame."""
+        return self.way if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.way
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +70,9 @@ class Diagram:
     curves: tuple[Curve, ...] = ()
 
 
-def diagrams_of(show: Show) -> dict[str, Diagram]:
-    """All diagrams of what is shown: the plans that its scene asks for, pole curves, and the paths of traced points."""
-    found = {}
+def diagrams_of(show: Show) -> dict[str, Diagram | Chart]:
+    """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
+    found: dict[str, Diagram | Chart] = {}
     if show.run is not None:
         for drawing in drawings_of(show.run, show.size).values():
             title = drawing.title.split(":")[0]
@@ -64,22 +81,46 @@ def diagrams_of(show: Show) -> dict[str, Diagram]:
                 ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
                 curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
             found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
-        for name, polode in show.run.studies.polodes.items():
+        for name in show.run.studies.polodes:
             title = f"Polodes of {name}"
-            way = polode.fixed @ np.array([1.0, 1.0j])
-            near = np.isfinite(way) & (np.abs(way - np.nanmedian(way.real) - 1j * np.nanmedian(way.imag)) < 1.5 * show.size)
-            fixed = Curve("fixed", (176, 120, 0), way[near], way)
-            box = _box([fixed.way])
-            found[title] = Diagram(title, box, 1e3, "mm", curves=(fixed,))
+            found[title] = _polodes(show, show.run, title, name)
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
         found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, (32, 78, 138), z, z),))
+    if show.run is not None:
+        found |= {chart.title: chart for chart in find_diagrams(show.run)}
     return found
 
 
-def diagram_svg(diagram: Diagram, frame: int) -> str:
+def _polodes(show: Show, run: Run, title: str, name: str) -> Diagram:
+    """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
+    polodes, pose, size = run.studies.polodes[name], show.poses[name], show.size
+    fixed, moving = polodes.fixed @ np.array([1.0, 1.0j]), polodes.moving @ np.array([1.0, 1.0j])
+    low, high = (bound[0] + 1j * bound[1] for bound in show.bounds)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
+    from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
+    inside = (np.abs(from_middle.real) < half.real) & (np.abs(from_middle.imag) < half.imag)
+    # judged in the world, so that both are cut at the same frames: far out, and where they jump through infinity
+    jumps = np.append(np.abs(np.diff(np.where(inside, fixed, 0.0))) > 0.5 * size, False)
+    ride = pose[:, 0] + 1j * pose[:, 1], np.exp(1j * pose[:, 2])
+    ways = [np.where(inside & ~jumps, way, np.nan) for way in (fixed, moving)]
+    points = next(link.points for link in run.motion.mechanism.links if link.name == name)
+    outline = np.array([complex(*xy) for xy in (*points.values(), next(iter(points.values()), (0.0, 0.0)))])
+    nowhere = np.full(len(pose), np.nan + 0j)
+    curves = (
+        Curve(name, (128, 136, 150), outline, nowhere, ride),
+        Curve("fixed polode", on_light(FIXED), ways[0], nowhere),
+        Curve("moving polode", on_light(MOVING), ways[1], np.where(inside, fixed, np.nan), ride),
+    )
+    some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
+    return Diagram(title, _box([ways[0], *(curves[0].way_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
+
+
+def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
     """The picture of a diagram at a frame."""
+    if isinstance(diagram, Chart):
+        return chart_svg(diagram, frame)
     low, high = diagram.bounds
     extent = np.maximum(high - low, 1e-300)
     scale = float(min((WIDTH - 2 * ROOM) / extent[0], (HEIGHT - 2 * ROOM) / extent[1]))
@@ -92,9 +133,13 @@ def diagram_svg(diagram: Diagram, frame: int) -> str:
         return WIDTH / 2.0 + z.real, HEIGHT / 2.0 - z.imag
 
     parts = []
-    for curve in diagram.curves:
-        spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in at(_fewer(curve.way)))
-        parts.append(f'<polyline points="{spots}" fill="none" stroke="{_hex(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+    for k, curve in enumerate(diagram.curves):
+        way = at(_fewer(curve.way_at(frame)))
+        for strip in np.split(way, np.flatnonzero(~np.isfinite(way))):
+            spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
+            parts.append(f'<polyline points="{spots}" fill="none" stroke="{_hex(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+        if len(diagram.curves) > 1:
+            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, _hex(curve.color), "end"))
         now = complex(at(curve.at[frame]))
         if np.isfinite(now):
             x, y = place(now)
@@ -185,9 +230,9 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
     return f'{line}<polygon points="{spots}" fill="{color}"/>'
 
 
-def _text(at: tuple[float, float], text: str, color: str) -> str:
+def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:
     return (
-        f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" font-size="11" text-anchor="middle" dominant-baseline="middle" fill="{color}" '
+        f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" font-size="11" text-anchor="{anchor}" dominant-baseline="middle" fill="{color}" '
         f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{escape(text)}</text>'
     )
 
