@@ -29,6 +29,7 @@ from mechviz.viewer.show_run import build, show_of_run
 from mechviz.viewer.studio import Contribution, Status, Studio
 from mechviz.viewer.tracing import traced_at, with_traced
 from mechviz.viewer.warp import warped, warped_body
+from mechviz.viewer.warp_cams import stretched
 from mechviz.viewer.worker import Latest
 
 
@@ -388,6 +389,32 @@ def test_a_click_traces_a_near_point_or_makes_one():
     near = with_traced(draft, "coupler", (0.3, 0.001, 0.01))
     assert near.data["trace"] == ["coupler.T1", "coupler.D"]
     assert with_traced(near, "coupler", (0.3, 0.001, 0.01)).data["trace"] == ["coupler.T1"], "a second click ends it"
+
+
+def test_a_cam_follows_its_values_while_they_are_dragged():
+    """Stretched, its rim is that of the solid which is built at rest; its hub stays, and so does a follower's body."""
+    opened = run_scene(scene.load("cam-flat"), frames=60)
+    built = build(opened)
+    draft = Draft.of(opened.scene)
+    parameter = next(p for p in find_parameters(opened.scene) if p.key == "pairs.K.profile.base")
+    dragged = run_scene(draft.with_value(parameter.path, parameter.written(1.15 * parameter.value)).scene(), frames=60)
+    shown, exact = show_of_run(dragged, built, show_of_run(opened, built)).bodies, build(dragged).bodies["cam"]
+
+    def rim(body: Body) -> np.ndarray:
+        """The largest radius of the disc by angle."""
+        z = np.concatenate([p.vertices for p in body.pieces]).astype(float) @ [1.0, 1.0j, 0.0]
+        z = z[np.argsort(np.angle(z))]
+        sector = np.floor((np.angle(z) + np.pi) / (2.0 * np.pi) * 90.0).astype(int)
+        return np.array([np.abs(z[sector == k]).max() for k in range(90)])
+
+    change = 0.15 * 1e-3 * parameter.value
+    assert np.abs(rim(shown["cam"]) - rim(exact)).max() < 0.03 * change < 0.5 * np.abs(rim(built.bodies["cam"]) - rim(exact)).min()
+    old, new = (np.concatenate([p.vertices for p in b.pieces]) for b in (built.bodies["cam"], shown["cam"]))
+    hub = np.hypot(old[:, 0], old[:, 1]) < 0.3e-3 * parameter.value
+    assert hub.sum() > 100 and np.allclose(old[hub], new[hub], atol=1e-8)
+    assert shown["follower"] is built.bodies["follower"]
+    folded = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 40)[:-1]) * np.exp(0.3j * np.sin(np.arange(39) * 2.0))
+    assert stretched(folded, folded, 1.1 * folded) is None, "a profile that runs back on itself is left until the rest"
 
 
 # -- health -----------------------------------------------------------------------------------------------------------

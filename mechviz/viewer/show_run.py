@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from . import words
 from .quantities import find_axes, find_quantities, first_choice, slides
 from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Piece, Show
 from .warp import warped_body
+from .warp_cams import cam_profiles, stretched_cams
 
 __all__ = ["Built", "build", "happenings", "health_of", "pieces_of", "show_of_run", "telling_frame"]
 
@@ -43,6 +45,7 @@ class Built:
     solids: Solids
     bodies: Mapping[str, Body]
     poses: Mapping[str, Real]  # over the run for which they were built
+    cams: Mapping[str, tuple[str, Any]]  # by pair, see `cam_profiles`
 
     def fits(self, run: Run) -> bool:
         """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
@@ -60,7 +63,8 @@ def build(run: Run) -> Built:
     some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
     solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
     poses = {link.name: motion.pose(link.name) for link in motion.mechanism.links}
-    return Built(motion.mechanism, solids, {name: Body(pieces_of(s), s.spin) for name, s in solids.links.items()}, poses)
+    bodies = {name: Body(pieces_of(s), s.spin) for name, s in solids.links.items()}
+    return Built(motion.mechanism, solids, bodies, poses, cam_profiles(motion))
 
 
 def pieces_of(solid: Solid) -> tuple[Piece, ...]:
@@ -99,6 +103,8 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         for link in mechanism.links
         if (body := built.bodies.get(link.name)) is not None
     }
+    if not exact and built.cams:
+        bodies |= stretched_cams(bodies, built.cams, cam_profiles(motion))
     poses = {link.name: motion.pose(link.name) for link in mechanism.links}
     for name, pose in poses.items():
         if not np.isfinite(pose).all():  # viser would pass it on to the browsers
