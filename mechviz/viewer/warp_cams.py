@@ -49,13 +49,13 @@ def stretched_cams(
         if name not in after or link not in bodies:
             continue
         new = after[name][1]
-        ways = [profile_points(placed, SAMPLES) for placed in (old, new)]
-        if old.own == new.own and old.mount == new.mount and np.array_equal(*ways):
+        way_old, way_new = (profile_points(placed, SAMPLES) for placed in (old, new))
+        if old.own == new.own and old.mount == new.mount and np.array_equal(way_old, way_new):
             continue
         pieces = []
         for piece in bodies[link].pieces:
             z = (piece.vertices[:, 0].astype(float) + 1j * piece.vertices[:, 1] - old.own) / old.mount
-            moved = stretched(z, ways[0], ways[1], wedge=old.bed is not None, groove=bool(old.groove))
+            moved = stretched(z, way_old, way_new, wedge=old.bed is not None, groove=bool(old.groove))
             if moved is None:
                 break
             w = new.own + new.mount * moved
