@@ -130,6 +130,16 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
         )
 
 
+def warn_of_accuracy(run: Run) -> None:
+    """Say where a wanted accuracy is not reached."""
+    if run.accuracy.target is not None:
+        from .accuracy.words import target_words
+
+        for line in target_words(run):
+            if line.startswith("warning"):
+                say(line)
+
+
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
     """A bar on stderr for long work; silent where stderr is no terminal."""
@@ -240,6 +250,7 @@ def forces(
         return
     with clear_errors(scene):
         run = solve(load_scene(scene), frames, cycles, accuracy)
+        warn_of_accuracy(run)
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
         print(run.scene.title)
@@ -365,7 +376,8 @@ def balance(
 
     with clear_errors(scene):
         loaded = load_scene(scene)
-        first, second = (length_of(loaded, text, name) for text, name in ((radius, "radius"), (rocker_radius, "rocker-radius")))
+        stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
+        first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
         found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
         print("\n".join(found.lines()))
         if output is not None:
@@ -431,8 +443,8 @@ def vibrations(
             fail(str(e), 1)
 
 
-def length_of(scene: Scene, text: str | None, option: str) -> float | None:
-    """A length [m] from an option: a text with a unit, or a number in the scene's units."""
+def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
+    """A length [m] or time [s] from an option: a text with a unit, or a number in the scene's units."""
     from .scene.units import QuantityError, Units
 
     if text is None:
@@ -442,7 +454,7 @@ def length_of(scene: Scene, text: str | None, option: str) -> float | None:
     except ValueError:
         value = text
     try:
-        return Units(**scene.document.units.model_dump()).si(value, "length")
+        return Units(**scene.document.units.model_dump()).si(value, kind)
     except QuantityError as e:
         fail(f"--{option}: {e} {e.remedy}")
 
@@ -486,7 +498,9 @@ def view(
                 grown = with_run(loaded, frames, cycles)
                 serve_while(lambda observe: run_scene(grown, accuracy=accuracy, observe=observe), grown, port, folder)
             else:
-                serve(solve(loaded, frames, cycles, accuracy), port=port, folder=folder)
+                run = solve(loaded, frames, cycles, accuracy)
+                warn_of_accuracy(run)
+                serve(run, port=port, folder=folder)
         except ViewerError as e:
             fail(str(e), 1)
 
@@ -502,8 +516,12 @@ def export(
     dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
     profile: Annotated[Path | None, typer.Option("--profile", help="write cams' points, normals, curvature (CSV)")] = None,
+    every: Annotated[
+        str | None, typer.Option("--every", metavar="TIME", help='tables: a row each such time, as "1 ms", read between frames')
+    ] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
 ) -> None:
     """Write results as tables, the links as solids, the profiles of cams as drawings."""
     from . import export as ex
@@ -512,14 +530,18 @@ def export(
     if csv is None and parquet is None and stl is None and glb is None and threemf is None and not profiles:
         fail("nothing to export: add --csv, --parquet, --glb, --3mf FILE or --stl FOLDER, of cams --dxf, --svg or --profile FILE.")
     with clear_errors(scene):
-        run = solve(load_scene(scene), frames, cycles)
+        loaded = load_scene(scene)
+        step = quantity_of(loaded, every, "every", "time")
+        run = solve(loaded, frames, cycles, accuracy)
+        warn_of_accuracy(run)
+        times = None if step is None else ex.even_times(run, step)
         try:
             with interruptible():
                 if csv is not None:
-                    ex.export_csv(run, csv)
+                    ex.export_csv(run, csv, times)
                     print(csv)
                 if parquet is not None:
-                    ex.export_parquet(run, parquet)
+                    ex.export_parquet(run, parquet, times)
                     print(parquet)
                 if stl is not None:
                     for path in ex.export_stl(run, stl):

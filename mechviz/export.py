@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.errors import Fault, MechanismError
+
+from .between_frames import read_between
 from .files import OutputError, replacing
 from .solids import solids_of
 from .tables import tables
@@ -17,21 +20,29 @@ if TYPE_CHECKING:
     from .meshes import Solids
     from .run import Run
 
-__all__ = ["ExportError", "export_csv", "export_parquet", "export_stl", "wide_table"]
+__all__ = ["ExportError", "even_times", "export_csv", "export_parquet", "export_stl", "wide_table"]
 
 ExportError = OutputError
 
 ROWS = 2000  # written at once
+MOST_ROWS = 10_000_000
 
 
-def wide_table(run: Run) -> dict[str, NDArray[np.float64]]:
+def wide_table(run: Run, times: NDArray[np.float64] | None = None) -> dict[str, NDArray[np.float64]]:
     """All results of a run as columns (F,) under names with units, such as ``crank.x [m]``; ``time [s]`` comes first.
 
-    What was not computed is left out.
+    With ``times`` (n,) [s] the columns (n,) are read between the frames, by the interpolation that the run's accuracy states. What
+    was not computed is left out.
     """
-    columns: dict[str, NDArray[np.float64]] = {"time [s]": np.asarray(run.motion.time, float)}
-    for table in sorted(tables(run), key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
-        for name, values in zip(table.headers(), table.values.T, strict=True):
+    at_frames = np.asarray(run.motion.time, float)
+    columns: dict[str, NDArray[np.float64]] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
+    found = tables(run)
+    values_of = {t.path: t.values for t in found}.get
+    for table in sorted(found, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
+        rows = table.values
+        if times is not None:
+            rows = read_between(table.path, at_frames, values_of, times, run.accuracy.interpolation)
+        for name, values in zip(table.headers(), rows.T, strict=True):
             while name in columns:  # a link may be named so that its columns look like a joint's
                 name += "'"
             if not np.isnan(values).all():
@@ -39,9 +50,18 @@ def wide_table(run: Run) -> dict[str, NDArray[np.float64]]:
     return columns
 
 
-def export_csv(run: Run, path: Path | str) -> Path:
-    """Write all results as one table; every number in the shortest form that reads back bit for bit."""
-    columns = wide_table(run)
+def even_times(run: Run, step: float) -> NDArray[np.float64]:
+    """Times (n,) [s] in steps from the start of a run to its end; raises `MechanismError` for a step that is none."""
+    start, end = float(run.motion.time[0]), float(run.motion.time[-1])
+    if not (np.isfinite(step) and step > 0.0 and (end - start) / step <= MOST_ROWS):
+        remedy = f"Give a time above {(end - start) / MOST_ROWS:.3g} s: the run takes {end - start:.6g} s."
+        raise MechanismError(Fault("every", f"{step:g} s is no distance of rows.", remedy))
+    return np.asarray(start + step * np.arange(int(np.floor((end - start) / step * (1.0 + 1e-12))) + 1), float)
+
+
+def export_csv(run: Run, path: Path | str, times: NDArray[np.float64] | None = None) -> Path:
+    """Write all results as one table; every number in the shortest form that reads back bit for bit; ``times`` as there."""
+    columns = wide_table(run, times)
     values = np.column_stack(list(columns.values()))
     with replacing(Path(path)) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         file.write(",".join(map(_quoted, columns)) + "\r\n")
@@ -50,14 +70,14 @@ def export_csv(run: Run, path: Path | str) -> Path:
     return Path(path)
 
 
-def export_parquet(run: Run, path: Path | str) -> Path:
+def export_parquet(run: Run, path: Path | str, times: NDArray[np.float64] | None = None) -> Path:
     """Write the same table as Parquet, with the scene, the connectivity and mechviz' version in the file's metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     from .record.describe import model_json, package_version, scene_text
 
-    table = pa.table({name: pa.array(values) for name, values in wide_table(run).items()})
+    table = pa.table({name: pa.array(values) for name, values in wide_table(run, times).items()})
     about = {
         "mechviz.version": package_version(),
         "mechviz.scene": run.scene.name,

@@ -67,6 +67,13 @@ class Run:
 
         return estimate_errors(self)
 
+    @cached_property
+    def kept(self) -> Accuracy:
+        """The dials with those of what is drawn and recorded, which follow from the target: chord, profile, numbers, pictures."""
+        from .accuracy.kept import kept_dials
+
+        return kept_dials(self)
+
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a run shows itself: solids, plots and events on one timeline."""
         from .share.notebook import mime_bundle

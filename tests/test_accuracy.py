@@ -33,7 +33,7 @@ def test_every_dial_has_a_default_and_is_checked():
     for name, wrong in {
         "position": 1.0, "frames": 2, "interpolation": 2, "differentiation": "guess", "differences": 3, "resolution": -1.0,
         "method": "euler", "integrator": 1.0, "nodes": 1, "window": 0.0, "friction": 1.0, "event": 2.0, "chord": 0.0, "profile": 3,
-        "numbers": "float16", "decimation": 0, "target": 1.0,
+        "numbers": "float16", "decimation": 0, "pictures": 0, "target": 1.0,
     }.items():  # fmt: skip
         with pytest.raises(MechanismError, match=f"accuracy.{name}"):
             Accuracy(**{name: wrong})
@@ -46,7 +46,7 @@ def test_all_dials_follow_from_the_target():
     for name in ("position", "friction", "event", "integrator"):
         assert getattr(loose, name) > getattr(tight, name) > 0.0, name
         assert getattr(loose, name) <= 1e-2
-    assert loose.interpolation < accuracy_for(1e-12).interpolation and loose.profile < tight.profile
+    assert loose.interpolation < accuracy_for(1e-12).interpolation
     assert accuracy_for(1e-6, chord=1e-4, interpolation=5).changed["chord"] == 1e-4
 
 
@@ -259,7 +259,7 @@ def test_the_wanted_error_is_reached_and_not_far_undercut(name, target):
     """Measured at random times, where the fit did not look. A few frames have to be there, however little is wanted."""
     run = run_scene(load(name), accuracy=target)
     error = between_error(run, each=3, seed=int(1 / target) % 97)
-    assert error <= 1.05 * target
+    assert error <= target
     assert error >= 0.05 * target or run.motion.frames <= 20
     assert run.fit.error <= target
 

@@ -37,10 +37,11 @@ class Accuracy:
     window: float | None = None  # longest window [s]; None: as long as the error allows
     friction: float = 1e-13  # residual at which Newton's method for normal loads stops, of the largest load of the frame
     event: float = 1e-9  # times of events, in distances of two frames
-    chord: float | None = None  # between round shapes and their facets [m]; None: 0.5 % of the radius
-    profile: int = 1080  # points of a cam's profile in meshes
-    numbers: Numbers = "float64"  # digits that recorded data keep
+    chord: float | None = None  # between round shapes and their facets [m]; None: 0.5 % of the radius, or by the target
+    profile: int | None = None  # points of a cam's profile in meshes; None: 1080, or by the target
+    numbers: Numbers | None = None  # digits that recorded data keep; None: float64, or by the target
     decimation: int = 1  # every so many frames are recorded
+    pictures: int | None = None  # every so many of those arrows are drawn; None: up to 720 a cycle, or by the target
 
     def __post_init__(self) -> None:
         faults = [fault for name in _BOUNDS for fault in self._check(name)]
@@ -69,7 +70,7 @@ class Accuracy:
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
 
 
-_OPTIONAL = ("target", "frames", "integrator", "nodes", "window", "chord")
+_OPTIONAL = ("target", "frames", "integrator", "nodes", "window", "chord", "profile", "pictures")
 _BOUNDS: dict[str, tuple[float, float, bool]] = {
     "target": (TIGHTEST, LOOSEST, False),
     "position": (1e-15, 1e-2, False),
@@ -83,13 +84,14 @@ _BOUNDS: dict[str, tuple[float, float, bool]] = {
     "chord": (1e-9, 1.0, False),
     "profile": (36, 100_000, True),
     "decimation": (1, 10_000, True),
+    "pictures": (1, 10_000, True),
 }
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "interpolation": (0, 1, 3, 5),
     "differentiation": ("exact", "differences", "graphical"),
     "differences": (2, 4, 6),
     "method": (None, "auto", "energy", "gauss", "radau"),
-    "numbers": ("float64", "float32"),
+    "numbers": (None, "float64", "float32"),
 }
 DIALS: tuple[str, ...] = tuple(f.name for f in fields(Accuracy) if f.name != "target")
 """Names of all dials."""
@@ -98,10 +100,11 @@ DEFAULT = Accuracy()
 
 
 def accuracy_for(target: float, **dials: Any) -> Accuracy:
-    """The setting for a wanted error; ``dials`` override single ones. ``frames`` stays open: the motion says how many are needed.
+    """The setting for a wanted error; ``dials`` override single ones.
 
-    Each iterative stage gets a tenth of the error, so that what they add up to stays below it; the profiles of cams have as many
-    points as join to the target, up to 2,880. Recorded numbers keep all their digits: in float32 links are in balance to 1e-7 only.
+    Each iterative stage gets a tenth of the error, so that what they add up to stays below it. What only the motion can tell stays
+    open and is found by measuring a run: ``frames``, and of what is kept and drawn ``chord``, ``profile``, ``numbers`` and
+    ``pictures``.
     """
     if isinstance(target, bool) or not isinstance(target, int | float) or not TIGHTEST <= target <= LOOSEST:
         remedy = f"Give the wanted relative error, a number from {TIGHTEST:g} to {LOOSEST:g}, such as 1e-6."
@@ -113,6 +116,5 @@ def accuracy_for(target: float, **dials: Any) -> Accuracy:
         integrator=max(0.1 * target, 1e-14),
         friction=max(0.1 * target, 1e-13),
         event=min(max(target, 1e-12), 1e-2),
-        profile=max(180, min(2880, round(2.2 * target**-0.5))),
     )
     return replace(accuracy, **dials) if dials else accuracy

@@ -28,21 +28,25 @@ __all__ = ["Fit", "achieved", "fit_frames", "provider", "simulated"]
 Real = NDArray[np.float64]
 Provider = Callable[[Real], list[Quantity]]
 
-FEWEST, MOST = 16, 20_000  # frames a cycle
-ROUNDS = 6
-NEAR = 0.25  # of the wanted error: nearer than this is near enough
+FEWEST, MOST = 16, 200_000  # frames a cycle
+MOST_FRAMES = 1_000_000  # of a run
+ROUNDS = 7
+SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
+NEAR = 0.25  # of that: nearer than this is near enough
 STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
 ENOUGH = 1e-13  # rounding
+NEARLY_ROUNDING = 1e-9  # where reactions of ill-conditioned positions may lie
 
 
 @dataclass(frozen=True)
 class Fit:
     """Frames over the whole run, the largest relative error between them, and how many intervals hold a jump or a bend, where no
-    number of frames helps: these are left out of the error."""
+    number of frames helps: these are left out of the error. ``needed``: frames that would do where these do not."""
 
     frames: int
     error: float
     jumps: int
+    needed: int | None = None
 
 
 def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Provider:
@@ -111,15 +115,23 @@ def stand_out(errors: Real) -> NDArray[np.bool_]:
 
 
 def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Fit:
-    """The number of frames with which interpolation of the accuracy's order stays within its target, and not far below."""
+    """The number of frames with which interpolation of the accuracy's order stays within its target, and not far below.
+
+    Where even the largest number does not do, it is that number, with an estimate of what would be needed; where rounding is in the
+    way, the last number that helped.
+    """
     assert accuracy.target is not None
     at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
     parts = scene.cycles if simulation is None else 1
-    goal = max(accuracy.target, ENOUGH)
+    goal = max(SHARE * accuracy.target, ENOUGH)
     frames, best = 48 * parts, None
-    low, high = FEWEST * parts, MOST * parts
+    low, high = FEWEST * parts, min(MOST * parts, MOST_FRAMES)
+    last: Fit | None = None
     for _ in range(ROUNDS):
         fit = achieved(at, end, frames, order)
+        if _rounding(last, fit, goal):
+            return last or fit
+        last = fit
         if fit.error <= goal:
             best = fit if best is None or fit.frames < best.frames else best
             high = min(high, frames)
@@ -129,10 +141,19 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
             low = max(low, frames + 1)
         change = 1.06 * (max(fit.error, 1e-16) / goal) ** (1.0 / (order + 1))
         wanted = int(np.ceil(frames * float(np.clip(change, 1.0 / 12.0, 12.0))))
+        if best is None and frames >= high:
+            return replace(fit, needed=int(np.ceil(frames * change)))
         frames = int(np.clip(wanted, low, max(low, high)))
         if best is not None and frames >= best.frames:
             break
-    return best or fit
+    return best or replace(fit, needed=max(frames, fit.frames + 1))
+
+
+def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
+    """Whether far more frames have made an error near rounding hardly any smaller."""
+    return last is not None and last.error < NEARLY_ROUNDING and fit.error > goal and fit.frames >= 1.3 * last.frames and (
+        fit.error > last.error / 1.2
+    )  # fmt: skip
 
 
 def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:

@@ -306,7 +306,7 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
                 spent = timed(partial(write_recording, chosen, path, solids=solids), 0.0, least=2)
                 error = achieved(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
                 note = f"{path.stat().st_size / 1e6:.2f} MB"
-                here = (numbers, thin) == (run.accuracy.numbers, run.accuracy.decimation)
+                here = (numbers, thin) == (run.kept.numbers, run.accuracy.decimation)
                 options = {"numbers": numbers, "decimation": thin}
                 words = "every frame" if thin == 1 else f"every {thin} frames"
                 yield _at("recording", numbers, words, options, error, spent, current=here, note=note)
@@ -333,7 +333,7 @@ def _profiles(run: Run, budget: float) -> Iterator[Point]:
             chord = z[1:] - z[:-1]
             away = np.abs(np.imag((between - z[:-1]) * np.conj(chord))) / np.maximum(np.abs(chord), 1e-300)
             worst = max(worst, float(away.max()) / float(np.abs(z).max()))
-        here = count == run.accuracy.profile
+        here = count == run.kept.profile
         yield _at(
             "cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, timed(draw, budget), current=here
         )

@@ -74,11 +74,18 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "mps2_per_metre": scales.mps2_per_metre,
         "wall_seconds": wall_seconds,
         **_simulated(run),
-        "accuracy": json.dumps(run.accuracy.changed),
+        "accuracy": json.dumps(_stated(run)),
         "interpolation": run.accuracy.interpolation,
         "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
         "complete": complete,
     }
+
+
+def _stated(run: Run) -> dict[str, Any]:
+    """The dials that are not at their defaults, with those that followed from a target."""
+    if run.accuracy.target is None:
+        return run.accuracy.changed
+    return {**run.kept.changed, "frames": run.motion.frames - 1}
 
 
 def recorded_frames(run: Run) -> int:
@@ -91,12 +98,10 @@ def accuracy_words(run: Run) -> tuple[str, ...]:
     worst = run.errors.worst()
     words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
     lines = [f"estimated errors, relative: {words}"]
-    target, fit = run.accuracy.target, run.fit
-    if target is not None and fit is not None:
-        met = "reached" if fit.error <= target else f"not reached: {fit.error:.1e} is left between frames"
-        jumps = f"; {fit.jumps} intervals hold a jump or a bend, where interpolation is not exact" if fit.jumps else ""
-        order = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}[run.accuracy.interpolation]
-        lines.append(f"accuracy {target:g} with {fit.frames} frames joined by {order}: {met}{jumps}")
+    if run.accuracy.target is not None:
+        from ..accuracy.words import target_words
+
+        lines += target_words(run)
     return tuple(lines)
 
 

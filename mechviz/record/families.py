@@ -81,7 +81,7 @@ FAMILIES: tuple[Family, ...] = (
         streams=lambda c: mechanism_streams(c.run, c.solids),
         statics=lambda c: static_shapes(c.run, c.solids, c.arrows, c.arcs),
     ),
-    Family("data", streams=lambda c: table_streams(c.tables, c.run.accuracy.numbers)),
+    Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
     Family("vectors", streams=lambda c: arrow_streams(c.run, c.arrows, c.arcs, c.scales, c.solids, c.every)),
     Family(
         "linkers",

@@ -137,6 +137,17 @@ class Recording:
         rows = self.rows(*parts, component="Scalars:scalars")
         return rows.time, rows.values.reshape(len(rows.time), -1)
 
+    def at(self, times: Any, *parts: str) -> NDArray[np.float64]:
+        """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
+        recording states, with the recorded rates as slopes. Raises KeyError if there are none."""
+        from ..between_frames import read_between
+
+        def values(path: tuple[str, ...]) -> NDArray[np.float64] | None:
+            return self.scalars(*path)[1] if self.has(*path) else None
+
+        time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
+        return read_between(parts, time, values, np.atleast_1d(times), int(self.properties.get("interpolation", 3)))
+
     def rows(self, *parts: str, component: str) -> Rows:
         """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
         import pyarrow as pa

@@ -111,8 +111,10 @@ def _integers(values: Real) -> Index:
 
 
 def picture_stride(run: Run) -> int:
-    """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive."""
+    """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive, or as the accuracy says."""
     motion = run.motion
+    if run.kept.pictures is not None:
+        return run.kept.pictures
     if motion.frames < 2 or not motion.mechanism.drives:
         return 1
     step = float(np.ptp(motion.time)) / (motion.frames - 1)
@@ -120,7 +122,7 @@ def picture_stride(run: Run) -> int:
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 
-def table_streams(all_tables: list[Table], numbers: str = "float64") -> Iterator[Stream]:
+def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
     """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
     import rerun as rr
 

@@ -56,7 +56,7 @@ class AccuracyDocument(Table):
     position: Residual | None = None
     """Residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism. Default 2e-15."""
     interpolation: Literal["hold", "linear", "cubic", "quintic"] | None = None
-    """How values between frames are meant to be read. Default "cubic", with the rates as slopes."""
+    """How values between frames are read, and are to be read. Default "cubic", with the rates as slopes."""
     differentiation: Literal["exact", "differences", "graphical"] | None = None
     """How rates are found: from linear equations (default), by differences of frames, or drawn, as in the lecture."""
     differences: Literal[2, 4, 6] | None = None
@@ -72,13 +72,15 @@ class AccuracyDocument(Table):
     event: EventShare | None = None
     """Times of events, in distances of two frames. Default 1e-9."""
     chord: Size | None = None
-    """Largest distance between a round shape and its facets. Default: 0.5 % of the radius."""
+    """Largest distance between a round shape and its facets. Default: 0.5 % of the radius, or by the target."""
     profile: Annotated[int, Field(strict=True, ge=36, le=100_000)] | None = None
-    """Points of a cam's profile in meshes. Default 1080."""
+    """Points of a cam's profile in meshes. Default 1080, or by the target."""
     numbers: Literal["float64", "float32"] | None = None
-    """Digits that recorded data keep. Default "float64"."""
+    """Digits that recorded data keep. Default "float64", or by the target where nothing has to balance."""
     decimation: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
     """Every so many frames are recorded. Default 1."""
+    pictures: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
+    """Every so many of the recorded frames arrows are drawn. Default: up to 720 a cycle, or by the target."""
 
 
 def _is_table(value: Any) -> str:

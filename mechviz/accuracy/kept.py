@@ -1,0 +1,116 @@
+"""What is drawn and kept of a run for a wanted error: facets of meshes, points of cam profiles, digits, frames that have pictures.
+
+Each is found by measuring the run itself. A dial that is set stays as it is, and without a target all have their defaults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.accuracy import Accuracy
+
+from .quantities import Quantity, quantities
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["FINEST", "PROFILE", "kept_dials", "profile_away", "rounding"]
+
+Real = NDArray[np.float64]
+
+FINEST = 1e-5
+"""Of the mechanism's size: meshes get no finer by themselves. It is a twenty-fifth of a pixel where the mechanism fills a screen of
+4,000; meshes are kept in float32, and below that their facets cost far more than everything else."""
+
+PROFILE = 1080  # points of a cam's profile where nothing else is asked for
+MOST_POINTS = 20_000
+SHARE = 0.1  # of the target for the digits: the frames have the rest, see `fit`
+SINGLE = 2.0**-24  # largest relative error of a number that is rounded to float32
+
+
+def kept_dials(run: Run) -> Accuracy:
+    """The run's dials with chord [m], profile, numbers and pictures as they follow from its target."""
+    dials = run.accuracy
+    filled: dict[str, Any] = {}
+    if dials.target is None:
+        filled = {"profile": dials.profile or PROFILE, "numbers": dials.numbers or "float64"}
+        return replace(dials, **filled)
+    chord = dials.chord if dials.chord is not None else max(dials.target, FINEST) * run.motion.model.size
+    found = quantities(run.motion, run.forces)
+    return replace(
+        dials,
+        chord=float(np.clip(chord, 1e-9, 1.0)),
+        profile=dials.profile or _points(run, chord),
+        numbers=dials.numbers or _digits(found, dials.target, balanced=run.forces is not None),
+        pictures=dials.pictures or _pictures(found, run.motion.time, dials.target, dials.decimation),
+    )
+
+
+def rounding(found: Sequence[Quantity]) -> float:
+    """The largest relative error that rounding to float32 makes of quantities."""
+    sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in found]
+    return SINGLE * max(sizes, default=0.0)
+
+
+def _digits(found: Sequence[Quantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
+    """float32 where its rounding is a tenth of the target at most. Not where there are forces: readers of recordings check
+    that every link is in balance to 1e-8, which float32 is not."""
+    return "float32" if not balanced and rounding(found) <= SHARE * target else "float64"
+
+
+def _pictures(found: Sequence[Quantity], time: Real, target: float, thin: int) -> int:
+    """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, with the last one."""
+    last = (len(time) - 1) // thin
+    best = 1
+    for stride in range(2, last // 2 + 1):
+        if last % stride == 0:
+            if not _joined(found, time, stride * thin, last * thin, target):
+                break
+            best = stride
+    return best
+
+
+def _joined(found: Sequence[Quantity], time: Real, step: int, last: int, target: float) -> bool:
+    """Whether straight lines between every ``step``-th frame are within the target at all frames in between, up to ``last``."""
+    nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
+    for q in found:
+        values = q.values.reshape(len(q.values), -1)
+        joined = np.column_stack([np.interp(time[frames], time[nodes], column[nodes]) for column in values.T])
+        miss = np.abs(joined - values[frames])
+        if not float(np.nanmax(miss, initial=0.0)) <= target * q.scale:
+            return False
+    return True
+
+
+def _points(run: Run, chord: float) -> int:
+    """Points with which the profiles of all planar cams are within ``chord`` [m]: their error falls with their square."""
+    contours = [p.contour for r in run.compiled.model.relations for p in _placed(r.geometry)]
+    if not contours:
+        return PROFILE
+    count = 360
+    for _ in range(4):
+        away = max(profile_away(c, count) for c in contours)
+        wanted = int(np.ceil(count * 1.05 * np.sqrt(away / (0.9 * chord))))
+        if 0.5 * chord <= away <= 0.95 * chord or (away <= chord and count <= 180) or count >= MOST_POINTS:
+            break
+        count = int(np.clip(wanted, 180, MOST_POINTS))
+    return count
+
+
+def _placed(geometry: Any) -> list[Any]:
+    """The planar cams of a relation: those that have a contour."""
+    return [p for p in (geometry, getattr(geometry, "mate", None)) if getattr(p, "contour", None) is not None]
+
+
+def profile_away(contour: Any, count: int) -> float:
+    """How far a profile with so many points is from the contour that they lie on [m]: half way between them."""
+    each = max(count // contour.count, 8)
+    t = np.arange(2 * contour.count * each + 1) / (2 * each)
+    z = np.asarray(contour(t)[0])
+    a, b, middle = z[:-1:2], z[2::2], z[1::2]
+    return float(np.max(np.abs(np.imag((middle - a) * np.conj(b - a))) / np.maximum(np.abs(b - a), 1e-300)))

@@ -1,0 +1,57 @@
+"""What a run says of a wanted error: whether it is reached, what is in the way, and the dials of what is drawn and kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .fit import MOST, MOST_FRAMES
+from .kept import FINEST
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["ORDERS", "target_words"]
+
+ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
+"""How frames are joined, by the order of the interpolation."""
+
+
+def target_words(run: Run) -> list[str]:
+    """Lines of a run that has a target."""
+    target = run.accuracy.target
+    assert target is not None
+    return [_frames(run, target), _kept(run, target)]
+
+
+def _frames(run: Run, target: float) -> str:
+    order, fit = ORDERS[run.accuracy.interpolation], run.fit
+    if fit is None:
+        stated, worst = run.motion.frames - 1, float(np.nanmax(run.errors.between, initial=0.0))
+        start = f"accuracy {target:g} with the {stated} frames that are stated, joined by {order}: "
+        if worst <= target:
+            return start + "reached between the frames"
+        return f"warning: {start}not reached: about {worst:.1e} is left between frames. Leave the number of frames to the accuracy."
+    jumps = f"; {fit.jumps} intervals hold a jump or a bend, where interpolation is not exact" if fit.jumps else ""
+    start = f"accuracy {target:g} with {fit.frames} frames joined by {order}: "
+    if fit.error <= target:
+        return f"{start}reached{jumps}"
+    missed = f"warning: {start}not reached: {fit.error:.1e} is left between frames"
+    if fit.needed is None:
+        return f"{missed}, and more frames do not help: it is rounding{jumps}. Ask for a larger error."
+    remedy = "Ask for a larger error."
+    if run.accuracy.interpolation < 5:
+        remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
+    most = f"{MOST} a cycle, {MOST_FRAMES} in all"
+    return f"{missed}; about {fit.needed} frames would be needed, and no more than {most} are computed{jumps}. {remedy}"
+
+
+def _kept(run: Run, target: float) -> str:
+    kept = run.kept
+    assert kept.chord is not None
+    relative = kept.chord / run.motion.model.size
+    finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST:g} of the size unless chord says so"
+    forces = " (links are to be in balance to 1e-8)" if run.forces is not None and kept.numbers == "float64" else ""
+    every = "every recorded frame" if kept.pictures == 1 else f"every {kept.pictures}th recorded frame"
+    return f"drawn and kept: facets within {1e3 * kept.chord:.3g} mm{finer}; numbers in {kept.numbers}{forces}; arrows at {every}"
