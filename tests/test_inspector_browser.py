@@ -285,6 +285,8 @@ def test_a_section_cuts_the_front_away(viewer, page):
     open_tab(page, "View")
     depth = "name => { let z = -1e9; window.__viserMutable.nodeRefFromName[name].traverse(o => { const p = o.geometry && "
     depth += "o.geometry.attributes.position; if (p) for (let k = 0; k < p.count; k++) z = Math.max(z, p.getZ(k)); }); return z; }"
+    assert viewer.studio.wait(rested=True)  # the solids of this scene, not stretched ones of what an edit before it has made
+    caught_up(viewer, page)
     before = max(page.evaluate(depth, node) for node in NODES)
     uuid = page.locator("label", has_text="Section").first.get_attribute("for")
     page.locator(f'[id="{uuid}"] ~ div input').fill("60")

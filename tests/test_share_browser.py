@@ -69,12 +69,11 @@ class Opened:
 
         return np.asarray(Image.open(io.BytesIO(self.page.locator(selector).screenshot())).convert("RGB")).astype(int)
 
-    def pixel(self, x: float, y: float) -> np.ndarray:
-        """The mean colour of a few pixels of the window."""
+    def window(self) -> np.ndarray:
+        """All of the window, as (rows, columns, RGB)."""
         from PIL import Image
 
-        clip = {"x": x - 2, "y": y - 2, "width": 4, "height": 4}
-        return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=clip))).convert("RGB")).reshape(-1, 3).mean(axis=0)
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")).astype(float)
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +96,7 @@ def test_links_are_drawn_where_their_poses_say(wide):
     page.get_by_role("button", name="Front 2D").click()
     for frame in (30, 80):  # where no link hides these middles
         page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.drawNow()")
+        window = wide.window()
         for link, ends in (("crank", ("A", "B")), ("rocker", ("E", "D"))):
             palette = page.evaluate(f"mechviz.player.header.links.find((k) => k.name === '{link}').mesh.palette")
             known = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in palette], float)
@@ -106,7 +106,7 @@ def test_links_are_drawn_where_their_poses_say(wide):
             half = -BAR.recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
             for part, inside in ((0.0, True), (0.7, True), (-0.7, True), (-1.5, False)):  # of the plate's half width
                 x, y = page.evaluate(PLACE, [*(a + 0.5 * (b - a) + part * half * across), 0.0])
-                color = wide.pixel(x, y)
+                color = window[round(y) - 2 : round(y) + 2, round(x) - 2 : round(x) + 2].mean(axis=(0, 1))
                 ways = [v - v.mean() for v in (color, known)]
                 likeness = float(ways[0] @ ways[1] / (np.linalg.norm(ways[0]) * np.linalg.norm(ways[1])))
                 same = likeness > 0.97 and float(np.ptp(color)) > 0.4 * float(np.ptp(known))
