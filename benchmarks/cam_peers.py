@@ -84,12 +84,16 @@ def measure() -> None:
     print(machine("numpy", "scipy", "mechanism"))
     for name, seconds in times.items():
         print(f"{name:<52} {1e3 * seconds:8.3f} ms")
-    x, y = profile()
+    theirs_own = profile()[0] + 1j * profile()[1]
     exact = cam.at(np.linspace(0.0, 2.0 * np.pi, 72001)).working
-    off = min(
-        cKDTree(np.column_stack([w.real, w.imag])).query(np.column_stack([x, y]))[0].max()
-        for w in (exact * np.exp(1j * a) for a in np.linspace(-np.pi, np.pi, 721))
-    )
+    tree = cKDTree(np.column_stack([exact.real, exact.imag]))
+
+    def away(z, turned):
+        w = z * np.exp(1j * turned)
+        return tree.query(np.column_stack([w.real, w.imag]))[0].max()
+
+    best = min(np.linspace(-np.pi, np.pi, 721), key=lambda turned: away(theirs_own[::20], turned))
+    off = away(theirs_own, best)
     ours, theirs = least_base(rise, follower, want).base, float(circle()["Rb"])
     print(f"mechanism's profile, turned as well as it can be, is off by {100.0 * off / LIFT:.2g} % of the lift")
     print(f"base circle for {STEEP:g} deg: mechanism {1e3 * theirs:.5g} mm, mechcore {1e3 * ours:.5g} mm")
