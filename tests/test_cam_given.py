@@ -55,6 +55,18 @@ def test_the_law_of_a_profile_is_what_the_search_finds(make, follower, turn):
         np.testing.assert_allclose(given.law(x, order)[order], wanted[order], atol=bound * sizes[order])
 
 
+def test_the_whole_profile_is_searched_once(monkeypatch):
+    """The lift is fitted at angles between those of the first search, where only the samples about its contacts are compared."""
+    from mechcore.cams import search
+
+    compared, plain = [], search.Task.height
+    monkeypatch.setattr(search.Task, "height", lambda task, z: compared.append(z.size) or plain(task, z))
+    contour = lobes()
+    lift_of(contour, FOLLOWERS["lever"])
+    whole = 1441 * contour.samples(1024 // contour.count)[0].size
+    assert whole < sum(compared) < 1.25 * whole
+
+
 def test_an_eccentric_disc_is_a_scotch_yoke_and_a_slider_crank():
     """The theory's fixed replacements of an eccentric circular cam."""
     e, r, x = 0.012, 0.038, np.linspace(0.1, 6.0, 50)

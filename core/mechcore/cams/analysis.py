@@ -17,7 +17,7 @@ from ..errors import Fault, MechanismError
 from . import jets
 from .contour import Contour
 from .followers import Flat, Follower
-from .search import Task, locate
+from .search import AROUND, Task, locate
 
 __all__ = ["Bridge", "Contact", "analyse", "check_reach"]
 
@@ -75,20 +75,33 @@ def analyse(
     wedge: bool = False,
     samples: int = 1024,
     bridges: bool = True,
+    near: Contact | None = None,
 ) -> Contact:
     """Angles (n) of the cam (lengths of a wedge) -> contact and motion of the follower. Ordered angles give the bridges too.
 
     ``samples``: points of the whole contour that are compared at each angle; a bump narrower than the distance of two is missed.
+    ``near``: contacts at ascending angles that enclose these, found with as many samples: where those before and after lie close
+    together, the contact is looked for between them.
     """
     task = Task(contour, follower, turn, wedge)
     angle = np.atleast_1d(np.asarray(angles, float))
     each = max(samples // contour.count, 9)
-    piece, u, q, corner = locate(task, angle, each)
+    piece, u, q, corner = locate(task, angle, each, None if near is None else _between(near, angle, contour.count, each))
     found = _differentiate(task, angle, piece, u, q, corner)
     spans: tuple[Bridge, ...] = ()
     if bridges and angle.size > 2 and np.all(np.diff(angle) > 0.0):
         spans = tuple(_bridges(task, found, each))
     return Contact(angle, found.motion, found.parameter, corner, found.point, found.normal, found.radius, spans)
+
+
+def _between(near: Contact, angle: Real, count: int, each: int) -> NDArray:
+    """Sample of the contour in the middle between the contacts before and after each angle; -1 where these lie far apart."""
+    k = np.clip(np.searchsorted(near.angle, angle), 1, near.angle.size - 1)
+    piece = np.minimum(near.parameter.astype(int), count - 1)
+    sample = piece * each + np.rint((near.parameter - piece) * (each - 1)).astype(int)
+    whole = count * each
+    step = (sample[k] - sample[k - 1] + whole // 2) % whole - whole // 2
+    return np.where(np.abs(step) < AROUND, (sample[k - 1] + step // 2) % whole, -1)
 
 
 # --- derivatives --------------------------------------------------------------------------------------------------------------

@@ -286,8 +286,8 @@ class Contour:
     def samples(self, each: int) -> tuple[NDArray, Real, Complex]:
         """``each`` even parameters on every piece, ends included: pieces (m), parameters (m), points (m)."""
         u = np.linspace(0.0, 1.0, each)
-        points = np.concatenate([p(u, 0)[0] for p in self.pieces])
-        return np.repeat(np.arange(self.count), each), np.tile(u, self.count), points
+        pieces, us = np.repeat(np.arange(self.count), each), np.tile(u, self.count)
+        return pieces, us, self.on(pieces, us, 0)[0]
 
     @cached_property
     def sharp_joints(self) -> NDArray[np.bool_]:

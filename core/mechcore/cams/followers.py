@@ -146,6 +146,11 @@ class Flat:
     left: float = np.inf
     right: float = np.inf
 
+    @property
+    def endless(self) -> bool:
+        """Whether the face reaches as far as is asked for on both sides."""
+        return self.left == np.inf and self.right == np.inf
+
 
 Face = Knife | Roller | Arc | Flat
 

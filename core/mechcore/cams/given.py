@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve, Piece
-from .analysis import Bridge, analyse
+from .analysis import Bridge, Contact, analyse
 from .contour import Contour
 from .followers import Flat, Follower, Oscillating, Translating
 
@@ -64,12 +64,12 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     low, high = x[:-1], x[1:]
     done: list[tuple[Real, Real, Real]] = []
     for k in range(ROUNDS):
-        table = _fitted(contour, follower, turn, low, high)
+        table = _fitted(contour, follower, turn, low, high, seen)
         if k + 1 == ROUNDS:
             done.append((low, high, table))
             break
         middle = 0.5 * (low + high)
-        wanted = analyse(contour, follower, middle, turn, bridges=False).motion
+        wanted = analyse(contour, follower, middle, turn, bridges=False, near=seen).motion
         if k == 0:
             sizes = np.abs(wanted).max(axis=1)
         u = (0.5 * (high - low)) ** np.arange(8)[:, None]
@@ -87,12 +87,12 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     return GivenLift(MotionCurve(pieces, 0.0, True), seen.bridges, tuple(knots.tolist()))
 
 
-def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real) -> Real:
+def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real, seen: Contact) -> Real:
     """Coefficients (8, n) of the lift over ranges of angles (n) without a joint or a leap inside."""
     inside = np.minimum(INSIDE, 0.25 * (high - low))
     states = []
     for angle, shift in ((low + inside, -inside), (high - inside, inside)):
-        m = analyse(contour, follower, angle, turn, bridges=False).motion
+        m = analyse(contour, follower, angle, turn, bridges=False, near=seen).motion
         if not np.isfinite(m).all():
             at = np.degrees(angle[int(np.argmax(~np.isfinite(m).all(axis=0)))])
             raise MechanismError(

@@ -12,12 +12,13 @@ from . import jets
 from .contour import Contour
 from .followers import Arc, Flat, Follower, Translating
 
-__all__ = ["Task", "locate"]
+__all__ = ["AROUND", "Task", "locate"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+AROUND = 12  # samples on either side of one about which the contact is known to lie
 NEAR = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
 
 
@@ -55,6 +56,8 @@ class Task:
                 if isinstance(face, Flat):
                     d = np.exp(1j * face.tilt)
                     q = np.imag(np.conj(d) * (z - guide.offset)) / np.cos(face.tilt)
+                    if face.endless:
+                        return np.where(np.isfinite(q), q, -np.inf)
                     return self._on_face(q, z, guide.offset + 1j * q, d)
                 x = z.real - guide.offset
                 q = z.imag + np.sqrt(r * r - x * x)
@@ -66,6 +69,8 @@ class Task:
             if isinstance(face, Flat):
                 lever = face.shift * np.cos(face.tilt) - guide.side * guide.arm * np.sin(face.tilt)
                 q = beta + guide.side * face.tilt + np.arcsin(lever / size)
+                if face.endless:
+                    return np.where(np.isfinite(q), q, -np.inf)
                 t = guide.pivot + (guide.arm + 1j * guide.side * face.shift) * guide.home * np.exp(-1j * guide.side * q)
                 return self._on_face(q, z, t, self.follower.face_direction(q))
             c = (size**2 + guide.arm**2 - r * r) / (2.0 * size * guide.arm)
@@ -134,29 +139,38 @@ def root(f: Callable[[Real, NDArray], Real], a: Real, b: Real, fa: Real, fb: Rea
     return np.where(nearer, a, b), np.where(nearer, fa, fb)
 
 
-def locate(task: Task, angle: Real, each: int) -> tuple[NDArray, Real, Real, NDArray]:
-    """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n)."""
+def locate(task: Task, angle: Real, each: int, near: NDArray | None = None) -> tuple[NDArray, Real, Real, NDArray]:
+    """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n).
+
+    ``near`` (n): number of the sample about which the contact is known to lie, -1 where it is not known.
+    """
     n = angle.size
     piece, u = np.zeros(n, int), np.zeros(n)
     q, corner = np.full(n, np.nan), np.zeros(n, bool)
     pieces, us, points = task.contour.samples(each)
     search = _knife if not isinstance(task.follower.face, Flat) and task.follower.radius == 0.0 else _round
+    whole = np.flatnonzero(near < 0) if near is not None else np.arange(n)
     block = max(1, 400_000 // points.size)
-    for a in range(0, n, block):
-        s = slice(a, a + block)
-        piece[s], u[s], q[s], corner[s] = search(task, angle[s], pieces, us, points, each)
+    rows = [(whole[a : a + block], np.arange(points.size)[None, :]) for a in range(0, whole.size, block)]
+    if near is not None and whole.size < n:
+        known = np.flatnonzero(near >= 0)
+        rows.append((known, (near[known, None] + np.arange(-AROUND, AROUND + 1)) % points.size))
+    for m, some in rows:
+        piece[m], u[m], q[m], corner[m] = search(task, angle[m], pieces[some], us[some], points[some], each)
     return piece, u, q, corner
 
 
 def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
-    z = task.ground(points[None, :], angle[:, None])
+    """``pieces``, ``us``, ``points`` (n or 1, s): the samples that are compared at each angle, in their order along the contour."""
+    z = task.ground(points, angle[:, None])
     h = task.height(z)
-    grid = h.reshape(angle.size, -1, each)
     # candidates: local maxima within a piece, its ends included
-    before = np.concatenate([np.full((*grid.shape[:2], 1), -np.inf), grid[..., :-1]], axis=2)
-    after = np.concatenate([grid[..., 1:], np.full((*grid.shape[:2], 1), -np.inf)], axis=2)
-    peak = ((grid >= before) & (grid >= after) & (grid > -np.inf)).reshape(angle.size, -1)
-    top = np.where(peak, h, -np.inf)
+    joint = pieces[:, 1:] != pieces[:, :-1]
+    before, after = np.full(h.shape, -np.inf), np.full(h.shape, -np.inf)
+    before[:, 1:] = np.where(joint, -np.inf, h[:, :-1])
+    after[:, :-1] = np.where(joint, -np.inf, h[:, 1:])
+    top = np.where((h >= before) & (h >= after), h, -np.inf)
+    pieces, us = np.broadcast_to(pieces, h.shape), np.broadcast_to(us, h.shape)
     many = min(3, top.shape[1])
     rank = np.argpartition(-top, many - 1, axis=1)[:, :many]
     rank = np.take_along_axis(rank, np.argsort(-np.take_along_axis(top, rank, axis=1), axis=1), axis=1)  # the highest first
@@ -168,12 +182,11 @@ def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
         sample = top[rows, k]
         # a peak rises above its highest sample by less than that lies above the lower one of its neighbours
         with np.errstate(invalid="ignore"):
-            gain = sample - np.minimum(before.reshape(angle.size, -1)[rows, k], after.reshape(angle.size, -1)[rows, k])
+            gain = sample - np.minimum(before[rows, k], after[rows, k])
         m = np.flatnonzero((sample > -np.inf) & (sample + gain > best))
         if not m.size:
             continue
-        k = k[m]
-        p, middle = pieces[k], us[k]
+        p, middle = pieces[m, k[m]], us[m, k[m]]
         low, high = np.maximum(middle - 1.0 / (each - 1), 0.0), np.minimum(middle + 1.0 / (each - 1), 1.0)
         u, height, end = _climb(task, angle[m], p, low, high, middle)
         better = height > best[m]
@@ -221,11 +234,11 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
 
 
 def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
-    z = task.ground(points[None, :], angle[:, None])
+    z = task.ground(points, angle[:, None])
     f, h = task.knife_gap(z), task.knife_height(z)
     s = f >= 0.0
-    cross = s[:, 1:] != s[:, :-1]
-    cross[:, each - 1 :: each] = False  # from one piece to the next
+    cross = (s[:, 1:] != s[:, :-1]) & (pieces[:, 1:] == pieces[:, :-1])
+    pieces, us = np.broadcast_to(pieces, h.shape), np.broadcast_to(us, h.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = f[:, :-1] / (f[:, :-1] - f[:, 1:])
         guess = np.where(cross, h[:, :-1] + share * (h[:, 1:] - h[:, :-1]), -np.inf)
@@ -237,8 +250,9 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
     for j in range(many):
         k = rank[:, j]
         live = guess[rows, k] > -np.inf
-        p, a, b = pieces[k], us[k].copy(), us[np.minimum(k + 1, us.size - 1)].copy()
-        fa, fb = f[rows, k].copy(), f[rows, np.minimum(k + 1, us.size - 1)].copy()
+        after = np.minimum(k + 1, h.shape[1] - 1)
+        p, a, b = pieces[rows, k], us[rows, k], us[rows, after]
+        fa, fb = f[rows, k], f[rows, after]
 
         def gap(y: Real, m: NDArray, p: NDArray = p) -> Real:
             return task.knife_gap(task.ground(task.contour.on(p[m], y, 0)[0], angle[m]))
