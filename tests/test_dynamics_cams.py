@@ -17,8 +17,9 @@ from mechcore.cams.happenings import contact_force, placed_cams
 from mechcore.dynamics import Free, Liftoff, simulate
 from mechcore.errors import MechanismError
 from mechcore.laws import ConstantSpeed
-from mechcore.spec import CamPair, Drive, Force, Mechanism, Torque
+from mechcore.spec import CamPair, Drive, Force, Friction, Mechanism, Torque
 from mechviz.record import Recording, write_recording
+from mechviz.record.simulations import lanes_of
 from mechviz.run import run_scene
 
 MASS, STIFFNESS, CLOSED = 0.4, 4e3, 0.06 + 0.05  # of `translating` with a roller of 10 mm; spring's deflection at zero lift
@@ -198,3 +199,68 @@ def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
     assert slow is not None
     speed = np.interp(run.simulation.happenings[0].time, run.motion.time, run.motion.coordinate("O")[:, 1])
     assert slow.speed < speed < 1.05 * slow.speed
+
+
+def with_brake(mechanism: Mechanism, brake: float, coefficient: float = 0.0) -> Mechanism:
+    """The same with dry friction in the follower's guide."""
+    pairs = tuple(
+        replace(p, friction=Friction(coefficient=coefficient, brake=brake, length=0.03)) if p.name == "S" else p
+        for p in mechanism.pairs
+    )
+    return replace(mechanism, pairs=pairs, effects=(*mechanism.effects, "friction"))
+
+
+def test_dry_friction_in_the_guide_shifts_the_onset_as_statics_says():
+    """On its way back friction holds the follower up: it is lost at a lower speed, where kinetostatics finds no force left."""
+    mechanism, speed, _ = onset()
+    rough = with_brake(mechanism, 6.0, 0.1)
+    low, high = 0.8 * speed, speed
+    assert contact_at(rough, low).min() > 0.0 > contact_at(rough, high).min()
+    for _ in range(18):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if contact_at(rough, middle).min() > 0.0 else (low, middle)
+    assert not {h.kind for h in turns(rough, 0.9999 * low).happenings} & {"lost", "impact"}
+    found = [h for h in turns(rough, 1.001 * low, e=0.0).happenings if h.item == "K"]
+    assert [h.kind for h in found[:2]] == ["lost", "regained"]
+
+
+def test_a_follower_flies_against_the_friction_in_its_guide():
+    """On its way up it is a mass on a spring with Coulomb friction; the works close through stick, slip, flight and impacts."""
+    mechanism, speed, _ = onset()
+    found = turns(with_brake(mechanism, 6.0), 1.5 * speed, count=1.2, e=0.4)
+    kinds = [(h.kind, h.item) for h in found.happenings]
+    assert {("slip", "S"), ("lost", "K"), ("impact", "K"), ("regained", "K")} <= set(kinds)
+    lost = next(h.time for h in found.happenings if h.kind == "lost")
+    turned = next(h.time for h in found.happenings if h.kind == "slip" and h.time > lost)
+    t = np.linspace(lost, turned, 40)
+    y = found.view(t).coordinate("S")
+    w = np.sqrt(STIFFNESS / MASS)
+    rest = 0.14 - 0.2 - (MASS * G + 6.0) / STIFFNESS  # friction acts downwards
+    a, b = y[0, 0] - rest, y[0, 1] / w
+    assert y[:, 0] == pytest.approx(rest + a * np.cos(w * (t - lost)) + b * np.sin(w * (t - lost)), abs=1e-9)
+    assert y[-1, 1] == pytest.approx(0.0, abs=1e-9)  # there it turns back
+    t = np.linspace(0.0, found.duration, 301)
+    energies = found.energies(t)
+    size = np.abs(energies).max()
+    assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-9 * size
+    assert np.all(np.diff(energies[:, 3]) > -1e-12 * size)
+    view = found.view(t)
+    forces = found.forces(view)
+    assert found.gap("K", view).min() > -1e-11 and contact_force(forces, placed_cams(view)[0]).min() > -1e-7
+    way = np.abs(np.diff(found.view(np.linspace(0.0, found.duration, 20001)).coordinate("S")[:, 0])).sum()
+    impacts = sum(e for _, e in found.lost)
+    assert energies[-1, 3] - impacts == pytest.approx(6.0 * way, rel=1e-4)  # a brake takes the same everywhere
+    lanes = lanes_of(found)
+    assert {"K", "S"} <= set(lanes) and {"flies", "touches"} <= {state for _, state in lanes["K"]}
+
+
+def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
+    mechanism, speed, _ = onset()
+    found = turns(with_brake(mechanism, 900.0), 0.4 * speed, count=1.0, e=0.0)
+    assert [h.kind for h in found.happenings if h.item == "K"] == ["lost"]
+    t = np.linspace(found.happenings[-1].time, found.duration, 50)
+    assert np.ptp(found.view(t).coordinate("S")[:, 0]) < 1e-12
+    with pytest.raises(MechanismError, match=r"pairs\.K\.friction: friction between a cam and its follower while forces move"):
+        rough = with_brake(mechanism, 6.0)
+        pairs = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.pairs)
+        simulate(replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)), 0.1, liftoffs=[Liftoff(pair="K")])

@@ -11,7 +11,7 @@ from dynamic_mechanisms import pendulum, slider_crank
 from mechanisms import case
 
 from mechcore import MechanismError
-from mechcore.dynamics import Free, simulate
+from mechcore.dynamics import Free, Stop, simulate
 from mechcore.laws import ConstantSpeed
 from mechcore.loads import Factor, Force
 from mechcore.spec import Drive, Friction, Link, Mechanism, Pair, Prismatic
@@ -249,3 +249,69 @@ def test_the_only_pair_that_rubs_turns_back_at_dead_points_while_the_crank_goes_
     t = np.linspace(0.0, 0.6, 300)
     losses = found.forces(found.motion(t)).friction.losses("S")
     assert losses.min() > -1e-9 * losses.max()
+
+
+@pytest.mark.parametrize("e", [0.5, 0.0])
+def test_friction_brakes_after_an_impact_too(e: float):
+    """A block slides to a wall and back: v^2 falls by 2 mu g a metre on both ways, to e^2 of it at the wall."""
+    mechanism = dataclasses.replace(oscillator(2.0, 0.0, 0.3, 0.0, 3.0), loads=())
+    found = simulate(mechanism, 2.0, stops=[Stop(name="wall", pair="S", at=0.6, restitution=e)])
+    back = e**2 * (9.0 - 2 * 0.3 * 9.81 * 0.6) / (2 * 0.3 * 9.81)
+    q, v, _ = found([2.0])
+    assert q[0, 0] == pytest.approx(0.6 - back, abs=1e-9) and abs(v[0, 0]) < 1e-12
+    assert {h.kind for h in found.happenings} == {"slip", "impact", "stick"}  # held by friction, the wall has nothing to hold
+    energies = found.energies(np.linspace(0.0, 2.0, 101))
+    assert np.all(np.diff(energies[:, 3]) >= 0.0)
+    assert energies[-1] == pytest.approx([0.0, 0.0, 0.0, 9.0], abs=1e-9)
+
+
+LINKS = """
+units = { angle = "deg" }
+effects = ["inertia", "gravity", "friction"]
+run = { duration = "2 s" }
+[links]
+frame = { points = { O = [0, 0] } }
+upper = { points = { O = [0, 0], J = [0.5, 0] }, mass = 1, centre = [0.25, 0], inertia = 0.03 }
+lower = { points = { J = [0, 0], E = [0.4, 0] }, mass = 0.7, centre = [0.2, 0], inertia = 0.02 }
+[pairs.J]
+revolute = ["upper", "lower"]
+free = { position = 40 }
+friction = { coefficient = 0.15, radius = "20 mm", static = 0.2 }
+stops = [{ at = -5, side = "lower", restitution = 0.3 }, { at = 60, side = "upper" }]
+[pairs.O]
+revolute = ["frame", "upper"]
+friction = { coefficient = 0.1, radius = "20 mm" }
+"""
+
+
+@pytest.mark.parametrize(
+    "lead, kinds",
+    [
+        ("free = { position = -10 }", {"slip J", "slip O", "impact J lower", "contact J lower", "release J lower"}),
+        ('drive = { oscillation = { amplitude = 40, period = "1 s" } }', {"slip J", "slip O", "impact J upper", "contact J upper"}),
+    ],
+)
+def test_stops_impacts_and_prescribed_drives_beside_friction(lead: str, kinds: set[str]):
+    """Several coordinates, held by stops, led by a drive: nothing that rubs drives, and the works close through every event."""
+    import mechviz
+
+    scene = mechviz.loads(LINKS + lead)
+    assert scene.simulation is not None
+    found = simulate(scene.mechanism, 2.0, stops=scene.simulation.stops)
+    assert kinds <= {f"{h.kind} {h.item}" for h in found.happenings}
+    t = np.linspace(0.0, 2.0, 201)
+    view = found.view(t)
+    forces, energies = found.forces(view), found.energies(t)
+    size = np.abs(energies).max()
+    assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-8 * size
+    assert np.all(np.diff(energies[:, 3]) > -1e-12 * size) and energies[-1, 3] > 0.1 * size
+    assert np.abs(forces.power_balance).max() < 1e-12
+    for pair, radius in (
+        ("O", 0.002),
+        ("J", 0.003),
+    ):  # friction is at its limit while the pair slides
+        reaction = np.hypot(*forces.reaction(pair)[:, :2].T)
+        moment, rate = forces.friction.wrench(pair)[:, 2], view.coordinate(pair)[:, 1]
+        slides = np.abs(rate) > 1e-6
+        assert moment[slides] == pytest.approx(-np.sign(rate[slides]) * radius * reaction[slides], rel=1e-9)
+        assert np.all(np.abs(moment) <= radius / 0.15 * 0.2 * reaction * (1 + 1e-9) + 1e-12)

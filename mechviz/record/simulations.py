@@ -52,16 +52,19 @@ def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
         lanes[f"stop {stop.name}"] = [(0.0, "free")]
     for liftoff in simulation.liftoffs:
         lanes[liftoff.pair] = [(0.0, "touches")]
-    for pair in simulation.rubbing:
-        lanes[pair] = [(0.0, "sticks")]
+    rubs = {pair: f"{pair} friction" if pair in lanes else pair for pair in simulation.rubbing}
+    for lane in rubs.values():
+        lanes[lane] = [(0.0, "sticks")]
     for h in simulation.happenings:
         if h.kind in ("contact", "release"):
             lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == "contact" else "free"))
         elif h.kind in ("lost", "regained"):
             lanes[h.item].append((float(h.time), "flies" if h.kind == "lost" else "touches"))
+            if h.kind == "lost" and h.item in rubs:
+                lanes[rubs[h.item]].append((float(h.time), "free"))
         elif h.kind in ("stick", "slip"):
             state = "sticks" if h.kind == "stick" else "slips +" if "+" in h.text else "slips -"
-            lanes[h.item].append((float(h.time), state))
+            lanes[rubs[h.item]].append((float(h.time), state))
     return {name: _last_of_each_time(changes) for name, changes in lanes.items()}
 
 

@@ -237,9 +237,6 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"pairs.{name}", why, remedy)
         if pair.liftoff is not None and pair.closure == "form":
             yield Fault(f"pairs.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
-    if lifting and "friction" in document.effects:
-        why = f"{lifting[0]} has liftoff beside dry friction: what then sticks is not found."
-        yield Fault("effects", why, "Leave out friction, or liftoff.")
     if lifting and loose:
         why = f"clearance beside liftoff ({lifting[0]}) is not computed."
         yield Fault(f"pairs.{loose[0]}.clearance", why, "Leave out one of them.")
@@ -272,9 +269,6 @@ def _stops(document: SceneDocument, free: list[str]) -> Iterator[Fault]:
             if len(free) > 1 and pair not in free:
                 why = f"with several free coordinates a stop has to be at one of them, and {pair} is none."
                 yield Fault(path, why, f"Make {pair} a free coordinate instead of one of {', '.join(free)}.")
-    if names and len(free) > 1 and "friction" in document.effects:
-        why = "end stops beside dry friction with several free coordinates: what then sticks is not found."
-        yield Fault("effects", why, "Leave out friction, or the stops.")
 
 
 def _watches(reading: Reading) -> Iterator[Fault]:

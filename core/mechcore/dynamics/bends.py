@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..effects import effects_of
 from ..solve import Compiled
 from .collocation import Window
-from .reduced import motion_at
+from .dry import senses
+from .reduced import free_of, motion_at
 
 __all__ = ["bend_finder"]
 
@@ -26,15 +27,16 @@ def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] |
     none does. None at once where nothing in the mechanism has several forms."""
     effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
     cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
-    if not effects and not cams:
+    driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end pieces
+    if not effects and not cams and not driven:
         return None
 
     def forms(window: Window, t: Array) -> Array:
         q, v, _ = window(t)
         motion = motion_at(compiled, q, v, t)
-        return np.stack(
-            [np.broadcast_to(x, t.shape) for x in (*(e.phase(motion) for e in effects), *(c.segment(motion) for c in cams))]
-        )
+        found = [*(e.phase(motion) for e in effects), *(c.segment(motion) for c in cams)]
+        found += list(senses(motion).T) if driven else []
+        return np.stack([np.broadcast_to(x, t.shape) for x in found])
 
     def first(window: Window, after: float) -> float | None:
         low, high = max(after, window.start), window.start + window.length

@@ -9,7 +9,7 @@ within its limit: the law is set-valued, nothing is smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,9 +29,12 @@ from ..solve import Compiled
 from .chart import differences
 from .reduced import free_of, moving, reduced_equations, with_rates
 
-__all__ = ["Dry", "DrySystem", "Phases", "braking_elements", "forces_with"]
+__all__ = ["WORDS", "Dry", "DrySystem", "Key", "Phases", "braking_elements", "forces_with", "keys_of", "rubbing", "senses"]
 
 Array = NDArray[np.float64]
+Key = tuple[str, str, str]
+WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
+LED = 1e-12  # rate of an element per unit rate of a coordinate that does not move it
 BEGUN = 1e-12  # rate of what just begins to move
 REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
 
@@ -78,11 +81,11 @@ class GivenFriction(FrictionResult):
         return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
 
 
-def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array) -> Forces:
-    """Reactions of a piece of motion, with the friction that the piece has, sticking included."""
+def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Sequence[Wrench] = ()) -> Forces:
+    """Reactions of a piece of motion, with the friction that the piece has, sticking included; ``held``: what end stops hold."""
     found = system.solve(q, v, motion.time)
-    applied = wrenches(motion)
-    force, moment = sum_up(applied, len(motion.model.links))
+    applied = (*wrenches(motion), *held)
+    force, moment = sum_up(list(applied), len(motion.model.links))
     elements = [replace(e, sign=np.full(motion.frames, s)) for e, s in zip(elements_of(motion), system.signs, strict=True)]
     for i, e in enumerate(elements):
         e.load(motion, force, moment, found.value[:, i])
@@ -91,35 +94,55 @@ def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array) -> Forces
 
 
 class Phases:
-    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`."""
+    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
 
-    def __init__(self, compiled: Compiled, elements: Sequence[Element]):
+    ``held``: coordinates that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
+        stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
+    """
+
+    def __init__(self, compiled: Compiled, elements: Sequence[Element], soon: float, before: Mapping[Key, float] | None = None):
         self.compiled = compiled
-        self.names = [e.pair for e in elements]
-        self.signs = np.zeros(len(elements))
+        self.soon = soon
+        self.keys = keys_of(elements)
+        self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
+        self.held: frozenset[int] = frozenset()
+        self.led = np.zeros(len(elements), bool)
+        self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
 
     def system(self) -> DrySystem:
-        return DrySystem(self.compiled, self.signs.copy())
+        return DrySystem(self.compiled, self.signs.copy(), held=self.held)
 
-    def decide(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> list[tuple[int, str]]:
-        """Choose the signs for what follows; element and word ("stick", "slip +", "slip -") of each that has changed.
+    def decide(
+        self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None, held: frozenset[int] = frozenset()
+    ) -> list[tuple[str, str]]:
+        """Choose the signs for what follows; pair and word ("stick", "slip +", "slip -") of each that has changed.
 
-        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0).
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``held``:
+        coordinates that rest on end stops.
         """
         before = self.signs.copy()
+        self.held = held
         row = q[None], v[None], np.array([t])
-        found = DrySystem(self.compiled, np.zeros(len(before))).solve(*row)
-        rate = found.rate[0]
+        motion, units = moving(self.compiled, *row)
+        elements = elements_of(motion)
+        rate = np.array([e.rate[0] for e in elements])
+        tau = np.stack([_rates_of(units, e)[0] for e in elements])[:, _loose(len(q), held)]
+        self.led = np.zeros(len(before), bool) if self.alone and not held else ~np.any(np.abs(tau) > LED, axis=1)
         still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
         self.signs = np.where(still, 0.0, np.sign(rate))
-        if len(q) == 1 and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
+        if self.led.any():
+            self.signs[self.led] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.led]
+            still &= ~self.led
+        alone = self.alone and not held
+        if alone and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
-        elif len(q) == 1 and still.any():  # the mechanism moves: a pair that turns back there does not stick
+        elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
             self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
             second = np.sign(self.system().solve(*row).second[0])
             self.signs = np.where(still & (second != 0.0), second, self.signs)
         elif still.any():
             if loose is not None and still[loose[0]]:
+                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), held=held).solve(*row)
                 self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
             for _ in range(2 * len(before) + 2):
                 found = self.system().solve(*row)
@@ -128,22 +151,31 @@ class Phases:
                     break
                 worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
                 self.signs[worst] = -np.sign(found.value[0, worst])
-        words = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
-        return [(i, words[float(s)]) for i, s in enumerate(self.signs) if s != before[i]]
+        then, now = self._states(before), self._states(self.signs)
+        return [(pair, WORDS[now[pair, what]]) for pair, what in now if now[pair, what] != then[pair, what]]
+
+    def _states(self, signs: Array) -> dict[tuple[str, str], float]:
+        """Sign by pair and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
+        found: dict[tuple[str, str], float] = {}
+        for (pair, what, _), s in zip(self.keys, signs, strict=True):
+            found[pair, what] = float(s) if found.get((pair, what), s) == s else 0.0
+        return found
 
     def at_rest(self, t: float, q: Array, v: Array) -> Array:
         """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
-        stuck = np.flatnonzero(self.signs == 0.0)
-        if not len(stuck):
+        stuck, free = np.flatnonzero((self.signs == 0.0) & ~self.led), _loose(len(v), self.held)
+        if not len(stuck) or not len(free):
             return v
-        if len(v) == 1:
+        if self.alone:
             return np.zeros(1)
         motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
         elements = elements_of(motion)
-        tau = np.stack([_rates_of(units, elements[i])[0] for i in stuck])
-        inertia = reduced_equations(motion, units).inertia[0]
+        tau = np.stack([_rates_of(units, elements[i])[0] for i in stuck])[:, free]
+        inertia = reduced_equations(motion, units).inertia[0][np.ix_(free, free)]
         answer = np.linalg.solve(inertia, tau.T)
-        return np.asarray(v - answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+        out = v.copy()
+        out[free] -= answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck])
+        return out
 
     def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
@@ -164,15 +196,16 @@ class Phases:
         system = self.system()
         out: list[tuple[Any, bool, tuple[int, float] | None]] = []
         for i, s in enumerate(self.signs):
-            if s != 0.0:
+            if s != 0.0 and not self.led[i]:
                 out.append((lambda q, v, t, i=i: self._rate(i, q, v, t), bool(s < 0), None))
-        if not np.any(self.signs == 0.0):
+        stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        if not len(stuck_ones):
             return out
-        if not np.any(self.signs) and len(free_of(self.compiled)) == 1:
+        if not np.any(self.signs) and self.alone and not self.held:
             for way in (1.0, -1.0):
                 out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
             return out
-        for stuck in np.flatnonzero(self.signs == 0.0):
+        for stuck in stuck_ones:
 
             def margin(q: Array, v: Array, t: Array, i: int = int(stuck)) -> Array:
                 found = system.solve(q, v, t)
@@ -180,6 +213,16 @@ class Phases:
 
             out.append((margin, False, (int(stuck), 0.0)))
         return out
+
+    def led_gauges(self) -> list[Any]:
+        """Gauges that are 1 where an element that is led does not slide as it does now, else 0."""
+        return [
+            lambda q, v, t, i=int(i), s=self.signs[i]: np.asarray(self._senses(q, v, t)[:, i] != s, float)
+            for i in np.flatnonzero(self.led)
+        ]
+
+    def _senses(self, q: Array, v: Array, t: Array) -> Array:
+        return senses(moving(self.compiled, q, v, t)[0])
 
     def _rate(self, i: int, q: Array, v: Array, t: Array) -> Array:
         motion = moving(self.compiled, q, v, t)[0]
@@ -194,23 +237,65 @@ class Phases:
         return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 
-def braking_elements(compiled: Compiled, q: Array, v: Array) -> list[Element]:
+def braking_elements(compiled: Compiled, q: Array, v: Array, t: float = 0.0) -> list[Element]:
     """The elements of a mechanism, in the order in which signs are given; [] where it has no friction."""
     if "friction" not in compiled.mechanism.effects:
         return []
-    return elements_of(moving(compiled, q[None], v[None], np.zeros(1))[0])
+    return elements_of(moving(compiled, q[None], v[None], np.array([t]))[0])
+
+
+def senses(motion: Motion) -> Array:
+    """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
+    elements = elements_of(motion)
+    rates = np.stack([e.rate for e in elements], axis=1)
+    turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.spin], axis=0, initial=0.0)
+    sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
+    size = np.maximum(turning, sliding / motion.model.size)[:, None]
+    least = np.array([1.0 if e.what == "turn" else motion.model.size for e in elements])
+    return np.where(np.abs(rates) <= REST * size * least, 0.0, np.sign(rates))
+
+
+def keys_of(elements: Sequence[Element]) -> list[Key]:
+    """What an element is called, whatever other contacts the mechanism has."""
+    return [(e.pair, e.what, e.kind) for e in elements]
+
+
+def rubbing(compiled: Compiled, q: Array, v: Array, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
+    """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
+    elements = braking_elements(compiled, q, v, t)
+    for e in elements:
+        if e.what == "slide" and e.joint < 0:
+            why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
+            raise MechanismError(Fault(f"pairs.{e.pair}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+    return Phases(compiled, elements, soon, before) if elements else None
+
+
+def _loose(count: int, held: frozenset[int]) -> NDArray[np.int64]:
+    """The coordinates that are not held."""
+    return np.array([i for i in range(count) if i not in held], int)
 
 
 class DrySystem:
     """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
 
-    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose.
+    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``held``: coordinates that stand
+    still, because they rest on end stops; what these hold comes before friction that could do it as well.
     """
 
-    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False):
+    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False, held: frozenset[int] = frozenset()):
         self.compiled = compiled
         self.signs = signs
         self.breaking = breaking
+        self.held = np.array(sorted(held), int)
+        self.free = _loose(len(free_of(compiled)), held)
+
+    def holding(self, q: Array, v: Array, t: Array) -> Array:
+        """What holds the held coordinates (n, h): torque [N m] or force [N] in the direction of each."""
+        motion, units = moving(self.compiled, q, v, t)
+        r, found = reduced_equations(motion, units), self.solve(q, v, t)
+        tau = np.stack([_rates_of(units, e) for e in elements_of(motion)], axis=1)
+        friction = np.einsum("nef,ne->nf", tau, found.value)
+        return np.asarray(((r.inertia @ found.acceleration[..., None])[..., 0] + r.bias - r.force - friction)[:, self.held])
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array:
         return self.solve(q, v, t).acceleration
@@ -224,7 +309,7 @@ class DrySystem:
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
         r = reduced_equations(motion, units)
-        first = r.acceleration()
+        first = self._answer(r.inertia, r.force - r.bias)
         second = [d[2] for d in motion.drives]
         for place, i in enumerate(free_of(self.compiled)):
             second[i] = first[:, place]
@@ -233,9 +318,7 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
         tau = np.stack([_rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers = np.asarray(
-            np.linalg.solve(r.inertia[:, None], tau[..., None])[..., 0], float
-        )  # (n, e, f): acceleration per unit of friction
+        answers = self._answer(r.inertia[:, None], tau)  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
@@ -274,6 +357,16 @@ class DrySystem:
         limit = size * np.array([e.factor * (1.0 if self.breaking else _sticking(e)) for e in elements])
         acceleration = first + np.einsum("njf,nj->nf", answers, value)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
+
+    def _answer(self, inertia: Array, force: Array) -> Array:
+        """Accelerations (..., f) under generalised forces (..., f): none of coordinates that are held."""
+        if not len(self.held):
+            return np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
+        out = np.zeros(force.shape)
+        if len(self.free):
+            inner = inertia[..., self.free[:, None], self.free]
+            out[..., self.free] = np.linalg.solve(inner, force[..., self.free, None])[..., 0]
+        return out
 
     def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:
         worst = elements[slide[int(np.argmax(share))]]

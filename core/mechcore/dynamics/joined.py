@@ -261,30 +261,35 @@ class JoinedFriction:
 
     def __init__(self, forces: JoinedForces):
         self._forces = forces
-        known = [f.friction for _, f in forces.parts if f.friction is not None]
-        self.elements = known[0].elements
-        self.pairs = known[0].pairs
+        known = max((f.friction for _, f in forces.parts if f.friction is not None), key=lambda f: len(f.elements))
+        self.elements = known.elements  # a cam that its follower has left does not rub
+        self.pairs = known.pairs
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 
-    def _join(self, value: Callable[[Any], Array], columns: int) -> Array:
+    def _join(self, value: Callable[[Any], Array], columns: int, pair: str | None = None) -> Array:
         none = (columns,) if columns else ()
-        return self._forces._join(lambda f: np.zeros((f.motion.frames, *none)) if f.friction is None else value(f.friction))
+
+        def known(f: Forces) -> Array:
+            rubs = f.friction is not None and (pair is None or pair in f.friction.pairs)
+            return value(f.friction) if rubs else np.zeros((f.motion.frames, *none))
+
+        return self._forces._join(known)
 
     def applied(self, pair: str) -> Array:
         """What friction adds to the force and couple on the second link (F, 3)."""
-        return self._join(lambda f: f.applied(pair), 3)
+        return self._join(lambda f: f.applied(pair), 3, pair)
 
     def wrench(self, pair: str) -> Array:
         """Friction on the pair's second link: Fx, Fy [N] and couple [N m], stated at the pair's position (F, 3)."""
-        return self._join(lambda f: f.wrench(pair), 3)
+        return self._join(lambda f: f.wrench(pair), 3, pair)
 
     def normal_load(self, pair: str) -> Array:
-        return self._join(lambda f: f.normal_load(pair), 0)
+        return self._join(lambda f: f.normal_load(pair), 0, pair)
 
     def losses(self, pair: str) -> Array:
         """Power that friction in a pair turns into heat (F,) [W]."""
-        return self._join(lambda f: f.losses(pair), 0)
+        return self._join(lambda f: f.losses(pair), 0, pair)
 
     @cached_property
     def power(self) -> Array:

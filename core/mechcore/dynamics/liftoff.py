@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from .free import Free
 from .integrate import Solution
 from .reduced import free_of, motion_at, reduce, tangents
 
-__all__ = ["Lifting", "Liftoff", "driven_windows", "first_beyond"]
+__all__ = ["Lifting", "Liftoff", "driven_windows", "first_beyond", "pressing"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -148,8 +149,13 @@ class Lifting:
             gap = np.mod(gap + np.pi, TURN) - np.pi
         return gap, contact.away * (v[:, k] - h[:, 1])
 
-    def parting(self, name: str, lifted: frozenset[str]) -> Callable[[Array, Array, Array], Array]:
-        """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull."""
+    def parting(
+        self, name: str, lifted: frozenset[str], system: Callable[[Compiled, Array, Array, float], Any] | None = None
+    ) -> Callable[[Array, Array, Array], Array]:
+        """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
+
+        ``system``: the equations of motion of a mechanism at an instant, where they are not those of its chart, but of friction.
+        """
         contact, more = self.contacts[name], lifted | {name}
 
         def parting(q: Array, v: Array, t: Array) -> Array:
@@ -158,17 +164,17 @@ class Lifting:
             k = self.place(name, more)
             if more not in self.known:
                 self.compiled(more, q[0], v[0], float(t[0]), name)
-            loose = Chart(self.known[more])(np.insert(q, k, h[:, 0], axis=1), np.insert(v, k, h[:, 1], axis=1), t)
+            at, rate = np.insert(q, k, h[:, 0], axis=1), np.insert(v, k, h[:, 1], axis=1)
+            rubs = None if system is None else system(self.known[more], at[0], rate[0], float(t[0]))
+            loose = (Chart(self.known[more]) if rubs is None else rubs)(at, rate, t)
             second = motion_at(held, q, v, t, np.delete(loose, k, axis=1)).coordinate(contact.guide)[:, 2]
             return np.asarray(contact.away * (loose[:, k] - second))
 
         return parting
 
-    def landing(
-        self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, factor: float
-    ) -> tuple[Array, float, float, float]:
+    def landing(self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, factor: float) -> tuple[Array, float, float]:
         """Rates (f,) after the impact of a follower on its cam, ``factor`` 1 plus restitution; speed of approach; energy that is
-        lost and work that the drives do in it [J]."""
+        lost [J]."""
         compiled, row = self.known[lifted], np.array([t])
         k = self.place(name, lifted)
         contact = self.contacts[name]
@@ -183,9 +189,7 @@ class Lifting:
         mass = 1.0 / float(gradient @ mobility)
         after = v - mobility * (factor * hit * mass)
         e = factor - 1.0
-        lost = 0.5 * mass * hit * hit * (1.0 - e * e)
-        gained = 0.5 * float(after @ inertia @ after - v @ inertia @ v)
-        return after, -hit, lost, gained + lost
+        return after, -hit, 0.5 * mass * hit * hit * (1.0 - e * e)
 
     def followed(self, name: str, motion: Motion) -> Array:
         """The guide's coordinate (F,) at which the follower would touch its cam."""
@@ -209,6 +213,19 @@ class Lifting:
             else:
                 found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _spin(motion, c.cam.carrier))))
         return max(found)
+
+
+def pressing(motion: Motion, forces: Any, name: str) -> Array:
+    """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""
+    from ..cams.happenings import contact_force, placed_cams
+
+    force = contact_force(forces, next(cam for cam in placed_cams(motion) if cam.name == name))
+    if np.isnan(force).any():
+        t = float(motion.time[int(np.argmax(np.isnan(force)))])
+        raise MechanismError(
+            Fault(f"pairs.{name}", f"at t = {t:.6g} s friction jams the follower.", "Lower a coefficient, or lengthen its guide.")
+        )
+    return np.asarray(force)
 
 
 def _spin(motion: Motion, link: str) -> float:

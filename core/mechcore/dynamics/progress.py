@@ -10,19 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..friction.elements import elements_of
 from ..solve import Compiled
+from .accounts import kinetic_energy_of
 from .bends import bend_finder
 from .chart import Chart
 from .charts import Lead, best_chart
 from .collocation import Window
 from .curve import Curve
-from .dry import Phases, braking_elements
+from .dry import WORDS, DrySystem, Key, Phases, keys_of, rubbing, senses
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .integrate import Solution, integrate
-from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond
+from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond, pressing
 from .pieces import Piece
-from .reduced import motion_at, reduce
+from .reactions import piece_forces
+from .reduced import motion_at, moving, reduce
 from .simulation import Simulation
 
 __all__ = ["Method", "Progress", "table_tolerance"]
@@ -31,6 +34,8 @@ Array = NDArray[np.float64]
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_HAPPENINGS = 100_000
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
+LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
+SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 
 
@@ -59,6 +64,7 @@ class Progress:
         self.observe = observe
         self.stops, self.watches, self.progress = stops, watches, progress
         self.original = compiled
+        self.rubs = "friction" in compiled.mechanism.effects
         self.liftoffs = tuple(liftoffs)
         self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
         self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
@@ -70,6 +76,7 @@ class Progress:
         self.lost: list[tuple[float, float]] = []
         self.evaluations = 0
         self.phases: Phases | None = None  # of dry friction
+        self.sliding: dict[Key, float] = {}  # which way its elements slide, 0: stick
         self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
         self.told = (0, 0, 0)  # happenings, losses, works of impacts that have been observed
 
@@ -101,10 +108,8 @@ class Progress:
                         "Start on the other side, or move the stop.",
                     )
                 )
-        elements = braking_elements(self.compiled, q, v)
-        if elements:
-            self.phases = Phases(self.compiled, elements)
-            self._settle(0.0, q, v)
+        self._rub(0.0, q, v)
+        v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
         t = 0.0
         while t < self.duration * (1.0 - 1e-13):
@@ -136,12 +141,15 @@ class Progress:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
         v = self._touching(t, q, v)
         system = self._system()
-        dry = [] if self.phases is None or self.resting else self.phases.gauges()
+        dry = [] if self.phases is None else self.phases.gauges()
+        led = [] if self.phases is None else self.phases.led_gauges()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
         def after(window: Window) -> float | None:
             first.clear()
+            if self.rubs and not len(q):
+                self._led(window)
             for k, (s, gauge, upper) in enumerate(self.limits):
                 if s not in self.resting.values():
                     at = first_zero(gauge, window, t, upper)
@@ -160,6 +168,10 @@ class Progress:
                 at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
                     first.append((at, ("dry", loose)))
+            for gauge in led:
+                at = first_beyond(gauge, window, t, 0.5, LED_SAMPLES, again=True)
+                if at is not None:
+                    first.append((at, ("dry", None)))
             for border in self.borders:
                 at = first_zero(border, window, t, True)
                 if at is not None:
@@ -204,7 +216,7 @@ class Progress:
             if time > end + 1e-14 * self.duration:
                 break
             if kind == "stop":
-                v = self._impact(time, q, v, k)
+                v = self._settle(time, q, self._impact(time, q, v, k))
             elif kind == "border":
                 lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
                 if lead not in self.known:
@@ -218,6 +230,7 @@ class Progress:
             elif kind == "release":
                 stop = self.resting.pop(k)
                 self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+                v = self._settle(time, q, v)
             else:
                 watch = self.looks[k][0]
                 self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
@@ -256,35 +269,55 @@ class Progress:
             if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * self.scale[i]:
                 continue
             gradient = self._gradient(stop, q, np.array([t]))
-            speed = sign * float(gradient @ v)
+            speed = sign * self._rate(stop, q, v, np.array([t]), gradient)
             tiny = TOUCH * max(1.0, float(np.abs(v).max()))
             if speed > tiny:
-                v = self._impact(t, q, v, k)
+                v = self._settle(t, q, self._impact(t, q, v, k))
             elif speed > -tiny:
                 push = sign * float(gradient @ self._free_acceleration(q, v, t))
                 if abs(push) <= TOUCH:  # it decides in the next instant
                     push = sign * float(gradient @ self._free_acceleration(q, v, t + 1e-6 * self.duration))
                 if push > 0.0:
-                    v = self._rest(t, stop, v)
+                    v = self._settle(t, q, self._rest(t, stop, v))
         return v
 
     def _system(self) -> Any:
         """The equations of motion of the present piece."""
-        if self.resting:
-            return Chart(self.compiled, frozenset(self.resting))
-        return self.system if self.phases is None else self.phases.system()
+        if self.phases is not None:
+            return self.phases.system()
+        return Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
+
+    def _rub(self, t: float, q: Array, v: Array) -> None:
+        """Friction of the present mechanism, which has other contacts than before: what slides goes on. Where every drive is
+        prescribed nothing has to be found; statics tells friction."""
+        self.phases = rubbing(self.compiled, q, v, t, self.sliding, SOON * self.duration) if len(q) else None
 
     def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
         """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
-        assert self.phases is not None
-        for i, word in self.phases.decide(t, q, v, loose):
-            pair = self.phases.names[i]
-            kind = "stick" if word == "stick" else "slip"
-            text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
-            found = Happening(t, kind, pair, text)
-            if found not in self.happenings[-4:]:  # a pair may have friction of several kinds
-                self.happenings.append(found)
+        if self.phases is None:
+            return v
+        for pair, word in self.phases.decide(t, q, v, loose, frozenset(self.resting)):
+            self._tell(t, pair, word)
+        self.sliding |= dict(zip(self.phases.keys, self.phases.signs, strict=True))
         return self.phases.at_rest(t, q, v)
+
+    def _tell(self, t: float, pair: str, word: str) -> None:
+        """A pair begins to stick or to slide."""
+        kind = "stick" if word == "stick" else "slip"
+        text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
+        found = Happening(t, kind, pair, text)
+        if found not in self.happenings[-4:]:  # a pair may have friction of several kinds
+            self.happenings.append(found)
+
+    def _led(self, window: Window) -> None:
+        """Where every drive is prescribed, say which way pairs slide in a window; it ends where that changes."""
+        middle = np.array([window.start + 0.5 * window.length])
+        motion = motion_at(self.compiled, *window(middle)[:2], middle)
+        turning = window.length < 10.0 * SOON * self.duration  # back: there it is at rest for nothing but an instant
+        for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
+            if sign != self.sliding.get(key, 0.0) and not (turning and sign == 0.0):
+                self._tell(window.start, key[0], WORDS[float(sign)])
+                self.sliding[key] = float(sign)
 
     # -- cams that only press -----------------------------------------------------------------------------------------
     def _contacts(self) -> list[tuple[str, Gauge, float]]:
@@ -297,8 +330,22 @@ class Progress:
                 noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.size)
                 out.append((name, self.lifting.overlap(name, self.lifted), noise))
             else:
-                out.append((name, self.lifting.parting(name, self.lifted), 0.0))
+                out.append((name, self._parting(name), 0.0))
         return out
+
+    def _parting(self, name: str) -> Gauge:
+        """Positive where a cam in contact would have to pull."""
+        assert self.lifting is not None
+        if not self.rubs:
+            return self.lifting.parting(name, self.lifted)
+        system = self._system()
+        resting = tuple(self.resting.items())
+
+        def pulling(q: Array, v: Array, t: Array) -> Array:
+            motion = motion_at(self.compiled, q, v, t, system(q, v, t))
+            return -pressing(motion, piece_forces(motion, system, q, v, resting), name)
+
+        return pulling
 
     def _samples(self, window: Window) -> int:
         """Places at which contacts are looked at in a window."""
@@ -320,7 +367,7 @@ class Progress:
         for name in self.lifting.contacts:
             if name in self.lifted:
                 continue
-            if name != loose and not float(self.lifting.parting(name, self.lifted)(q[None], v[None], np.array([t]))[0]) > 0.0:
+            if name != loose and not float(self._parting(name)(q[None], v[None], np.array([t]))[0]) > 0.0:
                 continue
             where = self.lifting.where(name, self.compiled, q, v, t)
             more = self.lifted | {name}
@@ -328,6 +375,8 @@ class Progress:
             self.lifted = more
             self._lead(compiled, Chart(compiled), None)
             self.happenings.append(Happening(t, "lost", name, f"contact lost at {where}"))
+            self._rub(t, q, v)
+            v = self._settle(t, q, v)
         return q, v
 
     def _land(self, t: float, q: Array, v: Array, name: str) -> tuple[Array, Array]:
@@ -335,24 +384,39 @@ class Progress:
         assert self.lifting is not None
         e = self.lifting.contacts[name].restitution
         k, fewer = self.lifting.place(name, self.lifted), self.lifted - {name}
-        rebound, hit, lost, work = self.lifting.landing(name, self.lifted, t, q, v, 1.0 + e)
+        rebound, hit, lost = self.lifting.landing(name, self.lifted, t, q, v, 1.0 + e)
         held = np.delete(q, k)
-        stay, _, all_lost, all_work = self.lifting.landing(name, self.lifted, t, q, v, 1.0)
-        pull = float(self.lifting.parting(name, fewer)(held[None], np.delete(stay, k)[None], np.array([t]))[0])
+        stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 1.0)
+        pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         self.lost.append((t, all_lost if stays else lost))
-        self.pushed.append((t, all_work if stays else work))
+        self._push(t, self.lost[-1][1], self.compiled, q, v, stay if stays else rebound)
         where = self.lifting.where(name, self.compiled, q, v, t)
         unit = "rad/s" if self.lifting.contacts[name].rotary else "m/s"
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
         self.happenings.append(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
         if not stays:
-            return q, rebound
+            return q, self._settle(t, q, rebound)
         self.lifted = fewer
         compiled = self.lifting.known[fewer]
         self._lead(compiled, Chart(compiled), None)
-        return held, np.delete(stay, k)
+        v = np.delete(stay, k)
+        self._rub(t, held, v)
+        return held, self._settle(t, held, v)
+
+    def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Array, v: Array) -> float:
+        """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
+        assert self.lifting is not None
+        return float(self.lifting.parting(name, fewer, self._friction_of)(q[None], v[None], np.array([t]))[0])
+
+    def _friction_of(self, compiled: Compiled, q: Array, v: Array, t: float) -> Any:
+        """The equations of motion at an instant of a mechanism with other contacts; None where it has no friction."""
+        phases = rubbing(compiled, q, v, t, self.sliding, SOON * self.duration) if self.rubs and len(q) else None
+        if phases is None:
+            return None
+        phases.decide(t, q, v, held=frozenset(self.resting))
+        return phases.system()
 
     def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:
         return np.asarray(self._system()(q[None], v[None], np.array([t]))[0])
@@ -363,7 +427,7 @@ class Progress:
         self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
         return np.where(np.arange(len(v)) == i, 0.0, v)
 
-    def _pull(self, system: Chart, i: int, stop: Stop) -> Gauge:
+    def _pull(self, system: Chart | DrySystem, i: int, stop: Stop) -> Gauge:
         """What the stop has to hold: positive while the coordinate presses on it."""
         place = int(np.searchsorted(system.held, i))
         sign = -1.0 if stop.side == "upper" else 1.0
@@ -375,27 +439,39 @@ class Progress:
         row = np.array([t])
         r = reduce(self.compiled, q[None], v[None], row)
         gradient = self._gradient(stop, q, row)
-        hit = float(gradient @ v)
+        hit = self._rate(stop, q, v, row, gradient)
         mobility = np.linalg.solve(r.inertia[0], gradient)
         free = [i for i in range(len(q)) if i not in self.resting]
         if len(free) < len(q):  # what rests on other stops takes no part
             mobility = np.zeros(len(q))
             mobility[free] = np.linalg.solve(r.inertia[0][np.ix_(free, free)], gradient[free])
-        e = stop.restitution
-        before = 0.5 * float(v @ r.inertia[0] @ v)
+        e, mass = stop.restitution, 1.0 / float(gradient @ mobility)
         a = float(gradient @ r.acceleration()[0])  # how fast it falls back onto the stop
         towards = a if upper else -a
         rebound = e * abs(hit)
-        self.lost.append((t, 0.0))
         rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
         factor = 1.0 if rests else 1.0 + e
-        v = v - mobility * (factor * hit / float(gradient @ mobility))
-        self.lost[-1] = (t, before - 0.5 * float(v @ r.inertia[0] @ v))
+        before, v = v, v - mobility * (factor * hit * mass)
+        lost = 0.5 * mass * hit * hit * factor * (2.0 - factor)
+        self.lost.append((t, lost))
+        self._push(t, lost, self.compiled, q, before, v)
         words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
         self.happenings.append(Happening(t, "impact", stop.name, words))
         if rests and towards > 0:
             v = self._rest(t, stop, v)
         return v
+
+    def _push(self, t: float, lost: float, compiled: Compiled, q: Array, before: Array, after: Array) -> None:
+        """Account for the work that prescribed drives do in an impact, which does not slow them."""
+        if len(q) < len(compiled.mechanism.drives):
+            motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
+            self.pushed.append((t, float(np.diff(kinetic_energy_of(motion))[0]) + lost))
+
+    def _rate(self, stop: Stop, q: Array, v: Array, t: Array, gradient: Array) -> float:
+        """How fast the coordinate of a stop changes, by prescribed drives, too."""
+        if stop.pair in self.coordinates or len(q) == len(self.compiled.mechanism.drives):
+            return float(gradient @ v)
+        return float(motion_at(self.compiled, q[None], v[None], t).coordinate(stop.pair)[0, 1])
 
     def _gradient(self, stop: Stop, q: Array, t: Array) -> Array:
         """Rate of a stop's coordinate per unit rate of each free coordinate (f,)."""
@@ -403,11 +479,8 @@ class Progress:
         if stop.pair in self.coordinates:
             out[self.coordinates[stop.pair]] = 1.0
             return out
-        for i in range(len(q)):
-            unit = np.zeros((1, len(q)))
-            unit[0, i] = 1.0
-            out[i] = motion_at(self.compiled, q[None], unit, t).coordinate(stop.pair)[0, 1]
-        return out
+        units = moving(self.compiled, q[None], np.zeros((1, len(q))), t)[1]
+        return np.array([u.coordinate(stop.pair)[0, 1] for u in units])
 
     def _rotary(self, pair: str) -> bool:
         model = self.compiled.model

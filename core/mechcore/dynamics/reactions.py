@@ -34,9 +34,8 @@ def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Seque
     ``resting``: coordinates that stand still, and the stops that they rest on. What it takes to hold them is a load on the two
     links of the stop's pair; nothing is left for the free coordinates to do.
     """
-    if isinstance(system, DrySystem):
-        return forces_with(motion, system, q, v)
-    forces = solve_forces(motion)
+    rubs = isinstance(system, DrySystem)
+    forces = forces_with(motion, system, q, v) if rubs else solve_forces(motion)
     if not resting:
         return forces
     free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
@@ -47,6 +46,8 @@ def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Seque
         per_unit = np.ones(motion.frames) if lead == stop.pair else units[i].coordinate(stop.pair)[:, 1]
         effort = forces.effort(lead) / per_unit
         held.append(pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP))
+    if rubs:
+        return forces_with(motion, system, q, v, held)
     applied = (*forces.applied, *held)
     loads = sum_up(list(applied), len(motion.model.links))
     return Forces(motion, applied, *transmit(motion, *loads)[:2], forces.friction)

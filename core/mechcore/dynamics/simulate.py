@@ -111,9 +111,6 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     if not free and not liftoffs:
         faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
-    if liftoffs and "friction" in mechanism.effects:
-        why = "followers that may leave their cams beside dry friction: what then sticks is not found."
-        faults.append(Fault("effects", why, "Leave out friction, or liftoff."))
     if faults:
         raise MechanismError(faults)
 
