@@ -1,4 +1,7 @@
-"""The moving mechanism as a binary glTF 2.0 file (GLB): solids, traced paths and an animation that any viewer of glTF plays."""
+"""The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, traced paths and an animation.
+
+Any viewer of glTF plays it.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .coils import COLOR as COIL
+from .coils import find_coils
 from .files import replacing
 from .heights import path_height
+from .rollers import COLOR as ROLLER
+from .rollers import find_rollers
 from .solids import solids_of
 from .vectors import point_name
 
@@ -68,6 +75,22 @@ def glb_bytes(run: Run, *, solids: Solids | None = None) -> bytes:
                 channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
                 samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
             nodes.append({"name": f"{name} solid", "mesh": mesh, "translation": shifts[0].tolist(), "rotation": turns[0].tolist()})
+    numbers = {node["name"]: k for k, node in enumerate(nodes)}
+    for mark in find_rollers(run, solids):  # they turn below the links that carry the rollers
+        shape = out.mesh(f"roller {mark.name}", [_primitive(out, mark.vertices, mark.normals, mark.faces, ROLLER)])
+        for path, values in (("rotation", _rotations(mark.angle)),) if len(mark.angle) > 1 else ():
+            channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
+            samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
+        nodes[numbers[mark.link]].setdefault("children", []).append(len(nodes))
+        nodes.append({"name": f"roller {mark.name}", "mesh": shape, "translation": list(mark.centre)})
+    for coil in find_coils(run, solids):
+        moves = {"translation": coil.places(), "rotation": _rotations(coil.pose[:, 2]), "scale": coil.scales()}
+        shape = out.mesh(f"spring {coil.name}", [_primitive(out, coil.vertices, coil.normals, coil.faces, COIL)])
+        for path, values in moves.items() if len(coil.pose) > 1 else ():
+            channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
+            samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
+        nodes[0]["children"].append(len(nodes))
+        nodes.append({"name": f"spring {coil.name}", "mesh": shape, **{key: v[0].tolist() for key, v in moves.items()}})
     for link, point in motion.mechanism.traced:
         xy = motion.point(link, point)
         places = np.column_stack([xy, np.full(len(xy), path_height(run, solids.heights, link, point))])
@@ -156,14 +179,18 @@ def _primitives(out: _Writer, solid: Solid) -> Iterator[dict[str, Any]]:
         place = np.zeros(len(piece), np.uint32)
         place[chosen] = np.arange(len(chosen), dtype=np.uint32)
         faces = place[solid.faces[piece[solid.faces[:, 0]] == k]]
-        yield {
-            "attributes": {
-                "POSITION": out.accessor(solid.vertices[chosen], target=VERTICES, bounds=True),
-                "NORMAL": out.accessor(solid.normals[chosen], target=VERTICES),
-            },
-            "indices": out.accessor(faces.reshape(-1), target=INDICES),
-            "material": out.material(tuple(int(c) for c in color)),
-        }
+        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, tuple(int(c) for c in color))
+
+
+def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, color: tuple[int, ...]) -> dict[str, Any]:
+    return {
+        "attributes": {
+            "POSITION": out.accessor(vertices, target=VERTICES, bounds=True),
+            "NORMAL": out.accessor(normals, target=VERTICES),
+        },
+        "indices": out.accessor(faces.reshape(-1), target=INDICES),
+        "material": out.material(color),
+    }
 
 
 def _rising(time: NDArray[np.float64]) -> NDArray[np.float64]:

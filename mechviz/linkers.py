@@ -1,4 +1,7 @@
-"""How springs, dampers and gas springs look: lines between two points that deform with the motion. Shared by all pictures."""
+"""How dampers, gas springs and torsion springs look: lines that deform with the motion. Shared by all pictures.
+
+Springs between two points are solids, see `coils`.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,11 @@ from mechcore.spec import Damper, GasSpring, Spring, TorsionDamper, TorsionSprin
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Linker", "find_linkers", "linker_ends", "spiral_strips", "strut_strips", "zigzag_strips"]
+__all__ = ["Linker", "find_linkers", "linker_ends", "spiral_strips", "strut_strips"]
 
 Real = NDArray[np.float64]
 
-WIDTH = 0.028  # half width of coils and pots, in sizes of the mechanism
-COILS = 9
-END = 0.12  # part of a spring's length that is straight at each end
+WIDTH = 0.028  # half width of pots, in sizes of the mechanism
 TURNS = 2.5  # of a spiral
 SPIRAL_POINTS = 72
 
@@ -30,7 +31,7 @@ class Linker:
     """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
 
     name: str
-    kind: str  # "spring", "damper", "gas spring", "torsion spring"
+    kind: str  # "damper", "gas spring", "torsion spring"
     strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
 
 
@@ -40,9 +41,9 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
         return
     motion = run.motion
     for load in motion.mechanism.loads:
-        if isinstance(load, Spring | Damper | GasSpring):
+        if isinstance(load, Damper | GasSpring):
             a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
-            kind = "spring" if isinstance(load, Spring) else "damper" if isinstance(load, Damper) else "gas spring"
+            kind = "damper" if isinstance(load, Damper) else "gas spring"
             yield Linker(load.name, kind, _between(a, b, kind, size))
         elif isinstance(load, TorsionSpring | TorsionDamper):
             pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
@@ -61,8 +62,6 @@ def linker_ends(run: Run) -> list[Real]:
 
 
 def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
-    if kind == "spring":
-        return lambda frames: (zigzag_strips(a[frames], b[frames], WIDTH * size),)
     length = np.hypot(*(b - a).T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
     return lambda frames: strut_strips(a[frames], b[frames], least, most, WIDTH * size, closed=kind == "gas spring")
@@ -83,16 +82,6 @@ def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
 def _placed(a: Real, along: Real, across: Real, u: Real, v: Real) -> Real:
     """Points (n, p, 2) at distances u along and v across [m], each (n, p), from points a (n, 2)."""
     return a[:, None] + u[..., None] * along[:, None] + v[..., None] * across[:, None]
-
-
-def zigzag_strips(a: Real, b: Real, width: float) -> Real:
-    """A coil spring seen from the side, between points (n, 2): polylines (n, 2 COILS + 4, 2)."""
-    length, along, across = _axes(a, b)
-    inner = END + (1.0 - 2.0 * END) * (np.arange(2 * COILS) + 0.5) / (2 * COILS)
-    u = np.concatenate([[0.0, END], inner, [1.0 - END, 1.0]])
-    side = np.where(np.arange(2 * COILS) % 2 == 0, 1.0, -1.0)
-    v = np.concatenate([[0.0, 0.0], side, [0.0, 0.0]]) * width
-    return _placed(a, along, across, length[:, None] * u, np.broadcast_to(v, (len(a), len(v))))
 
 
 def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, closed: bool) -> tuple[Real, Real]:

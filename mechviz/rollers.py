@@ -1,14 +1,17 @@
-"""Marks on the rollers of cams that show how they roll: three sectors on the face of each, turning without slip."""
+"""Marks on the rollers of cams that show how they roll: sectors on the face of each, stripes on the mantle where that is seen."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from mechcore.cams.placed_spatial import PlacedSpatial
+
     from .meshes import Solids
     from .run import Run
 
@@ -36,28 +39,62 @@ class RollerMark:
 
 
 def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
-    """The rollers of all plane cams of a run; none where forces decide the motion."""
+    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
+
+    Those of globoidal cams have none: their axes lie in the plane.
+    """
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
     from mechcore.cams import Roller
     from mechcore.cams.happenings import contact_force, placed_cams
     from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placed_inverse import PlacedInverse
+    from mechcore.cams.placed_spatial import PlacedSpatial
     from mechcore.cams.rolling import roller_angle
+    from mechcore.spec import CamPair
 
-    pairs = {pair.name: pair for pair in run.motion.mechanism.pairs}
+    pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
     links = {link.name: link for link in run.motion.mechanism.links}
-    found = []
+    found: list[RollerMark] = []
     for cam in placed_cams(run.motion):
-        if not isinstance(cam, PlacedCam) or not isinstance(cam.face, Roller):
+        if not isinstance(cam.face, Roller):
             continue
         force = 1.0 if run.forces is None else np.nan_to_num(contact_force(run.forces, cam), nan=1.0)
-        point = getattr(pairs[cam.name], "point", "")
-        x, y = links[cam.links[1]].points[point]
-        top = _face(solids, cam.links[1], (x, y), cam.face.radius)
-        if top is not None:
-            shape = _sectors(cam.face.radius)
-            found.append(RollerMark(cam.name, cam.links[1], (x, y, top), roller_angle(run.motion, cam, force), *shape))
+        pair = pairs[cam.name]
+        link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
+        at = links[link].points.get(pair.point, (0.0, 0.0))
+        if isinstance(cam, PlacedSpatial):
+            found += _beside(run, solids, cam, link, at, force) if cam.blank.kind != "globoid" else []
+            continue
+        wanted = [(cam.name, cam, at, force)]
+        if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:
+            wanted.append((f"{cam.name} second", cam.mate, links[link].points[pair.second[0]], 1.0))
+        for name, rolling, (x, y), pressed in wanted:
+            radius = float(rolling.face.radius)
+            top = _face(solids, link, (x, y), radius)
+            if top is not None:
+                found.append(RollerMark(name, link, (x, y, top), roller_angle(run.motion, rolling, pressed), *_sectors(radius)))
     return found
+
+
+def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[RollerMark]:
+    """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
+    from mechcore.cams.rolling import roller_angle
+
+    solid, radius = solids.links[link], cam.face.radius
+    for kind, part in zip(solid.kinds, solid.parts, strict=True):
+        x, y = part.bounds[:, :2].mean(axis=0)
+        if kind != "roller":
+            continue
+        above = 0
+        if cam.blank.kind == "rib":
+            along = run.motion.pose(link)[0, 2] - run.motion.pose(cam.carrier)[0, 2]
+            above = 1 if ((x - at[0] + 1j * (y - at[1])) * np.exp(1j * along) * np.conj(1j * cam.axes)).real > 0.0 else -1
+        wide = np.hypot(part.vertices[:, 0] - x, part.vertices[:, 1] - y) > 0.99 * radius
+        low, high = (float(f(part.vertices[wide, 2])) for f in (np.min, np.max))
+        name = {0: cam.name, 1: f"{cam.name} upper", -1: f"{cam.name} lower"}[above]
+        turned = roller_angle(run.motion, cam, force, above)
+        yield RollerMark(name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
@@ -85,3 +122,27 @@ def _sectors(radius: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], ND
         faces += [np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])]
     flat = np.vstack(vertices).astype(np.float32)
     return flat, np.vstack(faces).astype(np.uint32), np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(flat), 1))
+
+
+def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """Stripes on a mantle that stands on the plane, from end to end, and sectors on the face at its upper end."""
+    vertices: list[Real] = []
+    normals: list[Real] = []
+    faces: list[NDArray[np.int64]] = []
+    for k in range(SECTORS):
+        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
+        ring = np.column_stack([np.cos(turn), np.sin(turn)])
+        start = len(vertices) * 2 * (SIDES + 1)
+        rows = [np.column_stack([(1.0 + THICK) * radius * ring, np.full(len(ring), z)]) for z in (0.04 * height, 0.96 * height)]
+        vertices.append(np.concatenate(rows))
+        normals.append(np.tile(np.column_stack([ring, np.zeros(len(ring))]), (2, 1)))
+        a = start + np.arange(SIDES)
+        b = a + SIDES + 1
+        faces += [np.column_stack([a, a + 1, b + 1]), np.column_stack([a, b + 1, b])]
+    flat, own, up = _sectors(radius)
+    count = sum(map(len, vertices))
+    return (
+        np.vstack([*vertices, flat + np.float32([0.0, 0.0, height])]).astype(np.float32),
+        np.vstack([*faces, own + count]).astype(np.uint32),
+        np.vstack([*normals, up]).astype(np.float32),
+    )

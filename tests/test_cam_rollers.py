@@ -58,6 +58,43 @@ def test_marks_lie_on_the_faces_of_the_rollers(name):
     assert mark.angle.shape == (run.motion.frames,) and np.ptp(mark.angle) > 2.0 * np.pi
 
 
+@pytest.mark.parametrize("name", ["cam-conjugate", "cam-barrel-rib", "cam-end", "cam-inverse"])
+def test_every_roller_of_a_cam_is_marked_and_rolls_off_its_flank(name):
+    """Both rollers of a pair; over a turn each rolls off the length of its flank, or comes back where the crank only swings."""
+    run = run_scene(mechviz.load(name))
+    solids = solids_of(run)
+    marks = find_rollers(run, solids)
+    (cam,) = placed_cams(run.motion)
+    assert len(marks) == (2 if name in ("cam-conjugate", "cam-barrel-rib") else 1)
+    for mark in marks:
+        wide = np.hypot(*mark.vertices[:, :2].T).max()
+        if cam.mate is not None:
+            own = cam if "second" not in mark.name else cam.mate
+            t = np.linspace(0.0, own.contour.count, 20001)
+            length, radius = np.abs(np.diff(own.contour(t)[0])).sum(), own.face.radius
+            assert mark.angle[-1] == pytest.approx(-length / radius, rel=3e-4)
+        elif name != "cam-inverse":  # the groove's middle line, developed
+            theta = cam.cam.law.start + cam.cam.law.length * np.linspace(0.0, 1.0, 20001)
+            way = np.hypot(cam.middle * np.diff(theta), np.diff(cam.cam.law(theta, 0)[0])).sum()
+            assert np.abs(mark.angle[-1]) == pytest.approx(way / cam.face.radius, rel=1e-6)
+        assert wide < 1.02 * cam.face.radius
+    if name == "cam-inverse":  # against the velocity of the slot's flank at the place of contact, by differences
+        force = contact_force(run.forces, cam)
+        rate = roller_speed(run.motion, cam, force)
+        place = cam.contact(run.motion, force)[0]
+        k, f = (run.motion.model.index[link] for link in cam.links)
+        frames = np.ones(run.motion.frames)
+        slot = (run.motion.origins[f] * frames, run.motion.rotation(f) * frames)
+        pin = (run.motion.origins[k] + run.motion.rotation(k) * cam.tip) * frames
+        i = run.motion.frames // 3
+        dt = run.motion.time[i + 1] - run.motion.time[i - 1]
+        stuck = (place[i] - slot[0][i]) / slot[1][i]  # that point of the driven link, before and after
+        moved = (slot[0] + slot[1] * stuck)[[i - 1, i + 1]]
+        slip = ((moved[1] - moved[0]) - (pin[i + 1] - pin[i - 1])) / dt
+        out = place[i] - pin[i]
+        assert rate[i] == pytest.approx(np.imag(np.conj(out) * slip) / abs(out) ** 2, rel=2e-3)
+
+
 def test_scenes_without_rollers_have_no_marks():
     for name in ("crank-rocker", "cam-flat"):
         run = run_scene(mechviz.load(name), frames=24)

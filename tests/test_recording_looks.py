@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechviz.coils import find_coils
 from mechviz.drawings import drawings_of
 from mechviz.heights import arrow_height, path_height
 from mechviz.linkers import find_linkers
@@ -45,6 +46,7 @@ def content_of(run):
         scales,
         drawings_of(run, solids.size),
         list(find_linkers(run, solids.size)),
+        find_coils(run, solids),
         find_rollers(run, solids),
         picture_stride(run),
     )

@@ -17,6 +17,7 @@ from .parts import Part
 __all__ = ["Heights", "find_heights"]
 
 _NEAR = 0.25  # of half a plate's width: parts this near to a point carry it
+_FLAT = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
 _LIFT = 0.004  # of the mechanism's size: how far marks lie before what they lie on
 
 
@@ -39,6 +40,32 @@ class Heights:
     def of_point(self, link: str, xy: Vec2) -> float:
         """Just before a link, at a point of its frame [m]; before the whole link where the point lies beside its plate."""
         return _front(self._parts, {link: (xy[0] / self.size, xy[1] / self.size)}, self._near, self.size, self.top)
+
+    def middle(self, link: str, xy: Vec2) -> float | None:
+        """Half way through a moving link's part at a point of its frame [m]; None where it has none there."""
+        spot = shapely.Point(xy[0] / self.size, xy[1] / self.size)
+        for part in self._parts:
+            if part.link == link and part.kind in _FLAT:
+                for prism in part.space:
+                    if prism.outline.distance(spot) < self._near:
+                        return 0.5 * (prism.low + prism.high) * self.size
+        return None
+
+    def crossed(self, between: tuple[float, float], lines: np.ndarray, frames: np.ndarray) -> bool:
+        """Whether lines (K, n, 2) [m], see `cleared`, meet a part that reaches in between two heights [m]."""
+        lines = np.asarray(lines, float) / self.size
+        known = np.isfinite(lines).all(axis=(1, 2))
+        lines, frames = lines[known], np.asarray(frames)[known]
+        low, high = between[0] / self.size, between[1] / self.size
+        local: dict[str, shapely.Geometry] = {}
+        for part in self._parts if len(lines) else ():
+            for prism in part.space:
+                if prism.low < high and prism.high > low:
+                    if part.link not in local:
+                        local[part.link] = _in_link(lines, self.poses.get(part.link), frames, self.size)
+                    if prism.outline.intersects(local[part.link]):
+                        return True
+        return False
 
     def cleared(self, height: float, lines: np.ndarray, frames: np.ndarray) -> float:
         """The lowest height from ``height`` [m] on at which no part lies before lines in the plane.

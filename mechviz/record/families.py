@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..coils import Coil
 from ..drawings import Drawing
 from ..linkers import Linker
 from ..overlays import overlay_box
@@ -17,6 +18,7 @@ from ..tables import Table
 from ..vectors import Scales
 from .arrows import Arc, Arrow
 from .blueprint import BACKGROUND
+from .coils import coil_shapes, coil_streams
 from .diagrams import Diagram, diagram_shapes, diagram_streams
 from .frictions import friction_streams, friction_styles
 from .legend import legend_shapes
@@ -55,7 +57,8 @@ class Content:
     arcs: list[Arc]
     scales: Scales
     drawings: dict[str, Drawing]  # graphical constructions
-    linkers: list[Linker]  # springs and dampers
+    linkers: list[Linker]  # dampers, gas springs, torsion springs
+    coils: list[Coil]  # springs
     rollers: list[RollerMark]  # of cams
     every: int  # pictures are drawn at every so many frames
     diagrams: Sequence[Diagram] = ()  # of one quantity against another
@@ -94,6 +97,7 @@ FAMILIES: tuple[Family, ...] = (
         statics=lambda c: friction_styles(c.run, c.solids),
     ),
     Family("simulation", statics=lambda c: simulation_styles(c.run)),
+    Family("springs", streams=lambda c: coil_streams(c.coils, c.every), statics=lambda c: coil_shapes(c.coils)),
     Family("rollers", streams=lambda c: roller_streams(c.rollers), statics=lambda c: roller_shapes(c.rollers)),
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
     Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),

@@ -41,7 +41,6 @@ Index = NDArray[np.int64]
 SMALLEST_DRAWN = 0.05  # [m]
 
 LINKER_COLORS = {
-    "spring": (196, 214, 236),
     "torsion spring": (196, 214, 236),
     "damper": (168, 176, 188),
     "gas spring": (176, 190, 200),
@@ -208,7 +207,7 @@ def arrow_streams(run: Run, arrows: list[Arrow], arcs: list[Arc], scales: Scales
 
 
 def linker_streams(linkers: list[Linker], solids: Solids, every: int) -> Iterator[Stream]:
-    """Springs, dampers and gas springs as lines that deform with the motion."""
+    """Dampers, gas springs and torsion springs as lines that deform with the motion."""
     import rerun as rr
 
     z = solids.z_top + 0.004 * solids.size
@@ -223,7 +222,7 @@ def linker_streams(linkers: list[Linker], solids: Solids, every: int) -> Iterato
 
 
 def linker_styles(linkers: list[Linker], size: float) -> Iterator[Static]:
-    """How springs, dampers and gas springs look."""
+    """How dampers, gas springs and torsion springs look."""
     import rerun as rr
 
     for linker in linkers:

@@ -14,6 +14,7 @@ from mechcore.events import Event, find_events
 from mechcore.friction.events import friction_events
 from mechcore.loads import BeltTension
 
+from ..coils import find_coils
 from ..drawings import drawings_of
 from ..linkers import find_linkers
 from ..overlays import overlay_box
@@ -121,6 +122,7 @@ def write_recording(
             scales,
             drawings_of(run, solids.size),
             list(find_linkers(run, solids.size)),
+            find_coils(run, solids),
             find_rollers(run, solids),
             every,
             find_diagrams(run),

@@ -51,7 +51,8 @@ def svg_of(recording: Recording, *, time: float | None = None, width: int = 1280
     def place(xy: Any) -> Real:
         return np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0])
 
-    pieces = sorted(_solids(header, arrays, frame), key=lambda piece: piece[0])
+    shown = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
+    pieces = sorted(_solids(header, arrays, frame, shown), key=lambda piece: piece[0])
     ground, ink = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
@@ -62,19 +63,22 @@ def svg_of(recording: Recording, *, time: float | None = None, width: int = 1280
     for _, color, shape in pieces:
         edge = _shaded(color, 0.62)
         lines.append(f'<path d="{_path(shape, place)}" fill="{color}" stroke="{edge}" stroke-width="0.7" stroke-linejoin="round"/>')
-    shown = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
     lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, ink, height)]
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
-def _solids(header: dict[str, Any], arrays: list[Any], frame: float) -> Iterator[tuple[float, str, Any]]:
-    """Height, colour and outline of what is seen of the links from the front, at a frame."""
-    for link in header["links"]:
+def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any) -> Iterator[tuple[float, str, Any]]:
+    """Height, colour and outline of what is seen of the solids from the front, at a frame."""
+    for link in [*header["links"], *header["bodies"]]:
         mesh = link["mesh"]
-        if mesh is None:
+        if mesh is None or link.get("group", "rollers") not in {*shown, "rollers"}:
             continue
         x, y, angle = _at(arrays[link["pose"]].reshape(-1, 3), frame)
         vertices, normals = (arrays[mesh[k]].reshape(-1, 3) for k in ("vertices", "normals"))
+        if "stretch" in link:
+            long = float(_at(arrays[link["stretch"]].reshape(-1, 1), frame)[0])
+            vertices, normals = vertices * [long, 1.0, 1.0], normals / [long, 1.0, 1.0]
+            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         if "spin" in link:
             vx, vy, vz, *quaternion = _at(arrays[link["spin"]].reshape(-1, 7), frame)
             vertices, normals = turned(vertices, quaternion) + np.array([vx, vy, vz]), turned(normals, quaternion)

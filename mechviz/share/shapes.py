@@ -14,7 +14,7 @@ from .pack import Pack
 if TYPE_CHECKING:
     from ..record import Recording
 
-__all__ = ["bounds_of", "find_drawables", "find_links"]
+__all__ = ["bounds_of", "find_bodies", "find_drawables", "find_links"]
 
 Real = NDArray[np.float64]
 
@@ -34,18 +34,61 @@ def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[st
         spin = _spin(recording, frames, name)
         if spin is not None:
             found[-1]["spin"] = pack.floats(spin)
-        mesh = _mesh(recording, name)
+        mesh = _mesh(recording, _path("mechanism", "links", name, "mesh"))
         if mesh is not None:
-            vertices, normals, faces, colors = mesh
-            palette, number = np.unique(colors, return_inverse=True)
-            found[-1]["mesh"] = {
-                "vertices": pack.places(vertices),
-                "normals": pack.directions(normals),
-                "faces": pack.indices(faces),
-                "colors": pack.octets(number),
-                "palette": [_hex(c) for c in palette],
-            }
+            found[-1]["mesh"] = _packed(mesh, pack)
     return found
+
+
+def find_bodies(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and
+    marks on rollers. ``group``: what shows and hides them."""
+    found = []
+    for path in recording.entities:
+        parts = parts_of(path)
+        match parts:
+            case ("mechanism", "springs", name):
+                group, link = "springs", None
+            case ("mechanism", "links", link, name) if name.startswith("roller "):
+                group = "rollers"
+            case _:
+                continue
+        mesh = _mesh(recording, path)
+        rows = rows_at(recording, frames, path, "Transform3D:translation", "Transform3D:quaternion")
+        if mesh is None or rows is None:
+            continue
+        at, turns = (np.array([row.reshape(-1) for row in part], float) for part in rows)
+        pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
+        if link is not None:  # below its link
+            own = rows_at(recording, frames, _path("data", "links", link, "pose"), "Scalars:scalars")
+            assert own is not None
+            x, y, angle = np.array(own[0], float).T
+            c, s = np.cos(angle), np.sin(angle)
+            pose = np.column_stack([x + c * at[:, 0] - s * at[:, 1], y + s * at[:, 0] + c * at[:, 1], angle + pose[:, 2]])
+        vertices = mesh[0] + [0.0, 0.0, float(np.nanmean(at[:, 2]))]
+        body: dict[str, Any] = {"name": name, "group": group, "pose": pack.floats(pose), "moves": True, "box": None}
+        scales = rows_at(recording, frames, path, "Transform3D:scale")
+        if scales is not None:
+            stretch = np.array([row.reshape(-1)[0] for row in scales[0]], float)
+            long, wide = stretch * vertices[:, 0].max(), float(vertices[:, 1].max())
+            end = pose[:, :2] + long[:, None] * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+            spots = np.concatenate([pose[:, :2], end])
+            box = _box(np.concatenate([spots - wide, spots + wide]))
+            body |= {"stretch": pack.floats(stretch), "box": box}
+        found.append({**body, "mesh": _packed((vertices, *mesh[1:]), pack)})
+    return found
+
+
+def _packed(mesh: tuple[Any, Any, Any, Any], pack: Pack) -> dict[str, Any]:
+    vertices, normals, faces, colors = mesh
+    palette, number = np.unique(colors, return_inverse=True)
+    return {
+        "vertices": pack.places(vertices),
+        "normals": pack.directions(normals),
+        "faces": pack.indices(faces),
+        "colors": pack.octets(number),
+        "palette": [_hex(c) for c in palette],
+    }
 
 
 def _spin(recording: Recording, frames: Frames, name: str) -> Real | None:
@@ -64,7 +107,7 @@ def bounds_of(recording: Recording, frames: Frames) -> Real:
     """The box (2, 3) [m] around all solids over the run."""
     boxes = []
     for name in recording.model["links"]:
-        mesh = _mesh(recording, name)
+        mesh = _mesh(recording, _path("mechanism", "links", name, "mesh"))
         poses = rows_at(recording, frames, _path("data", "links", name, "pose"), "Scalars:scalars")
         if mesh is None or poses is None:
             continue
@@ -208,9 +251,8 @@ def _look(recording: Recording, path: str, archetype: str, count: int) -> dict[s
     }
 
 
-def _mesh(recording: Recording, link: str) -> tuple[Any, Any, Any, Any] | None:
+def _mesh(recording: Recording, path: str) -> tuple[Any, Any, Any, Any] | None:
     """Vertices (n, 3) and unit normals (n, 3), faces (m, 3), colours (n,) as red, green, blue, alpha in one number."""
-    path = _path("mechanism", "links", link, "mesh")
     names = ("vertex_positions", "vertex_normals", "triangle_indices", "vertex_colors")
     vertices, normals, faces, colors = (recording.static(path, component=f"Mesh3D:{name}") for name in names)
     if vertices is None or normals is None or faces is None or colors is None:

@@ -12,7 +12,7 @@ from .frames import MOST_FRAMES, Frames, Progress, find_frames, quiet
 from .markdown import html_of
 from .pack import Pack
 from .plots import find_plots, first_plots, pack_plot
-from .shapes import bounds_of, find_drawables, find_links
+from .shapes import bounds_of, find_bodies, find_drawables, find_links
 
 if TYPE_CHECKING:
     from ..record import Recording
@@ -51,6 +51,7 @@ def show_text(
     curves = [] if not plots else find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
     drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + total, 2 * total))
     bounds = bounds_of(recording, frames)
+    bodies = find_bodies(recording, frames, pack)
     header = {
         "schema": SCHEMA,
         "title": str(properties.get("title", "")) or "Mechanism",
@@ -63,10 +64,11 @@ def show_text(
         "pace": _pace(recording, frames),
         "opening": len(frames.chosen) // 8 if "duration" in properties else _opening(recording, frames),
         "bounds": bounds.tolist(),
-        "drawn": _drawn(bounds, drawables).tolist(),
+        "drawn": _drawn(bounds, [*drawables, *bodies]).tolist(),
         "links": find_links(recording, frames, pack),
+        "bodies": bodies,
         "drawables": drawables,
-        "groups": _groups(recording, drawables, bounds),
+        "groups": _groups(recording, drawables, bodies, bounds),
         "plots": [pack_plot(p, pack) for p in curves],
         "first": first_plots(recording, curves),
         "lanes": _lanes(recording),
@@ -146,11 +148,13 @@ def _drawn(bounds: Any, drawables: list[dict[str, Any]]) -> Any:
     return np.array([low, high])
 
 
-def _groups(recording: Recording, drawables: list[dict[str, Any]], bounds: Any) -> list[dict[str, Any]]:
+def _groups(
+    recording: Recording, drawables: list[dict[str, Any]], bodies: list[dict[str, Any]], bounds: Any
+) -> list[dict[str, Any]]:
     """What can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
     from ..record.arrows import COLORS
 
-    present = {d["group"] for d in drawables}
+    present = {d["group"] for d in [*drawables, *bodies]}
     forces = bool(present & set(FORCE_FAMILIES))
     scales = _scales(recording.properties)
     size = float(np.ptp(bounds, axis=0)[:2].max())

@@ -3,13 +3,14 @@
 const SOLID = {
   vertex: `#version 300 es
     uniform mat4 clip; uniform vec4 pose; // x, y, cos, sin
+    uniform float stretch; // along x: of springs
     uniform vec3 shift; uniform vec4 spin; // in the link's frame: of cams that turn about an axis in the plane
     in vec3 place; in vec3 normal; in vec3 color;
     out vec3 n; out vec3 p; out vec3 c;
     vec2 turned(vec2 v) { return vec2(pose.z * v.x - pose.w * v.y, pose.w * v.x + pose.z * v.y); }
     vec3 spun(vec3 v) { return v + 2.0 * cross(spin.xyz, cross(spin.xyz, v) + spin.w * v); }
     void main() {
-      vec3 at = spun(place) + shift, up = spun(normal);
+      vec3 at = spun(place * vec3(stretch, 1, 1)) + shift, up = spun(normal * vec3(1.0 / stretch, 1, 1));
       p = vec3(turned(at.xy) + pose.xy, at.z); n = vec3(turned(up.xy), up.z); c = color;
       gl_Position = clip * vec4(p, 1.0);
     }`,
@@ -101,7 +102,7 @@ class Stage {
     this.cell = decade * [5, 2, 1].find((step) => step * decade <= wanted * (1 + 1e-9));
     const gl = this.gl;
     this.programs = { solid: program(gl, SOLID), arrow: program(gl, ARROW), line: program(gl, LINE) };
-    this.solids = header.links.filter((link) => link.mesh).map((link) => this.solid(link));
+    this.solids = [...header.links.filter((link) => link.mesh), ...header.bodies].map((link) => this.solid(link));
     this.arrowMesh = arrowMesh(gl, this.programs.arrow);
     this.lineMesh = lineMesh(gl, this.programs.line);
     this.tags = [];
@@ -173,6 +174,11 @@ class Stage {
     return found.map((x, i) => (i < 3 ? x : x / length));
   }
 
+  /** How far a spring is stretched along its axis. */
+  stretch(link, frame) {
+    return link.stretch === undefined ? 1 : at(this.arrays[link.stretch], 1, frame, this.header.frames)[0];
+  }
+
   draw(frame) {
     const { gl, camera, header } = this;
     const { clip, eye, back } = camera.matrices();
@@ -193,6 +199,8 @@ class Stage {
     lit(solid);
     gl.uniform1f(solid.at("gain"), this.theme.dark ? 1.0 : 1.06);
     for (const s of this.solids) {
+      if (s.link.group && this.shown[s.link.group] === false) continue;
+      gl.uniform1f(solid.at("stretch"), this.stretch(s.link, frame));
       const [x, y, angle] = this.pose(s.link, frame);
       gl.uniform4f(solid.at("pose"), x, y, Math.cos(angle), Math.sin(angle));
       const spin = this.spin(s.link, frame);

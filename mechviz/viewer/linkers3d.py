@@ -1,4 +1,4 @@
-"""Springs, dampers and gas springs: lines that deform with the motion."""
+"""Dampers, gas springs and torsion springs: lines that deform with the motion."""
 
 from __future__ import annotations
 

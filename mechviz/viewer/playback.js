@@ -38,7 +38,8 @@ if (!window.mechvizPlayback) {
     for (const track of motion.points) {
       const count = track.counts[k], seen = count > 0;
       if (seen) {
-        const values = track.values.slice(track.width * k, track.width * k + count);
+        const slice = track.values.slice(track.width * k, track.width * k + count);
+        const values = track.prop === "scale" ? Array.from(slice) : slice; // a tuple
         viser.messageQueue.push({ type: "SceneNodeUpdateMessage", name: track.name, updates: { [track.prop]: values } });
       }
       if (seen !== track.seen) {

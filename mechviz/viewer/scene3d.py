@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .arrows3d import ArrowNodes
 from .camera import FittedCameras, set_first_view
+from .coils3d import CoilNodes
 from .ghost import Ghost
 from .linkers3d import LinkerNodes
 from .marks3d import Joints, Paths
@@ -54,6 +55,7 @@ class Scene3D:
             self.arrows = ArrowNodes(server, show)
             self._paths = Paths(server, show)
             self._linkers = LinkerNodes(server, show)
+            self._coils = CoilNodes(server, show)
             self._rollers = RollerNodes(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
@@ -64,7 +66,7 @@ class Scene3D:
         set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             "Paths": self._paths.switch,
-            **({"Springs and dampers": self._linkers.switch} if len(self._linkers) else {}),
+            **({"Springs and dampers": self._switch_linkers} if len(self._linkers) + len(self._coils) else {}),
             **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
             "Joint names": self.joints.switch,
             "Grid": self.stage.switch,
@@ -85,6 +87,7 @@ class Scene3D:
         self.arrows.update(show)
         self._paths.update(show)
         self._linkers.update(show)
+        self._coils.update(show)
         self._rollers.update(show)
         self.joints.update(show)
         self.plans.update(show)
@@ -105,6 +108,7 @@ class Scene3D:
         self.arrows.show(frame)
         self._paths.show(frame)
         self._linkers.show(frame)
+        self._coils.show(frame)
         self._rollers.show(frame)
         self.joints.show(frame)
         self.plans.show(frame)
@@ -113,11 +117,15 @@ class Scene3D:
         """How everything moves over the run; None where something changes in another way than by poses and points."""
         if self.plans.moves:
             return None
-        nodes = (self.links, self.ghost, self._paths, self.joints, self._rollers)
+        nodes = (self.links, self.ghost, self._paths, self.joints, self._rollers, self._coils)
         poses = {name: track for node in nodes for name, track in node.tracks().items()}
         frames = self.current.frames
         moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
-        return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames))
+        return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames), *self._coils.stretches())
+
+    def _switch_linkers(self, on: bool) -> None:
+        self._linkers.switch(on)
+        self._coils.switch(on)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""

@@ -13,6 +13,7 @@ from ..vectors import Scales
 from .quantities import Axis, Quantity
 
 if TYPE_CHECKING:
+    from ..coils import Coil
     from ..linkers import Linker
     from ..meshes.spatial import Spin
     from ..rollers import RollerMark
@@ -124,6 +125,7 @@ class Show:
     health: tuple[Health, ...] = ()
     events: tuple[Happening, ...] = ()
     linkers: tuple[Linker, ...] = ()
+    coils: tuple[Coil, ...] = ()
     rollers: tuple[RollerMark, ...] = ()
     opening: int = 0  # the frame to open at
     notes: str = ""  # what was computed and left out, as HTML

@@ -10,8 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..coils import Coil
 from ..linkers import Linker
 from ..record import Recording
+from ..record.paths import entity as path_of
+from ..rollers import RollerMark
+from ..share.frames import parts_of
 from ..vectors import FAMILIES, FORCE_FAMILIES, LARGEST_ARROW, Scales, centre_name
 from .quantities import Axis, Quantity
 from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Show
@@ -201,16 +205,52 @@ class _Reader:
         return found
 
     def linkers(self) -> Iterator[Linker]:
-        """Springs, dampers and gas springs as they were drawn."""
+        """Dampers, gas springs, torsion springs, and springs of recordings in which they are lines, as they were drawn."""
         for path in self.recording.entities:
-            if path.startswith("/mechanism/springs/"):
+            if path.startswith("/mechanism/springs/") and self.recording.static(path, component="Mesh3D:triangle_indices") is None:
                 rows = self.recording.rows(path, component="LineStrips3D:strips")
                 per = int(rows.lengths[0]) if len(rows.lengths) else 0
                 if not per or not (rows.lengths == per).all():
                     continue
                 strips = [np.stack([np.asarray(s, float)[:, :2] for s in rows.values[k::per]]) for k in range(per)]
                 row_of = np.clip(np.searchsorted(1e-9 * rows.time, self.time + 1e-12, side="right") - 1, 0, len(rows.time) - 1)
-                yield Linker(path.rsplit("/", 1)[1].replace("\\", ""), "spring", partial(_strips, tuple(strips), row_of))
+                yield Linker(_last(path), "damper", partial(_strips, tuple(strips), row_of))
+
+    def coils(self) -> Iterator[Coil]:
+        """Springs as they were drawn."""
+        for path in self.recording.entities:
+            mesh = self.solid(path) if path.startswith("/mechanism/springs/") else None
+            if mesh is not None:
+                vertices, faces, normals, row_of, at, turn = mesh
+                scale = self.recording.rows(path, component="Transform3D:scale").values
+                pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turn[:, 2], turn[:, 3]))])
+                stretch = np.asarray(scale, float).reshape(-1, 3)[row_of, 0]
+                yield Coil(_last(path), pose, stretch, float(at[0, 2]), vertices, faces, normals)
+
+    def rollers(self) -> Iterator[RollerMark]:
+        """Marks on rollers as they were drawn."""
+        for link in self.model["links"]:
+            start = path_of("mechanism", "links", link) + "/"
+            for path in self.recording.entities:
+                mesh = self.solid(path) if path.startswith(start) and _last(path).startswith("roller ") else None
+                if mesh is not None:
+                    vertices, faces, normals, _, at, turn = mesh
+                    angle = np.unwrap(2.0 * np.arctan2(turn[:, 2], turn[:, 3]))
+                    yield RollerMark(_last(path)[7:], link, (at[0, 0], at[0, 1], at[0, 2]), angle, vertices, faces, normals)
+
+    def solid(self, path: str) -> tuple[Any, ...] | None:
+        """Vertices, faces and normals of a mesh that moves by itself, and at every frame: its row, its place, its turn; None where
+        there is none."""
+        part = partial(self.recording.static, path)
+        names = ("vertex_positions", "triangle_indices", "vertex_normals")
+        vertices, faces, normals = (part(component=f"Mesh3D:{name}") for name in names)
+        if vertices is None or faces is None or normals is None:
+            return None
+        places = self.recording.rows(path, component="Transform3D:translation")
+        turns = self.recording.rows(path, component="Transform3D:quaternion")
+        row_of = np.clip(np.searchsorted(1e-9 * places.time, self.time + 1e-12, side="right") - 1, 0, len(places.time) - 1)
+        at, turn = (np.asarray(r.values, float)[row_of] for r in (places, turns))
+        return vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), row_of, at, turn
 
     # -- quantities ---------------------------------------------------------------------------------------------------
     def quantities(self) -> Iterator[Quantity]:
@@ -364,11 +404,18 @@ class _Reader:
             health=tuple(self.health()),
             events=tuple(Happening(e.time, e.level, e.text) for e in self.recording.events),
             linkers=tuple(self.linkers()),
+            coils=tuple(self.coils()),
+            rollers=tuple(self.rollers()),
             spatial=self.spatial(),
             opening=_telling(quantities, len(self.time)),
             notes=escape(self.recording.notes, quote=False),
             kinds={name: (str(j["type"]), (str(j["links"][0]), str(j["links"][1]))) for name, j in self.joints.items()},
         )
+
+
+def _last(path: str) -> str:
+    """The name at the end of an entity's path, unescaped."""
+    return parts_of(path)[-1]
 
 
 def _columns(values: Real) -> Callable[[], Real]:

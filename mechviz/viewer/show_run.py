@@ -13,6 +13,7 @@ from mechcore.events import Event, find_events
 from mechcore.friction.events import friction_events
 from mechcore.spec import Mechanism
 
+from ..coils import find_coils
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import find_linkers
 from ..meshes import Solid, Solids, build_solids
@@ -137,6 +138,8 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         key = ("path", f"{link}.{point}")
         heights[key] = known[key] if key in known else path_height(run, solids.heights, link, point)
         paths[f"{link}.{point}"] = np.column_stack([motion.point(link, point), np.full(motion.frames, heights[key])])
+    coils = find_coils(run, solids, {name: z for (family, name), z in known.items() if family == "coil"})
+    heights |= {("coil", coil.name): coil.height for coil in coils}
     quantities = tuple(find_quantities(run))
     return Show(
         title=run.scene.title,
@@ -161,6 +164,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         health=health_of(run),
         events=happenings(run) if exact or before is None else before.events,
         linkers=tuple(find_linkers(run, solids.size)),
+        coils=tuple(coils),
         rollers=tuple(find_rollers(run, solids)),
         opening=telling_frame(run),
         notes=words.plan_list(run),

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from .followers import Roller
 from .placed import PlacedCam
+from .placed_inverse import PlacedInverse
+from .placed_spatial import PlacedSpatial
 
 if TYPE_CHECKING:
     from ..motion import Motion
@@ -18,14 +20,21 @@ __all__ = ["roller_angle", "roller_speed"]
 Real = NDArray[np.float64]
 
 
-def roller_speed(motion: Motion, cam: PlacedCam, force: Any = 1.0) -> Real:
+def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
     """Angular velocity of the roller in the world (F) [rad/s]: its surface moves with the cam's where they touch.
 
     ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns the other way.
-    Of a conjugate pair: the first roller. Raises ``ValueError`` for a face that is none.
+    Of a conjugate pair: the first roller; that of its second cam is the roller of ``cam.mate``. Of an inverse cam the roller on
+    the crank. Of barrel, rib and end cams: about the axis towards the viewer, half way along the roller; ``above`` 1 or -1 says
+    on which side of a rib it lies, along the axis. Raises ``ValueError`` for a face that is none, and for a globoid, whose
+    roller's axis lies in the plane.
     """
     if not isinstance(cam.face, Roller):
         raise ValueError(f"'{cam.name}' has no roller")
+    if isinstance(cam, PlacedInverse):
+        return _in_slot(motion, cam, force)
+    if isinstance(cam, PlacedSpatial):
+        return _on_barrel(motion, cam, force, above)
     radius = cam.face.radius
     s = cam.at(motion)
     world = cam.axes * motion.rotation(motion.model.index[cam.carrier])
@@ -43,9 +52,42 @@ def roller_speed(motion: Motion, cam: PlacedCam, force: Any = 1.0) -> Real:
     return np.array(np.broadcast_to(flank * slip / radius, (motion.frames,)))
 
 
-def roller_angle(motion: Motion, cam: PlacedCam, force: Any = 1.0) -> Real:
-    """How far the roller has turned against its follower since the first frame (F) [rad]: trapezoids between the frames."""
-    own = np.broadcast_to(np.asarray(motion.velocity(cam.links[1])[:, 2], float), (motion.frames,))
-    rate = roller_speed(motion, cam, force) - own
+def _moved(motion: Motion, link: str, at: Any) -> Any:
+    """Velocity [m/s] of a link's material at a place of the world."""
+    k = motion.model.index[link]
+    return motion.origin_velocities[k] + 1j * motion.speeds.spin[motion.model.angles.spin[k]] * (at - motion.origins[k])
+
+
+def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
+    crank, driven = cam.links
+    k = motion.model.index[crank]
+    centre = motion.origins[k] + motion.rotation(k) * cam.tip
+    place = cam.contact(motion, np.broadcast_to(np.asarray(force, float), (motion.frames,)))[0]
+    slip = _moved(motion, driven, place) - _moved(motion, crank, centre)
+    out = (place - centre) / cam.face.radius
+    return np.array(np.broadcast_to(np.real(np.conj(1j * out) * slip) / cam.face.radius, (motion.frames,)))
+
+
+def _on_barrel(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
+    """The cam's surface passes below the roller across its own axis, which the roller moves along."""
+    if cam.blank.kind == "globoid":
+        raise ValueError(f"the axis of the roller of '{cam.name}' lies in the plane")
+    k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
+    spin = motion.model.angles.spin
+    turn = motion.speeds.spin[spin[k]] - motion.speeds.spin[spin[c]]
+    world = cam.axes * motion.rotation(c)  # across the cam's axis; 1j times that is along it
+    tip = cam.rows(motion).place
+    slip = (turn * cam.middle * world - _moved(motion, cam.links[1], tip) + _moved(motion, cam.carrier, tip)) * np.conj(world)
+    below = np.where(np.asarray(force) < 0.0, -1.0, 1.0) if not above else float(above)  # the flank that carries: 1, below
+    # the place of contact lies across the slip, towards the flank: place - centre = radius * side * 1j * slip / |slip|
+    side = np.where(np.real(slip) > 0.0, -1.0, 1.0) * below
+    return np.array(np.broadcast_to(motion.speeds.spin[spin[c]] - side * np.abs(slip) / cam.face.radius, (motion.frames,)))
+
+
+def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
+    """How far the roller has turned against the link that carries it since the first frame (F) [rad]: trapezoids between frames."""
+    link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
+    own = np.broadcast_to(np.asarray(motion.velocity(link)[:, 2], float), (motion.frames,))
+    rate = roller_speed(motion, cam, force, above) - own
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(motion.time)
     return np.concatenate([[0.0], np.cumsum(steps)])
