@@ -70,7 +70,8 @@ def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
         if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:
             wanted.append((f"{cam.name} second", cam.mate, links[link].points[pair.second[0]], 1.0))
         for name, rolling, (x, y), pressed in wanted:
-            radius = float(rolling.face.radius)
+            assert isinstance(rolling.face, Roller)
+            radius = rolling.face.radius
             top = _face(solids, link, (x, y), radius)
             if top is not None:
                 found.append(RollerMark(name, link, (x, y, top), roller_angle(run.motion, rolling, pressed), *_sectors(radius)))
@@ -142,7 +143,7 @@ def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray
     flat, own, up = _sectors(radius)
     count = sum(map(len, vertices))
     return (
-        np.vstack([*vertices, flat + np.float32([0.0, 0.0, height])]).astype(np.float32),
+        np.vstack([*vertices, flat + np.array([0.0, 0.0, height])]).astype(np.float32),
         np.vstack([*faces, own + count]).astype(np.uint32),
         np.vstack([*normals, up]).astype(np.float32),
     )
