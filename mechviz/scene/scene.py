@@ -111,11 +111,14 @@ def loads(text: str, name: str = "scene") -> Scene:
     return _scene(parse_toml(text, name), name, text=text)
 
 
-def dump(scene: Scene, path: str | Path) -> None:
-    """Write a scene as a TOML file; a file that is already there is replaced only by a whole new one."""
+def dump(scene: Scene, path: str | Path, *, keep: bool = False) -> None:
+    """Write a scene as a TOML file; a file that is already there is replaced only by a whole new one.
+
+    ``keep``: its ``text`` with the comments, not the standard layout.
+    """
     path = Path(path)
     try:
-        replace_file(path, scene.to_toml())
+        replace_file(path, scene.text if keep else scene.to_toml())
     except OSError as error:
         raise SceneError(
             path.name,

@@ -75,7 +75,7 @@ class Inspector:
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
         self.saver = None
         if studio is not None:
-            self.saver = Saver(server, lambda: studio.run, folder, callback)
+            self.saver = Saver(server, lambda: studio.run, studio.source, folder, callback)
         tabs = gui.add_tab_group()
         self.controls: Controls | None = None
         self.effects: EffectsTab | None = None

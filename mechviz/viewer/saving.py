@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import threading
 from collections.abc import Callable
@@ -11,10 +12,12 @@ from typing import Any
 import viser
 
 from ..run import Run
-from ..scene import dump, loads
+from ..scene import Scene, dump, loads
+from ..scene.bodies import FOLDER
+from ..scene.keeping import kept_text
 from .callbacks import Callback
 
-__all__ = ["Saver", "file_name"]
+__all__ = ["Saver", "file_name", "saved_scene"]
 
 _SAFE = re.compile(r"[^\w .+-]", re.ASCII)
 
@@ -27,13 +30,27 @@ def file_name(text: str, ending: str, otherwise: str) -> str:
     return (stem or otherwise) + ending
 
 
+def saved_scene(opened: Scene, scene: Scene, folder: Path) -> tuple[Scene, bool]:
+    """An edited scene with the text that is saved, and whether that is the text of ``opened`` with other values. It has been read
+    back: what is saved is a scene."""
+    token = FOLDER.set(folder)
+    try:
+        text = kept_text(opened, scene)
+        if text is None:
+            loads(scene.to_toml(), scene.name)
+        return dataclasses.replace(scene, text=text or scene.to_toml()), text is not None
+    finally:
+        FOLDER.reset(token)
+
+
 class Saver:
     """Buttons that save a scene or a recording into ``folder``, and a dialog that asks for the name.
 
-    ``run()`` gives the run as it is now.
+    ``run()`` gives the run as it is now; ``opened`` is the scene from which its own has been made, whose comments are kept.
     """
 
-    def __init__(self, server: viser.ViserServer, run: Callable[[], Run], folder: Path, callback: Callback):
+    def __init__(self, server: viser.ViserServer, run: Callable[[], Run], opened: Scene, folder: Path, callback: Callback):
+        self._opened = opened
         self._server, self._run, self._folder, self._callback = server, run, folder, callback
         self.buttons = server.gui.add_button_group("Save", ("Scene", "Recording"))
         self.buttons.on_click(callback("Saving", lambda event: self._ask(event.client, self.buttons.value)))
@@ -58,12 +75,15 @@ class Saver:
                 replace.visible = True
                 return
             dialog.close()
+            scene, kept = saved_scene(self._opened, run.scene, self._folder)
             if what == "Scene":
-                # read back before it is written: what is saved is a scene
-                dump(loads(run.scene.to_toml(), target.stem), target)
-                client.add_notification("Scene saved", f"{target}", color="green", auto_close_seconds=8.0)
+                dump(scene, target, keep=True)
+                words = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
+                client.add_notification("Scene saved", words, color="green", auto_close_seconds=8.0)
             else:
-                self.last = threading.Thread(target=self._record, args=(client, run, target), daemon=True)
+                self.last = threading.Thread(
+                    target=self._record, daemon=True, args=(client, dataclasses.replace(run, scene=scene), target)
+                )
                 self.last.start()
 
         save.on_click(self._callback("Saving", lambda _: go(False)))

@@ -85,6 +85,7 @@ class Studio:
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
         self.run = run
+        self.source = run.scene  # as opened, with the text of its file
         self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
         self.opened = self.show = show_of_run(run, self._built)
         self.status = Status()
