@@ -22,7 +22,7 @@ SCENES = [
     "cam-sine-acceleration-base",
     "cam-oscillating-knife", "cam-oscillating-mushroom", "cam-flat-offset", "cam-mushroom-offset", "cam-wedge-oscillating",
     "cam-eccentric", "cam-tangent", "cam-polynomial", "cam-measured", "cam-drawing", "cam-undercut",
-    "cam-conjugate", "cam-conjugate-oscillating", "cam-inverse",
+    "cam-conjugate", "cam-conjugate-oscillating", "cam-inverse", "cam-inverse-slide",
 ]  # fmt: skip
 
 

@@ -219,6 +219,47 @@ def test_an_inverse_cam_drives_its_lever():
     assert ((reaction / push).real[large] > 0.0).all()
 
 
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_slide_drives_a_link_with_a_slot(slides):
+    """The roller stays on the slot at every place of the slide; the force on the slide is the driven link's inertia over the
+    gearing, by the law's own slope; a slot on a link that slides across is the law itself, upside down."""
+    text = text_of("cam-inverse-slide").replace(', "friction"', "")
+    if slides:
+        text = text.replace('P = { revolute = ["frame", "lever"] }', 'P = { prismatic = ["frame", "lever"], along = [0, 1] }')
+    mechanism = mechviz.loads(text).mechanism
+    motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, 90, 1))
+    forces, (cam,) = solve_forces(motion), placed_cams(motion)
+    x, pose, at = motion.coordinate("S"), motion.pose("lever"), motion.point("slide", "A")
+    q, slope, bend = cam.law(x[:, 0])
+    np.testing.assert_allclose(motion.coordinate("P")[:, 0], q, atol=1e-14)
+    np.testing.assert_allclose(motion.coordinate("P")[:, 2], bend * x[:, 1] ** 2 + slope * x[:, 2], atol=1e-9)
+    local = ((at[:, 0] - pose[:, 0]) + 1j * (at[:, 1] - pose[:, 1])) * np.exp(-1j * pose[:, 2])
+    np.testing.assert_allclose(local, cam.own + cam.mount * cam.cam.pitch(x[:, 0], 0)[0], atol=1e-14)
+    if slides:
+        np.testing.assert_allclose(local.imag - local.imag[0], q[0] - q, atol=1e-14)
+    assert np.abs(forces.power_balance).max() < 1e-12
+    slide = 0.8 * x[:, 2]
+    driven = (0.9 if slides else 0.0015 + 0.9 * (0.04**2 + 0.025**2)) * motion.coordinate("P")[:, 2] * slope
+    np.testing.assert_allclose(forces.effort("S"), slide + driven, atol=1e-9 * np.abs(slide + driven).max())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('bed = "S"', 'bed = "P"', ["pairs.K.profile.bed", "'P' is no prismatic pair of 'slide'"]),
+        ("P = [110, -60]", "P = [10, -60]", ["pairs.K", "mm of the slide the groove lies along the motion"]),
+    ],
+)
+def test_faults_of_slides_with_rollers(old, new, words):
+    text = text_of("cam-inverse-slide")
+    assert old in text
+    with pytest.raises(MechanismError) as error:
+        compile_mechanism(mechviz.loads(text.replace(old, new, 1)).mechanism)
+    said = " ".join(str(error.value).split())
+    for word in words:
+        assert word in said, said
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -120,7 +120,7 @@ def piece_of(m: Made, motion: Any, pair: CamPair) -> np.ndarray:
         argument = motion.pose(pair.links[0])[:, 2] - motion.pose(carrier)[:, 2]
     cam = next(c for c in placed_cams(m.run.motion) if c.name == pair.name)
     knots = cam.knots if pair.lift is None or cam.intended else pair.lift.knots
-    way = cam.sense * argument + cam.phase - knots[0]
+    way = cam.sense * argument + pair.phase - knots[0]
     turns, rest = np.divmod(way, knots[-1] - knots[0])
     return turns * len(knots) + np.searchsorted(knots - knots[0], rest, side="right")
 

@@ -56,7 +56,8 @@ class FollowerDocument(Table):
     """What touches the cam, and what guides it."""
 
     groove: Size | None = None
-    """Inverse cam: the groove is on the follower, for a roller of this radius on the cam's link (closure = "form")."""
+    """Inverse cam: the groove is on the follower, for a roller of this radius on the cam's link, a crank or, with bed, a slide
+    (closure = "form")."""
     knife: Flag | None = None
     """A knife edge, true."""
     roller: Size | None = None
@@ -174,7 +175,7 @@ class ProfileDocument(Table):
     phase: Coordinate = 0.0
     """Added to the cam's coordinate: the law is ahead by this much."""
     bed: Text | None = None
-    """Wedge: the prismatic pair that guides the cam, instead of a pin."""
+    """Wedge: the prismatic pair that guides the cam, instead of a pin. Groove: that guides the link with the roller."""
     pressure_limit: Angle | None = None
     """A larger pressure angle is an event."""
 

@@ -69,9 +69,12 @@ def conjugate(
 
 @dataclass(frozen=True, eq=False)
 class InverseCam:
-    """The roller sits on the driving crank, the cam (a slot) on the driven link.
+    """The roller sits on the driving crank or slide, the cam (a slot) on the driven link.
 
     The crank of length ``crank`` turns by theta about ``centre`` (complex, [m]), its pin at centre + crank exp(i (theta + phase)).
+    Or the pin is on a slide that moves by x along the unit vector ``straight``, at centre + x straight; the law is one of x [m],
+    and ``crank`` is the arm that makes lengths of the angles of a driven link that turns.
+
     The driven link slides by the law along y (``turns`` False), or turns by the law about the origin.
     """
 
@@ -81,10 +84,16 @@ class InverseCam:
     radius: float
     turns: bool = True
     phase: float = 0.0
+    straight: complex | None = None
 
     def pin(self, angle: ArrayLike, order: int = 2) -> Complex:
         """The pin in ground axes with derivatives (order + 1, n)."""
         theta = np.atleast_1d(np.asarray(angle, float))
+        if self.straight is not None:
+            t = np.zeros((order + 1, theta.size), complex)
+            t[0] = self.centre + self.straight * theta
+            t[1:2] = self.straight
+            return t
         t = (1j ** np.arange(order + 1))[:, None] * self.crank * np.exp(1j * (theta + self.phase))
         t[0] += self.centre
         return t

@@ -1,4 +1,4 @@
-"""An inverse cam in its mechanism: the roller sits on the driving crank, the groove on the driven link."""
+"""An inverse cam in its mechanism: the roller sits on the driving crank or slide, the groove on the driven link."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ STEEPEST = np.radians(89.0)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedInverse(PlacedRoller):
-    """``links`` are (crank, driven link). A point z of the driven link's theoretical axes is ``own + mount z`` in its own ones;
-    ``tip`` is the roller's centre on the crank."""
+    """``links`` are (crank or slide, driven link). A point z of the driven link's theory is ``own + mount z`` in its own axes;
+    ``tip`` is the roller's centre on the driving link."""
 
     cam: InverseCam
-    way: tuple[float, float]  # of the crank over which the law is given; beyond, the groove is a circle about the crank
+    way: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
     mount: complex
     tip: complex
     form: bool = True
 
     @property
     def scale(self) -> float:
-        """Metres per unit of the driven link's coordinate: 1, or the crank's radius."""
+        """Metres per unit of the driven link's coordinate: 1, or the theory's arm."""
         return self.cam.crank if self.cam.turns else 1.0
 
     @property
@@ -53,23 +53,27 @@ class PlacedInverse(PlacedRoller):
         if not steep[k] < STEEPEST:
             raise MechanismError(
                 Fault(
-                    "cam.lift", f"at {np.degrees(theta[k]):.6g} deg of the crank the groove lies along the motion: no drive.",
-                    "Move the driven link's pivot off the crank's way, or give a smaller range.",
+                    "cam.lift", f"at {self._where(theta[k])} the groove lies along the motion: no drive.",
+                    "Move the driven link's pivot or guide off the roller's way, or give a smaller range.",
                 )
             )  # fmt: skip
         for side in (1, -1):
             d = self.cam.pitch(theta, 2)
-            bend = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
+            with np.errstate(divide="ignore"):  # a straight slot
+                bend = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
             sharp = (bend > 0.0) & (bend < self.cam.radius)
             if sharp.any():
                 k = int(np.argmax(sharp))
                 raise MechanismError(
                     Fault(
                         "cam.radius",
-                        f"a roller of {1e3 * self.cam.radius:.6g} mm undercuts the groove at {np.degrees(theta[k]):.6g} deg.",
+                        f"a roller of {1e3 * self.cam.radius:.6g} mm undercuts the groove at {self._where(theta[k])}.",
                         f"Give less than {1e3 * float(bend[bend > 0.0].min()):.6g} mm.",
                     )
                 )
+
+    def _where(self, x: float) -> str:
+        return f"{np.degrees(x):.6g} deg of the crank" if self.bed is None else f"{1e3 * x:.6g} mm of the slide"
 
     def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
         """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""

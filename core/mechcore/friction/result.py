@@ -131,7 +131,8 @@ class FrictionResult:
         """
         w0, loss = self._integral(self.frictionless_power), self._integral(-self.power)
         supplied, useful = (w0 + loss, w0) if w0 >= 0.0 else (-w0, -w0 - loss)
-        return max(useful, 0.0) / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
+        useful = useful if useful > 1e-12 * supplied else 0.0  # over whole turns inertia and gravity leave nothing but rounding
+        return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
 
     def mean_losses(self) -> dict[str, float]:
         """Mean power that friction takes in each pair over the run [W]."""

@@ -54,11 +54,6 @@ def build(pair: CamPair, builder: Builder) -> None:
             placed.check()
     except MechanismError as error:
         raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
-    scale = placed.scale
-
-    def lift(argument: Any) -> Any:
-        return scale * placed.law(argument)
-
     if isinstance(guide, Prismatic):
         sign, zero = _along_guide(pair, builder, carrier, guide, placed)
         angles: tuple[tuple[str, float], ...] = ()
@@ -66,7 +61,7 @@ def build(pair: CamPair, builder: Builder) -> None:
         constant = zero
     else:
         pivot, own = builder.axis_between(pair, pair.links[1], carrier)
-        c = scale * placed.side
+        c = placed.scale * placed.side
         angles = ((pair.links[1], c), (carrier, -c))
         slides = ()
         towards = placed.centre - pivot if pair.spatial is None else -placed.axes  # where the arm points at coordinate zero
@@ -78,6 +73,26 @@ def build(pair: CamPair, builder: Builder) -> None:
         cam_slides = ((pair.bed, float(placed.sense)),)
     else:
         cam_angles = ((pair.links[0], float(placed.sense)), (carrier, -float(placed.sense)))
+    _relate(pair, builder, placed, (angles, slides, constant), (cam_angles, cam_slides), _bearing(pair, builder, carrier, placed))
+
+
+Terms = tuple[tuple[str, float], ...]
+
+
+def _relate(
+    pair: CamPair,
+    builder: Builder,
+    placed: Any,
+    follower: tuple[Terms, Terms, float],
+    cam: tuple[Terms, Terms],
+    bearing: Bearing | None = None,
+) -> None:
+    """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
+
+    def lift(argument: Any) -> Any:
+        return placed.scale * placed.law(argument)
+
+    angles, slides, constant = follower
     builder.relations.append(
         Relation(
             name=pair.name,
@@ -86,10 +101,10 @@ def build(pair: CamPair, builder: Builder) -> None:
             angles=angles,
             slides=slides,
             contact=placed.contact,
-            curve=Curve(function=lift, angles=cam_angles, slides=cam_slides, shift=placed.phase),
+            curve=Curve(function=lift, angles=cam[0], slides=cam[1], shift=placed.phase),
             constant=constant,
             geometry=placed,
-            bearing=_bearing(pair, builder, carrier, placed),
+            bearing=bearing,
         )
     )
 
@@ -102,29 +117,43 @@ def _bearing(pair: CamPair, builder: Builder, carrier: str, placed: Any) -> Bear
 
 
 def _build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
-    """The roller on the crank, the groove on the driven link."""
+    """The roller on the driving link, a crank or a slide, the groove on the driven link."""
     from ..cams import InverseCam, Roller
     from ..cams.placed_inverse import PlacedInverse
 
-    crank = builder.links[pair.links[0]]
-    if pair.point not in crank.points:
-        raise _fault(pair, "point", f"link '{crank.name}' has no point '{pair.point}'.", f"Its points: {', '.join(crank.points)}.")
+    driving = builder.links[pair.links[0]]
+    if pair.point not in driving.points:
+        known = ", ".join(driving.points)
+        raise _fault(pair, "point", f"link '{driving.name}' has no point '{pair.point}'.", f"Its points: {known}.")
     law = pair.lift
     assert law is not None
-    if not law.length < 2.0 * math.pi:
+    if pair.bed is None and not law.length < 2.0 * math.pi:
         raise _fault(
             pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg: where the crank turns round, it cannot drive.",
             "Let the crank swing, and give its range.",
         )  # fmt: skip
+    if not isinstance(pair.face, Roller):
+        raise _fault(pair, "follower", "a groove without a roller.", "Give groove = ...")
+    if pair.sense < 0:
+        raise _fault(pair, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
     way = (-pair.phase, law.length - pair.phase)
     law = _levelled(MotionCurve(law.raised(pair.base).pieces, -pair.phase))
-    axis, own = builder.axis_between(pair, pair.links[0], carrier)
-    tip = point_of(crank, pair.point) - own
-    if tip == 0.0:
-        raise _fault(pair, "point", "it is the crank's own axis.", "Name the roller's centre.")
+    tip, straight = point_of(driving, pair.point), None
+    if pair.bed is None:
+        axis, own = builder.axis_between(pair, pair.links[0], carrier)
+        tip -= own
+        if tip == 0.0:
+            raise _fault(pair, "point", "it is the crank's own axis.", "Name the roller's centre.")
+        arm = abs(tip)
+        terms: tuple[Terms, Terms] = ((pair.links[0], 1.0), (carrier, -1.0)), ()
+    else:
+        bed = _bed_of(pair, builder, carrier, "the driven link")
+        forward, sign = _guide_in(carrier, bed)
+        straight, axis = sign * forward, _place_on(builder, carrier, bed, tip)
+        arm, terms = 0.0, ((), ((bed.name, 1.0),))
     slides = isinstance(guide, Prismatic)
-    angles: tuple[tuple[str, float], ...] = ()
-    joints: tuple[tuple[str, float], ...] = ()
+    angles: Terms = ()
+    joints: Terms = ()
     if slides:
         up, sign = _guide_in(carrier, guide)  # type: ignore[arg-type]  # prismatic here
         axes, centre, hub = up / 1j, axis, 0j
@@ -138,42 +167,24 @@ def _build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismat
             law = MotionCurve(tuple(p.scaled(1.0, -1.0) for p in law.pieces), law.start)
     else:
         pivot, origin = builder.axis_between(pair, pair.links[1], carrier)
-        if pivot == axis:
+        if straight is None and pivot == axis:
             raise _fault(pair, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
         axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
-        r = abs(tip)
-        angles = ((pair.links[1], -r), (carrier, r))
-    phase = pair.sense * (cmath.phase(tip) - cmath.phase(axes))
-    if not isinstance(pair.face, Roller):
-        raise _fault(pair, "follower", "a groove without a roller.", "Give groove = ...")
-    cam = InverseCam(law, hub, abs(tip), pair.face.radius, not slides, phase)
-    if pair.sense < 0:
-        raise _fault(pair, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
+        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's way
+            arm = abs(hub + straight * 0.5 * (way[0] + way[1])) or 0.5 * (way[1] - way[0])
+        angles = ((pair.links[1], -arm), (carrier, arm))
+    phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
+    straight = None if straight is None else straight / axes
+    cam = InverseCam(law, hub, arm, pair.face.radius, not slides, phase, straight)
     placed = PlacedInverse(
         name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide, cam=cam, way=way, centre=centre, axes=axes, own=origin,
-        mount=mount, tip=point_of(crank, pair.point), sense=pair.sense, pressure_limit=pair.pressure_limit,
+        mount=mount, tip=point_of(driving, pair.point), sense=pair.sense, bed=pair.bed, pressure_limit=pair.pressure_limit,
     )  # fmt: skip
     try:
         placed.check()
     except MechanismError as error:
         raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
-
-    def lift(argument: Any) -> Any:
-        return placed.scale * placed.law(argument)
-
-    builder.relations.append(
-        Relation(
-            name=pair.name,
-            kind="cam",
-            links=pair.links,
-            angles=angles,
-            slides=joints,
-            contact=placed.contact,
-            curve=Curve(function=lift, angles=((pair.links[0], 1.0), (carrier, -1.0)), slides=(), shift=0.0),
-            constant=0.0,
-            geometry=placed,
-        )
-    )
+    _relate(pair, builder, placed, (angles, joints, 0.0), terms)
 
 
 def _fault(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
@@ -333,17 +344,23 @@ def _as_cut(law: MotionCurve, follower: Follower, base: float, sense: int) -> tu
     return left, lift_of(left.contour, follower, sense)
 
 
-def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
-    from ..cams import Cam, Flat, Follower, Oscillating, Translating
-
+def _bed_of(pair: CamPair, builder: Builder, carrier: str, what: str) -> Prismatic:
+    """The pair on which the driving link slides."""
     bed = next((p for p in builder.mechanism.pairs if p.name == pair.bed), None)
     if not isinstance(bed, Prismatic) or set(bed.links) != {pair.links[0], carrier}:
         raise _fault(
             pair,
             "bed",
-            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries the follower.",
-            f"Guide the cam on '{carrier}'.",
+            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries {what}.",
+            f"Guide '{pair.links[0]}' on '{carrier}'.",
         )
+    return bed
+
+
+def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
+    from ..cams import Cam, Flat, Follower, Oscillating, Translating
+
+    bed = _bed_of(pair, builder, carrier, "the follower")
     if isinstance(pair.face, Flat):
         raise _fault(pair, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
     place, up, arm = _guide_of(pair, builder, carrier, guide)
