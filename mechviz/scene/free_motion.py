@@ -266,9 +266,9 @@ def _stops(document: SceneDocument, free: list[str]) -> Iterator[Fault]:
             if f"stop {name}" in document.loads:
                 yield Fault(path, f"a load is called 'stop {name}' already.", "Give one of them another name.")
             names.add(name)
-            if len(free) > 1 and pair not in free:
-                why = f"with several free coordinates a stop has to be at one of them, and {pair} is none."
-                yield Fault(path, why, f"Make {pair} a free coordinate instead of one of {', '.join(free)}.")
+            if len(free) > 1 and pair not in free and "friction" in document.effects:
+                why = f"with friction and several free coordinates a stop has to be at one of them, and {pair} is none."
+                yield Fault(path, why, f"Make {pair} a free coordinate instead of one of {', '.join(free)}, or leave out friction.")
 
 
 def _watches(reading: Reading) -> Iterator[Fault]:

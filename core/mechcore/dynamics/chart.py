@@ -6,46 +6,70 @@ itself for every node, so nothing drifts and redundant constraints do no harm.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..motion import Motion
 from ..solve import Compiled
-from .reduced import free_of, reduce
+from .free import Free
+from .reduced import free_of, moving, reduced_equations, solved
 
-__all__ = ["Chart", "differences"]
+__all__ = ["Chart", "differences", "rows_of"]
 
 Array = NDArray[np.float64]
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
-class Chart:
-    """Accelerations of all coordinates (n, f); those that are ``held`` stand still, and `holding` gives what that takes."""
+def rows_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
+    """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
+    are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
+    lead = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
+    rows, second = np.zeros((motion.frames, len(pairs), len(units))), np.zeros((motion.frames, len(pairs)))
+    for k, pair in enumerate(pairs):
+        if pair in lead:
+            rows[:, k, lead.index(pair)] = 1.0
+        else:
+            second[:, k] = motion.coordinate(pair)[:, 2]
+            for i, unit in enumerate(units):
+                rows[:, k, i] = unit.coordinate(pair)[:, 1]
+    return rows, second
 
-    def __init__(self, compiled: Compiled, held: frozenset[int] = frozenset()):
-        self.compiled = compiled
-        count = len(free_of(compiled))
-        self.held = np.array(sorted(held), int)
-        self.free = np.array([i for i in range(count) if i not in held], int)
+
+def _free_in(motion: Motion) -> list[int]:
+    return [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
+
+
+class Chart:
+    """Accelerations of all coordinates (n, f). Pairs that ``rest`` keep their coordinates, and `holding` gives what that takes."""
+
+    def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
+        self.compiled, self.rests = compiled, tuple(rests)
+        lead = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+        self.held = [lead.index(pair) for pair in self.rests if pair in lead]
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array:
         return self._solve(q, v, t)[0]
 
-    def _solve(self, q: Array, v: Array, t: Array) -> tuple[Array, Any]:
-        r = reduce(self.compiled, q, v, t)
-        if not len(self.held):
-            return r.acceleration(), r
-        a = np.zeros_like(q)
-        if len(self.free):
-            inner = r.inertia[:, self.free[:, None], self.free]
-            a[:, self.free] = np.linalg.solve(inner, (r.force - r.bias)[:, self.free, None])[..., 0]
-        return a, r
+    def _solve(self, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+        """Accelerations (n, f), and what holds the pairs at rest (n, p), from M q'' + h = Q + G' p, G q'' + b = 0."""
+        motion, units = moving(self.compiled, q, v, t)
+        r = reduced_equations(motion, units)
+        if not self.rests:
+            return r.acceleration(), np.zeros((len(t), 0))
+        rows, second = rows_of(motion, units, self.rests)
+        f, p = rows.shape[2], rows.shape[1]
+        full = np.zeros((len(t), f + p, f + p))
+        full[:, :f, :f], full[:, :f, f:], full[:, f:, :f] = r.inertia, -rows.swapaxes(1, 2), rows
+        found = solved(full, np.concatenate([r.force - r.bias, -second], axis=1))
+        found[:, self.held] = 0.0
+        return found[:, :f], found[:, f:]
 
     def holding(self, q: Array, v: Array, t: Array) -> Array:
-        """What holds the held coordinates (n, h): torque [N m] or force [N] in the direction of each."""
-        a, r = self._solve(q, v, t)
-        return ((r.inertia @ a[..., None])[..., 0] + r.bias - r.force)[:, self.held]
+        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        return self._solve(q, v, t)[1]
 
     def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""

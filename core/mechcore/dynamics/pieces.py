@@ -34,7 +34,7 @@ class Piece:
     compiled: Compiled
     way: Any
     system: Any
-    resting: tuple[tuple[int, Stop], ...] = ()  # coordinates that stand still, with the stops that they rest on
+    resting: tuple[Stop, ...] = ()  # stops that something rests on
     lifted: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:

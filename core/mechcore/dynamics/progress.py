@@ -21,11 +21,12 @@ from .curve import Curve
 from .dry import WORDS, DrySystem, Key, Phases, keys_of, rubbing, senses
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
+from .impacts import impact, rates_at, rows_at
 from .integrate import Solution, integrate
 from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond, pressing
 from .pieces import Piece
 from .reactions import piece_forces
-from .reduced import motion_at, moving, reduce
+from .reduced import motion_at
 from .simulation import Simulation
 
 __all__ = ["Method", "Progress", "table_tolerance"]
@@ -77,7 +78,7 @@ class Progress:
         self.evaluations = 0
         self.phases: Phases | None = None  # of dry friction
         self.sliding: dict[Key, float] = {}  # which way its elements slide, 0: stick
-        self.resting: dict[int, Stop] = {}  # held coordinate -> the stop that it rests on
+        self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
         self.told = (0, 0, 0)  # happenings, losses, works of impacts that have been observed
 
     def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
@@ -150,8 +151,8 @@ class Progress:
             first.clear()
             if self.rubs and not len(q):
                 self._led(window)
-            for k, (s, gauge, upper) in enumerate(self.limits):
-                if s not in self.resting.values():
+            for k, (_, gauge, upper) in enumerate(self.limits):
+                if k not in self.resting:
                     at = first_zero(gauge, window, t, upper)
                     if at is not None:
                         first.append((at, ("stop", k)))
@@ -159,11 +160,10 @@ class Progress:
                 at = first_zero(gauge, window, t + 1e-12 * self.duration, w.rising)
                 if at is not None:
                     first.append((at, ("watch", k)))
-            for i, s in self.resting.items():
-                pull = self._pull(system, i, s)
-                at = first_zero(pull, window, t + 1e-12 * self.duration, None)
+            for k, s in self.resting.items():
+                at = first_zero(self._pull(system, s, window), window, t + 1e-12 * self.duration, None)
                 if at is not None:
-                    first.append((at, ("release", i)))
+                    first.append((at, ("release", k)))
             for gauge, rising, loose in dry:
                 at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
@@ -239,8 +239,14 @@ class Progress:
 
     def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
         """A stretch in which the present stops and contacts hold."""
-        resting = tuple(sorted(self.resting.items(), key=lambda e: e[0]))
-        return Piece(start, end, self.compiled, way, system, resting, tuple(sorted(self.lifted)))
+        return Piece(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.lifted)))
+
+    def _rested(self) -> tuple[Stop, ...]:
+        return tuple(self.resting[k] for k in sorted(self.resting))
+
+    def _held(self) -> frozenset[int]:
+        """Coordinates that stand still because they rest on stops."""
+        return frozenset(self.coordinates.get(s.pair, 0) for s in self.resting.values())
 
     def _news(self, piece: Piece) -> Simulation:
         """A stretch, with what happened at its beginning."""
@@ -262,30 +268,29 @@ class Progress:
     def _touching(self, t: float, q: Array, v: Array) -> Array:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
         for k, (stop, gauge, upper) in enumerate(self.limits):
-            if stop in self.resting.values():
+            if k in self.resting:
                 continue
             sign = 1.0 if upper else -1.0
-            i = self.coordinates.get(stop.pair, 0)
-            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * self.scale[i]:
+            size = 1.0 if self._rotary(stop.pair) else self.compiled.model.size
+            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * size:
                 continue
-            gradient = self._gradient(stop, q, np.array([t]))
-            speed = sign * self._rate(stop, q, v, np.array([t]), gradient)
+            speed = sign * self._rates(stop, q, v, t)[0]
             tiny = TOUCH * max(1.0, float(np.abs(v).max()))
             if speed > tiny:
                 v = self._settle(t, q, self._impact(t, q, v, k))
             elif speed > -tiny:
-                push = sign * float(gradient @ self._free_acceleration(q, v, t))
+                push = sign * self._rates(stop, q, v, t)[1]
                 if abs(push) <= TOUCH:  # it decides in the next instant
-                    push = sign * float(gradient @ self._free_acceleration(q, v, t + 1e-6 * self.duration))
+                    push = sign * self._rates(stop, q, v, t + 1e-6 * self.duration)[1]
                 if push > 0.0:
-                    v = self._settle(t, q, self._rest(t, stop, v))
+                    v = self._settle(t, q, self._rest(t, k, q, v))
         return v
 
     def _system(self) -> Any:
         """The equations of motion of the present piece."""
         if self.phases is not None:
             return self.phases.system()
-        return Chart(self.compiled, frozenset(self.resting)) if self.resting else self.system
+        return Chart(self.compiled, [s.pair for s in self._rested()]) if self.resting else self.system
 
     def _rub(self, t: float, q: Array, v: Array) -> None:
         """Friction of the present mechanism, which has other contacts than before: what slides goes on. Where every drive is
@@ -296,7 +301,7 @@ class Progress:
         """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
         if self.phases is None:
             return v
-        for pair, word in self.phases.decide(t, q, v, loose, frozenset(self.resting)):
+        for pair, word in self.phases.decide(t, q, v, loose, self._held()):
             self._tell(t, pair, word)
         self.sliding |= dict(zip(self.phases.keys, self.phases.signs, strict=True))
         return self.phases.at_rest(t, q, v)
@@ -339,7 +344,7 @@ class Progress:
         if not self.rubs:
             return self.lifting.parting(name, self.lifted)
         system = self._system()
-        resting = tuple(self.resting.items())
+        resting = self._rested()
 
         def pulling(q: Array, v: Array, t: Array) -> Array:
             motion = motion_at(self.compiled, q, v, t, system(q, v, t))
@@ -415,50 +420,49 @@ class Progress:
         phases = rubbing(compiled, q, v, t, self.sliding, SOON * self.duration) if self.rubs and len(q) else None
         if phases is None:
             return None
-        phases.decide(t, q, v, held=frozenset(self.resting))
+        phases.decide(t, q, v, held=self._held())
         return phases.system()
 
-    def _free_acceleration(self, q: Array, v: Array, t: float) -> Array:
-        return np.asarray(self._system()(q[None], v[None], np.array([t]))[0])
+    def _rates(self, stop: Stop, q: Array, v: Array, t: float) -> tuple[float, float]:
+        """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""
+        return rates_at(self.compiled, self._system(), stop.pair, q, v, t)
 
-    def _rest(self, t: float, stop: Stop, v: Array) -> Array:
-        i = self.coordinates.get(stop.pair, 0)
-        self.resting[i] = stop
+    def _rest(self, t: float, k: int, q: Array, v: Array) -> Array:
+        """Something rests on a stop from now on; rates after it: what is left of the speed onto it is taken away."""
+        stop = self.limits[k][0]
+        left = self._rates(stop, q, v, t)[0]
+        self.resting[k] = stop
         self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
-        return np.where(np.arange(len(v)) == i, 0.0, v)
+        g = rows_at(self.compiled, [stop.pair], q, v, t)[0]
+        return np.asarray(v - g * (left / float(g @ g)))
 
-    def _pull(self, system: Chart | DrySystem, i: int, stop: Stop) -> Gauge:
-        """What the stop has to hold: positive while the coordinate presses on it."""
-        place = int(np.searchsorted(system.held, i))
+    def _pull(self, system: Chart | DrySystem, stop: Stop, window: Window) -> Gauge:
+        """What the stop has to hold: positive while something presses on it."""
         sign = -1.0 if stop.side == "upper" else 1.0
+        if isinstance(system, Chart):
+            place = system.rests.index(stop.pair)
+        else:
+            i = self.coordinates.get(stop.pair, 0)
+            place = int(np.searchsorted(system.held, i))
+            sign *= float(np.sign(rows_at(self.compiled, [stop.pair], window.q, window.v, window.start)[0, i]))
         return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
 
     def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:
         """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
         stop, _, upper = self.limits[k]
-        row = np.array([t])
-        r = reduce(self.compiled, q[None], v[None], row)
-        gradient = self._gradient(stop, q, row)
-        hit = self._rate(stop, q, v, row, gradient)
-        mobility = np.linalg.solve(r.inertia[0], gradient)
-        free = [i for i in range(len(q)) if i not in self.resting]
-        if len(free) < len(q):  # what rests on other stops takes no part
-            mobility = np.zeros(len(q))
-            mobility[free] = np.linalg.solve(r.inertia[0][np.ix_(free, free)], gradient[free])
-        e, mass = stop.restitution, 1.0 / float(gradient @ mobility)
-        a = float(gradient @ r.acceleration()[0])  # how fast it falls back onto the stop
-        towards = a if upper else -a
-        rebound = e * abs(hit)
+        hit, second = self._rates(stop, q, v, t)
+        towards = second if upper else -second  # how fast it falls back onto the stop
+        rebound = stop.restitution * abs(hit)
         rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
-        factor = 1.0 if rests else 1.0 + e
-        before, v = v, v - mobility * (factor * hit * mass)
-        lost = 0.5 * mass * hit * hit * factor * (2.0 - factor)
+        others = [s.pair for s in self._rested()]
+        before = v
+        v, lost = impact(self.compiled, stop.pair, others, 0.0 if rests else stop.restitution, hit, q, v, t)
         self.lost.append((t, lost))
         self._push(t, lost, self.compiled, q, before, v)
         words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
         self.happenings.append(Happening(t, "impact", stop.name, words))
         if rests and towards > 0:
-            v = self._rest(t, stop, v)
+            v = self._rest(t, k, q, v)
         return v
 
     def _push(self, t: float, lost: float, compiled: Compiled, q: Array, before: Array, after: Array) -> None:
@@ -466,21 +470,6 @@ class Progress:
         if len(q) < len(compiled.mechanism.drives):
             motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
             self.pushed.append((t, float(np.diff(kinetic_energy_of(motion))[0]) + lost))
-
-    def _rate(self, stop: Stop, q: Array, v: Array, t: Array, gradient: Array) -> float:
-        """How fast the coordinate of a stop changes, by prescribed drives, too."""
-        if stop.pair in self.coordinates or len(q) == len(self.compiled.mechanism.drives):
-            return float(gradient @ v)
-        return float(motion_at(self.compiled, q[None], v[None], t).coordinate(stop.pair)[0, 1])
-
-    def _gradient(self, stop: Stop, q: Array, t: Array) -> Array:
-        """Rate of a stop's coordinate per unit rate of each free coordinate (f,)."""
-        out = np.zeros(len(q))
-        if stop.pair in self.coordinates:
-            out[self.coordinates[stop.pair]] = 1.0
-            return out
-        units = moving(self.compiled, q[None], np.zeros((1, len(q))), t)[1]
-        return np.array([u.coordinate(stop.pair)[0, 1] for u in units])
 
     def _rotary(self, pair: str) -> bool:
         model = self.compiled.model

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import Wrench, sum_up
+from ..effects import sum_up
 from ..effects.pair_effort import pair_wrench
 from ..kinetostatics import Forces, solve_forces, transmit
 from ..motion import Motion
+from .chart import rows_of
 from .dry import DrySystem, forces_with
 from .free import Free
 from .happenings import Stop
@@ -28,24 +29,25 @@ def stop_name(stop: Stop) -> str:
     return f"stop {stop.name}"
 
 
-def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Sequence[tuple[int, Stop]]) -> Forces:
+def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Sequence[Stop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
-    ``resting``: coordinates that stand still, and the stops that they rest on. What it takes to hold them is a load on the two
-    links of the stop's pair; nothing is left for the free coordinates to do.
+    ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's pair; nothing is
+    left for the free coordinates to do.
     """
     rubs = isinstance(system, DrySystem)
     forces = forces_with(motion, system, q, v) if rubs else solve_forces(motion)
     if not resting:
         return forces
     free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
-    held: list[Wrench] = []
-    units = tangents(motion, free)
-    for i, stop in resting:
-        lead = motion.mechanism.drives[free[i]].pair
-        per_unit = np.ones(motion.frames) if lead == stop.pair else units[i].coordinate(stop.pair)[:, 1]
-        effort = forces.effort(lead) / per_unit
-        held.append(pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP))
+    rows, _ = rows_of(motion, tangents(motion, free), [stop.pair for stop in resting])
+    efforts = np.stack([forces.effort(motion.mechanism.drives[i].pair) for i in free], axis=1)
+    inner = rows @ rows.swapaxes(1, 2)
+    found = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
+    held = [
+        pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP)
+        for stop, effort in zip(resting, found.T, strict=True)
+    ]
     if rubs:
         return forces_with(motion, system, q, v, held)
     applied = (*forces.applied, *held)

@@ -20,7 +20,7 @@ from ..motion import Motion
 from ..solve import Compiled, solve_motion
 from .free import Free
 
-__all__ = ["ReducedEquations", "free_of", "motion_at", "moving", "reduce", "reduced_equations", "tangents", "with_rates"]
+__all__ = ["ReducedEquations", "free_of", "motion_at", "moving", "reduce", "reduced_equations", "solved", "tangents", "with_rates"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -39,7 +39,19 @@ class ReducedEquations:
         rhs = self.force - self.bias
         if rhs.shape[1] == 1:
             return np.asarray(rhs / self.inertia[:, :, 0])
-        return np.asarray(np.linalg.solve(self.inertia, rhs[..., None])[..., 0], float)
+        return solved(self.inertia, rhs)
+
+
+def solved(matrix: Real, rhs: Real) -> Real:
+    """x (n, f) of matrix x = rhs, (n, f, f) and (n, f); not a number at frames where the matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, rhs[..., None])[..., 0], float)
+    except np.linalg.LinAlgError:
+        fine: Any = np.isfinite(matrix).all(axis=(1, 2))
+        fine[fine] = np.linalg.det(matrix[fine]) != 0.0
+        out = np.full(rhs.shape, np.nan)
+        out[fine] = np.linalg.solve(matrix[fine], rhs[fine, :, None])[..., 0]
+        return out
 
 
 def free_of(compiled: Compiled) -> list[int]:

@@ -60,7 +60,7 @@ def simulate(
     known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
-    _validate(compiled, duration, tolerance, liftoffs)
+    _validate(compiled, duration, tolerance, liftoffs, stops)
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
@@ -96,7 +96,7 @@ def simulate(
     return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe).go(q, v)
 
 
-def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
+def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff], stops: Sequence[Stop]) -> None:
     faults = []
     if not (np.isfinite(duration) and duration > 0):
         faults.append(Fault("dynamics.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
@@ -111,6 +111,11 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     if not free and not liftoffs:
         faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
+    if "friction" in mechanism.effects and len(mechanism.drives) > 1:
+        for stop in stops:
+            if all(stop.pair != d.pair for d in free):
+                why = f"{stop.pair} is no free coordinate, and others move it beside dry friction: what then rests is not found."
+                faults.append(Fault(f"stops.{stop.name}", why, f"Make {stop.pair} a free coordinate, or leave out friction."))
     if faults:
         raise MechanismError(faults)
 

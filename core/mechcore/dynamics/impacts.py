@@ -1,0 +1,54 @@
+"""End stops at an instant: how fast a stop's coordinate moves, and Newton's impact on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..solve import Compiled
+from .chart import rows_of
+from .reduced import free_of, motion_at, moving, reduce
+
+__all__ = ["impact", "rates_at", "rows_at"]
+
+Array = NDArray[np.float64]
+
+
+def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: float) -> tuple[float, float]:
+    """Rate and second rate of a pair's coordinate, in which prescribed drives have their share; q, v (f,), ``system`` of the
+    accelerations."""
+    row = np.array([t])
+    a = np.asarray(system(q[None], v[None], row))
+    lead = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+    if pair in lead:
+        i = lead.index(pair)
+        return float(v[i]), float(a[0, i])
+    _, rate, second = motion_at(compiled, q[None], v[None], row, a).coordinate(pair)[0]
+    return float(rate), float(second)
+
+
+def rows_at(compiled: Compiled, pairs: Sequence[str], q: Array, v: Array, t: float) -> Array:
+    """Rates of pairs' coordinates per unit rate of each free coordinate (p, f), prescribed drives standing still."""
+    return rows_of(*moving(compiled, q[None], v[None], np.array([t])), pairs)[0][0]
+
+
+def impact(
+    compiled: Compiled, pair: str, resting: Sequence[str], restitution: float, hit: float, q: Array, v: Array, t: float
+) -> tuple[Array, float]:
+    """Rates (f,) after the impact of a pair's coordinate, at the rate ``hit``, on its stop; energy that is lost [J].
+
+    Its impulse spreads over all coordinates by the reduced masses; pairs ``resting`` on other stops stay there.
+    """
+    inertia = reduce(compiled, q[None], v[None], np.array([t])).inertia[0]
+    rows = rows_at(compiled, [pair, *resting], q, v, t)
+    mobility = np.linalg.solve(inertia, rows.T)
+    push = mobility[:, 0]
+    if resting:
+        others = mobility[:, 1:]
+        push = push - others @ np.linalg.solve(rows[1:] @ others, rows[1:] @ push)
+    mass = 1.0 / float(rows[0] @ push)
+    after = v - push * ((1.0 + restitution) * hit * mass)
+    return after, 0.5 * mass * hit * hit * (1.0 - restitution**2)
