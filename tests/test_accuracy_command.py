@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from mechviz.accuracy.apply import with_setting
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
+from mechviz.accuracy.panel import PANEL
+from mechviz.accuracy.recorded import write_rrd
 from mechviz.accuracy.timing import Timed, side_by_side, timed
 from mechviz.cli import app
 from mechviz.scene import load
@@ -112,6 +115,39 @@ def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
     assert len(calls) == 4, "measured anew for another scene, another target, or where that is asked"
 
 
+def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_path, recwarn):
+    """To the right means slower and up more wrong, as in the picture below the points, in which they lie."""
+    from rerun.chunk import RrdReader
+
+    write_rrd(POINTS, tmp_path / "d.rrd", "title", "table", 1e-3)
+    assert not [w for w in recwarn if "rerun" in w.category.__name__.lower()]
+    found = {}
+    for chunk in RrdReader(tmp_path / "d.rrd").stream():
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            found[str(chunk.entity_path), name] = batch[name].to_pylist()[-1]
+    image = found["/accuracy/frames/axes", "EncodedImage:blob"][0]
+    assert bytes(image)[:4] == b"\x89PNG"
+    for method in ("a", "b"):
+        own = [p for p in POINTS if p.method == method]
+        places = np.array(found[f"/accuracy/frames/{method}", "Points2D:positions"])
+        assert (np.diff(places[:, 0]) > 0).all() and (np.diff(places[:, 1]) > 0).all()
+        assert places.min() > 0 and (places < 2 * np.array(PANEL)).all()
+        labels = found[f"/accuracy/frames/{method}", "Points2D:labels"]
+        assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in own]
+        assert found[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
+
+
+@pytest.mark.parametrize("times", [[1e-4], [9.7e-5, 3.3e-4], [2e-3, 1.1e-1], [1e-6, 40.0]])
+def test_marks_of_the_time_are_round_and_around_all_points(times):
+    from mechviz.accuracy.panel import _ticks
+
+    ticks = _ticks(times)
+    assert 2 <= len(ticks) <= 8 and ticks == sorted(ticks)
+    assert ticks[0] <= min(times) * 1.001 and max(times) <= ticks[-1] * 1.001
+    assert all(f"{t:.0e}"[0] in "125" and float(f"{t:.0e}") == pytest.approx(t) for t in ticks)
+
+
 def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
     scene = load("crank-rocker")
@@ -181,20 +217,24 @@ def test_a_setting_becomes_part_of_the_scene(options, changed):
 
 def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
     from mechviz.run import run_scene
-    from mechviz.viewer import Viewer
+    from mechviz.viewer import Viewer, accuracy_tab
 
     once(monkeypatch)
     monkeypatch.setattr(ladder_module, "FRAMES", (32, 128))
+    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
     with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
         tab = viewer.inspector.accuracy
         assert tab is not None and "estimated errors" in tab.errors.content
         tab.measure()
         tab.wait()
+        assert "<br>" not in unescape(tab.errors.content), "lines stand below each other"
         assert "<svg" in tab.diagram.content and len(tab.choice.options) > 8
         tab.choice.value = next(o for o in tab.choice.options if "quintics, 128 frames" in o)
         tab._pick(None)
         assert viewer.studio.wait()
         assert viewer.run.scene.frames == 128 and viewer.run.accuracy.interpolation == 5
+        viewer.inspector.settle()
+        assert f"between frames {np.nanmax(viewer.run.errors.between):.1e}" in tab.errors.content, "it says so of the present run"
         viewer.studio.undo()
         assert viewer.studio.wait()
         assert viewer.run.accuracy.interpolation == 3

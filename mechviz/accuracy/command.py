@@ -44,8 +44,9 @@ def accuracy(
         if target is not None:
             accuracy_for(target)  # refuses what is none
         from .cache import keep, kept
-        from .diagram import diagram, dials_of, write_diagram, write_rrd
+        from .diagram import diagram, dials_of, write_diagram
         from .ladder import ladder
+        from .recorded import write_rrd
 
         loaded = load_scene(scene)
         found = None if again else kept(loaded, target)
@@ -62,7 +63,7 @@ def accuracy(
             write_diagram(diagram(shown, title, "; ".join(_foot(found)), target), output)
             print(output)
         if rrd is not None:
-            write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)))
+            write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
             print(rrd)
 
 

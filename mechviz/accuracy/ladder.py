@@ -34,7 +34,7 @@ FRAMES = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 DIVISIONS = (24, 72, 180, 360, 1080, 3600)  # frames of a cycle at which rates are compared
 ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-CHORDS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)  # [m] of a mechanism of 0.2 m, scaled with its size
+CHORDS = (3e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)  # [m] of a mechanism of 0.2 m, scaled with its size
 LEAST_ERROR = 1e-16
 
 
@@ -161,7 +161,7 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
     scene = run.scene
     drawn = ("drawn by chords", {"differentiation": "graphical"})
     methods: list[tuple[str, dict[str, Any]]] = [
-        ("exact", {}),
+        ("exact", {"differentiation": "exact"}),
         *((f"differences of order {k}", {"differentiation": "differences", "differences": k}) for k in (2, 4, 6)),
         drawn,
     ]
@@ -266,19 +266,19 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
 
 
 def _tessellation(run: Run, budget: float) -> Iterator[Point]:
-    """Chordal error of round shapes against the time of the meshes."""
+    """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
     from ..solids import solids_of
 
     size = run.motion.model.size
-    default = timed(lambda: solids_of(run), 0.0, least=1)
-    for chord in CHORDS:
-        distance = float(np.clip(chord * size / 0.2, 1e-9, 1.0))
-        accuracy = replace(run.accuracy, chord=distance)
-        made = solids_of(replace(run, accuracy=accuracy))
-        spent = timed(partial(solids_of, replace(run, accuracy=accuracy)), 0.0, least=1)
-        faces = sum(len(s.faces) for s in made.links.values())
-        note = f"{faces} faces; default {1e3 * default.seconds:.0f} ms"
-        yield _at("tessellation", "chords", f"{1e3 * distance:.3g} mm", {"chord": distance}, distance / size, spent, note=note)
+    asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
+    for distance in [None, *asked]:
+        chosen = run if distance is None else replace(run, accuracy=replace(run.accuracy, chord=distance))
+        made = solids_of(chosen)
+        spent = timed(partial(solids_of, chosen), 0.0, least=1)
+        note = f"{sum(len(s.faces) for s in made.links.values())} faces"
+        words = "as it is" if distance is None else f"{1e3 * distance:.3g} mm"
+        options = {"chord": distance} if distance is not None else {}
+        yield _at("tessellation", "chords", words, options, made.chord / size, spent, current=distance is None, note=note)
 
 
 def _recording(run: Run, budget: float) -> Iterator[Point]:

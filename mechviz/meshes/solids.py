@@ -59,6 +59,7 @@ class Solids:
     bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
     heights: Heights  # where marks lie in z
+    chord: float  # largest distance of a facet from the circle that it stands for [m]
 
 
 def build_solids(
@@ -101,7 +102,12 @@ def build_solids(
     bounds = _bounds(model, links)
     top = float(bounds[1, 2]) + 0.01 * model.size
     heights = find_heights(mechanism, model, parts, poses, top)
-    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights)
+    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights, _sagitta(model))
+
+
+def _sagitta(model: Model) -> float:
+    """Distance between the largest circle and the middles of its chords [m]."""
+    return float(model.size * largest_circle(model) * (1.0 - np.cos(np.pi / model.segments)))
 
 
 def _sides(tolerance: float, most: int) -> int:

@@ -166,6 +166,8 @@ class Inspector:
         self.hover.update(show)
         if self.effects is not None:
             self.effects.update(show)
+        if self.accuracy is not None:
+            self.accuracy.update()
 
     def tracks(self) -> Tracks | None:
         """All that moves while the run is played; None where only the server can draw it."""

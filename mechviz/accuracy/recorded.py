@@ -1,0 +1,66 @@
+"""Work-precision diagrams as a rerun recording: a view for each dial with its settings to point at, and the table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+from .canvas import Canvas
+from .diagram import dials_of
+from .ladder import Point
+from .panel import COLOURS, PANEL, draw_panel
+
+__all__ = ["write_rrd"]
+
+SCALE = 2.0  # dots of a picture for a pixel of the sheet
+
+
+def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
+    """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
+    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    stream = rr.RecordingStream("mechviz", recording_id=f"accuracy-{path.stem}")
+    temporary = path.with_name(f"{path.name}.part")
+    views = []
+    for dial in dials_of(points):
+        own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
+        if not own:
+            continue
+        root = f"accuracy/{dial}".replace(" ", "_")
+        sheet = Canvas(PANEL[0] + 8.0, PANEL[1] + 8.0)
+        place = draw_panel(sheet, 0.0, 8.0, dial, own, target)
+        picture = BytesIO()
+        sheet.png(SCALE).save(picture, format="PNG")
+        stream.log(
+            f"{root}/axes", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png", draw_order=-1.0), static=True
+        )
+        for k, method in enumerate(dict.fromkeys(p.method for p in own)):
+            some = [p for p in own if p.method == method]
+            entity = f"{root}/{method}".replace(" ", "_")
+            look = rr.Points2D(
+                [[SCALE * c for c in place(p.seconds, p.error)] for p in some],
+                colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
+                radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
+                labels=[f"{method}, {p.value}: {p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in some],
+                show_labels=False,
+            )
+            stream.log(entity, look, static=True)
+            stream.log(f"{entity}/error", rr.Scalars([p.error for p in some]), static=True)
+            stream.log(f"{entity}/seconds", rr.Scalars([p.seconds for p in some]), static=True)
+        views.append(rrb.Spatial2DView(origin=root, name=dial, background=[255, 255, 255]))
+    stream.log("table", rr.TextDocument(f"# {title}\n\n{markdown}", media_type=rr.MediaType.MARKDOWN), static=True)
+    layout = rrb.Horizontal(rrb.Grid(*views), rrb.TextDocumentView(origin="table", name="table"), column_shares=[3, 2])
+    stream.save(temporary, default_blueprint=rrb.Blueprint(layout, collapse_panels=True))
+    stream.flush()
+    stream.disconnect()
+    temporary.replace(path)
+
+
+def _rgb(code: str) -> tuple[int, int, int]:
+    """A colour such as #1b6ca8 as numbers from 0 to 255."""
+    red, green, blue = (int(code[i : i + 2], 16) for i in (1, 3, 5))
+    return red, green, blue
