@@ -16,8 +16,10 @@ import mechviz
 from mechcore import default_times, solve_motion
 from mechcore.clearance import without_clearances
 from mechcore.spec import Mechanism
+from mechviz.meshes import Solids
 from mechviz.record import Recording, RecordingSummary, write_recording
 from mechviz.run import Run, run_scene
+from mechviz.solids import solids_of
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 FOLDER = TemporaryDirectory(prefix="mechviz-")  # goes when Python ends
@@ -69,11 +71,17 @@ def motion_of(name: str, frames: int) -> Any:
 
 
 @cache
+def solids(name: str) -> Solids:
+    """The solids of a gallery scene as it is recorded."""
+    return solids_of(ran(name))
+
+
+@cache
 def made(name: str, frames: int = FRAMES) -> Made:
     """A gallery scene, recorded."""
     run = ran(name, frames)
     path = Path(FOLDER.name) / f"{name}-{frames}.rrd"
-    summary = write_recording(run, path)
+    summary = write_recording(run, path, solids=solids(name) if frames == FRAMES else None)
     return Made(run, summary, Recording(path))
 
 
