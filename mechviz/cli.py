@@ -512,6 +512,9 @@ def export(
     parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
     stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
     glb: Annotated[Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF")] = None,
+    arrows: Annotated[
+        str | None, typer.Option("--arrows", metavar="NAME,NAME", help="in the GLB, such as reaction,drive; none: nothing")
+    ] = None,
     threemf: Annotated[Path | None, typer.Option("--3mf", help="write all solids into one file to print (3MF)")] = None,
     dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
@@ -529,6 +532,9 @@ def export(
     profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
     if csv is None and parquet is None and stl is None and glb is None and threemf is None and not profiles:
         fail("nothing to export: add --csv, --parquet, --glb, --3mf FILE or --stl FOLDER, of cams --dxf, --svg or --profile FILE.")
+    families = _families(arrows) if glb is not None else None
+    if glb is None and arrows is not None:
+        fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(scene):
         loaded = load_scene(scene)
         step = quantity_of(loaded, every, "every", "time")
@@ -547,9 +553,9 @@ def export(
                     for path in ex.export_stl(run, stl):
                         print(path)
                 if glb is not None:
-                    from .gltf import export_glb
+                    from .gltf import ARROWS, export_glb
 
-                    print(export_glb(run, glb))
+                    print(export_glb(run, glb, arrows=ARROWS if families is None else families))
                 if threemf is not None:
                     from .threemf import export_3mf
 
@@ -560,6 +566,19 @@ def export(
                     print(export_profiles(run, path, kind, lambda line: print(line, file=sys.stderr)))
         except ex.ExportError as e:
             fail(str(e), 1)
+
+
+def _families(text: str | None) -> tuple[str, ...] | None:
+    """The families of arrows that an option names; None where nothing is said."""
+    from .vectors import FAMILIES
+
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
+    unknown = [name for name in names if name not in FAMILIES]
+    if unknown:
+        fail(f"--arrows {unknown[0]}: there are no such arrows. There are: {', '.join(FAMILIES)}.")
+    return names
 
 
 for command in (share, shot, film, laws, hard):

@@ -1,12 +1,13 @@
-"""The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, traced paths and an animation.
+"""The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, arrows of forces, traced paths and an animation.
 
-Any viewer of glTF plays it.
+Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as plans and polodes.
+Belts are solids that stand still.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from .coils import COLOR as COIL
 from .coils import find_coils
 from .files import replacing
+from .gltf_marks import ARROWS, Mark, Shape, find_marks
 from .heights import path_height
 from .rollers import COLOR as ROLLER
 from .rollers import find_rollers
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from .meshes import Solid, Solids
     from .run import Run
 
-__all__ = ["export_glb", "glb_bytes"]
+__all__ = ["ARROWS", "export_glb", "glb_bytes"]
 
 Array = NDArray[Any]
 
@@ -37,15 +39,15 @@ TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 METALLIC, ROUGH = 0.25, 0.55
 
 
-def export_glb(run: Run, path: Path | str, *, solids: Solids | None = None) -> Path:
-    """Write a run as GLB: metres, y up, one node a link, one animation over the whole run in its own time."""
-    data = glb_bytes(run, solids=solids)
+def export_glb(run: Run, path: Path | str, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> Path:
+    """Write a run as GLB: metres, y up, one node a link, one animation over the whole run in its own time. ``arrows``: families."""
+    data = glb_bytes(run, solids=solids, arrows=arrows)
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(data)
     return Path(path)
 
 
-def glb_bytes(run: Run, *, solids: Solids | None = None) -> bytes:
+def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> bytes:
     """The GLB file of a run (glTF 2.0 specification, sections 3 and 4)."""
     solids = solids or solids_of(run)
     motion = run.motion
@@ -91,6 +93,32 @@ def glb_bytes(run: Run, *, solids: Solids | None = None) -> bytes:
             samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
         nodes[0]["children"].append(len(nodes))
         nodes.append({"name": f"spring {coil.name}", "mesh": shape, **{key: v[0].tolist() for key, v in moves.items()}})
+
+    def add(mark: Mark, parent: int) -> None:
+        """A node with what moves it, and those below it."""
+        number = len(nodes)
+        node: dict[str, Any] = {"name": mark.name}
+        nodes[parent].setdefault("children", []).append(number)
+        nodes.append(node)
+        turns = None if mark.turns is None else _rotations(mark.turns)
+        for path, values in (("translation", mark.places), ("rotation", turns), ("scale", mark.scales), ("weights", mark.weights)):
+            if values is None:
+                continue
+            if path != "weights":
+                node[path] = values[0].tolist()
+            if len(values) > 1 and np.any(values != values[0]):
+                channels.append({"sampler": len(samplers), "target": {"node": number, "path": path}})
+                flat = values.ravel() if path == "weights" else values
+                samplers.append({"input": times, "output": out.accessor(flat), "interpolation": "LINEAR"})
+        if mark.shape is not None:
+            node["mesh"] = out.mesh(mark.name, [_shown(out, mark.shape)])
+            if mark.weights is not None:
+                out.weigh(node["mesh"], mark.weights[0].tolist())
+        for below in mark.below:
+            add(below, number)
+
+    for item in find_marks(run, solids, arrows):
+        add(item, 0)
     for link, point in motion.mechanism.traced:
         xy = motion.point(link, point)
         places = np.column_stack([xy, np.full(len(xy), path_height(run, solids.heights, link, point))])
@@ -143,18 +171,24 @@ class _Writer:
         self._accessors.append(entry)
         return len(self._accessors) - 1
 
+    def weigh(self, mesh: int, weights: list[float]) -> None:
+        """How much of its targets a mesh shows at first."""
+        self._meshes[mesh]["weights"] = weights
+
     def mesh(self, name: str, primitives: list[dict[str, Any]]) -> int:
         self._meshes.append({"name": name, "primitives": primitives})
         return len(self._meshes) - 1
 
-    def material(self, color: tuple[int, ...], *, line: bool = False) -> int:
-        """A material of a colour (0-255); a line shines by itself, for it has no normals."""
+    def material(self, color: tuple[int, ...], *, line: bool = False, both: bool = False) -> int:
+        """A material of a colour (0-255); a line shines by itself, for it has no normals; ``both``: seen from both sides."""
         linear = [round(_linear(c / 255.0), 6) for c in color[:3]]
         look: dict[str, Any] = {
             "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": METALLIC, "roughnessFactor": ROUGH}
         }
         if line:
             look = {"pbrMetallicRoughness": {"baseColorFactor": [0.0, 0.0, 0.0, 1.0]}, "emissiveFactor": linear}
+        if both:
+            look["doubleSided"] = True
         if look not in self._materials:
             self._materials.append(look)
         return self._materials.index(look)
@@ -191,6 +225,15 @@ def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, colo
         "indices": out.accessor(faces.reshape(-1), target=INDICES),
         "material": out.material(color),
     }
+
+
+def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
+    """What a mark looks like; flat ones are seen from both sides."""
+    primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, shape.color)
+    primitive["material"] = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
+    if shape.targets is not None:
+        primitive["targets"] = [{"POSITION": out.accessor(target, target=VERTICES, bounds=True)} for target in shape.targets]
+    return primitive
 
 
 def _rising(time: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,8 +13,11 @@ from typer.testing import CliRunner
 import mechviz
 from mechviz.cli import app
 from mechviz.gltf import glb_bytes
+from mechviz.gltf_marks import ARROWS, HEAD, find_marks
+from mechviz.linkers import TURNS
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
+from mechviz.vectors import FAMILIES, find_moments, find_scales, find_vectors
 
 NAMES = ["ten-link", "cam-roller", "slider-crank-compressor"]
 DTYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -131,6 +134,75 @@ def test_the_animation_is_the_motion(made):
             assert np.all((q[1:] * q[:-1]).sum(axis=1) > 0.0)
 
 
+def _track(glb: Glb, name: str, path: str, frames: int) -> np.ndarray:
+    """What a node does over the frames: its channel, or what it stands at."""
+    number, node = next((k, n) for k, n in enumerate(glb["nodes"]) if n["name"] == name)
+    for channel in glb["animations"][0]["channels"]:
+        if channel["target"] == {"node": number, "path": path}:
+            return glb.values(glb["animations"][0]["samplers"][channel["sampler"]]["output"]).astype(float)
+    still = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
+    return np.tile(np.asarray(node.get(path, still.get(path)), float), (frames, 1))
+
+
+def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
+    run = run_scene(mechviz.load("slider-crank-compressor"), frames=40)
+    glb = Glb(glb_bytes(run))
+    vectors, size = find_vectors(run), solids_of(run).size
+    scales = find_scales(vectors, find_moments(run), size)
+    assert set(ARROWS) & set(vectors) >= {"reaction", "applied", "inertia"}
+    for family in set(ARROWS) & set(vectors):
+        for item, vector in vectors[family].items():
+            name = f"{FAMILIES[family].label}: {item}"
+            place, turn, scale = (_track(glb, name, path, run.motion.frames) for path in ("translation", "rotation", "scale"))
+            head, shaft = _track(glb, f"{name} head", "translation", 41), _track(glb, f"{name} shaft", "scale", 41)
+            assert head[:, 0] == pytest.approx(shaft[:, 0]), "the head sits on the shaft"
+            along = scale[:, 0] * (head[:, 0] + HEAD * size) * np.exp(2j * np.arctan2(turn[:, 2], turn[:, 3]))
+            assert np.all((turn[1:] * turn[:-1]).sum(axis=1) >= 0.0)
+            wanted = vector.value @ [1.0, 1.0j] / scales.newtons_per_metre
+            assert np.abs(along - wanted).max() < 2e-4 * size, name
+            assert place[:, :2] == pytest.approx(vector.origin, abs=1e-6)
+    torque = run.forces.effort("A")
+    arc = _track(glb, "Drive: moment A", "scale", 41)
+    assert arc[:, 1] / np.abs(arc[:, 1]).max() == pytest.approx(torque / np.abs(torque).max(), abs=2e-4)
+    assert not any(":" in node["name"] for node in Glb(glb_bytes(run, arrows=()))["nodes"])
+
+
+def test_struts_and_torsion_springs_go_with_their_ends():
+    run = run_scene(mechviz.load("door-closer"), frames=24)
+    glb, motion = Glb(glb_bytes(run)), run.motion
+    for end, (link, point) in {"cylinder": ("frame", "P"), "rod": ("door", "Q")}.items():
+        places = _track(glb, f"damper damper {end}", "translation", motion.frames)
+        assert places[:, :2] == pytest.approx(motion.point(link, point), abs=1e-6)
+    axis = motion.point("door", "Q") - motion.point("frame", "P")
+    turn = _track(glb, "damper damper rod", "rotation", motion.frames)
+    assert np.exp(2j * np.arctan2(turn[:, 2], turn[:, 3])) == pytest.approx(axis @ [1, 1j] / np.hypot(*axis.T), abs=1e-6)
+    node = next(n for n in glb["nodes"] if n["name"] == "spring spring")
+    (primitive,) = glb["meshes"][node["mesh"]]["primitives"]
+    weights = _track(glb, "spring spring", "weights", motion.frames).reshape(motion.frames, -1)
+    assert weights.shape[1] == len(primitive["targets"]) == len(glb["meshes"][node["mesh"]]["weights"]) <= 8
+    base = glb.values(primitive["attributes"]["POSITION"]).astype(float)
+    shapes = base + np.einsum("ft,tvk->fvk", weights, np.stack([glb.values(t["POSITION"]) for t in primitive["targets"]]))
+    outer = shapes[:, -2:].mean(axis=1) @ [1.0, 1.0j, 0.0]  # in the axes of the inner link: where the outer one is
+    wound = motion.pose("frame")[:, 2] - motion.pose("door")[:, 2] + 2.0 * np.pi * TURNS
+    assert np.abs(np.angle(outer * np.exp(-1j * wound))).max() < 0.01 and np.ptp(wound) > 1.0
+    assert np.abs(outer) == pytest.approx(np.abs(outer).max(), rel=0.01), "between targets it hardly shrinks"
+
+
+def test_shapes_of_marks_look_outwards():
+    run = run_scene(mechviz.load("tailgate"), frames=6)
+    seen = 0
+    for mark in find_marks(run, solids_of(run)):
+        for shape in filter(None, [mark.shape, *(below.shape for below in mark.below)]):
+            corner = shape.vertices[shape.faces]
+            normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            area = np.linalg.norm(normal, axis=1)
+            solid = area > 1e-12 * area.max()
+            assert ((normal * shape.normals[shape.faces].mean(axis=1)).sum(axis=1)[solid] > 0.9 * area[solid]).all(), mark.name
+            assert np.linalg.norm(shape.normals, axis=1) == pytest.approx(1.0)
+            seen += 1
+    assert seen >= 6
+
+
 def test_traced_paths_are_lines(made):
     run, _, glb = made
     lines = {m["name"]: m["primitives"][0] for m in glb["meshes"] if m["primitives"][0].get("mode") == 3}
@@ -150,5 +222,8 @@ def test_the_command_writes_it_whole_or_not_at_all(tmp_path: Path, monkeypatch):
     result = CliRunner().invoke(app, ["export", "crank-rocker", "--frames", "24", "--glb", "a.glb"])
     assert result.exit_code == 1 and "disk is full" in result.output
     assert (tmp_path / "a.glb").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+    for words in (["--glb", "a.glb", "--arrows", "reactions"], ["--csv", "a.csv", "--arrows", "reaction"]):
+        result = CliRunner().invoke(app, ["export", "crank-rocker", *words])
+        assert result.exit_code == 2 and "--arrows" in result.output
     result = CliRunner().invoke(app, ["export", "crank-rocker"])
     assert result.exit_code == 2 and "--glb" in result.output

@@ -1,0 +1,240 @@
+"""Arrows of forces, moments, dampers, gas springs and torsion springs in a GLB file: nodes that are moved, turned and stretched.
+
+glTF animates nodes by translation, rotation and scale, and meshes by weights of morph targets; nothing else. So an arrow is a shaft
+that is stretched and a head that goes along; a moment is an arc that grows, and is mirrored where it turns clockwise; a torsion
+spring is a ribbon between a few windings of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec import Damper, GasSpring, TorsionSpring
+
+from .heights import arc_height, arrow_height
+from .linkers import TURNS, WIDTH
+from .vectors import FAMILIES, calm_frames, find_moments, find_scales, find_vectors
+
+if TYPE_CHECKING:
+    from .meshes import Solids
+    from .run import Run
+
+__all__ = ["ARROWS", "Mark", "Shape", "find_marks"]
+
+Real = NDArray[np.float64]
+Color = tuple[int, int, int]
+
+ARROWS = ("reaction", "applied", "inertia", "friction", "drive")
+"""Families of arrows that are written unless others are asked for."""
+
+# In sizes of the mechanism
+SHAFT, HEAD_RADIUS, HEAD = 0.0042, 0.0115, 0.03  # of an arrow
+ARC, ARC_WIDTH = 0.085, 0.0085  # radius of the arc of the largest moment, and its width
+SPIRAL, RIBBON = 0.09, 0.008  # radius of a torsion spring, and the width of its ribbon
+
+ROUND = 16  # sides of what is round
+ARC_TURN = 1.5 * np.pi  # of a moment's arc [rad]
+ARC_TIP = 0.42  # of its head [rad]
+STEPS = 48
+LEAST = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
+TARGETS = 8  # of a morph: so many any viewer can do
+LINKER = (58, 66, 78)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh: ``vertices`` and unit ``normals`` (V, 3), ``faces`` (N, 3); ``targets`` (T, V, 3): what is added to the vertices."""
+
+    vertices: Real
+    normals: Real
+    faces: NDArray[np.uint32]
+    color: Color
+    targets: Real | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A node: how it is moved at every frame (F, 3), turned about z (F,) [rad], scaled (F, 3), what it shows, and nodes below it.
+    ``weights`` (F, T) of the targets of its shape. None: not at all."""
+
+    name: str
+    places: Real | None = None
+    turns: Real | None = None
+    scales: Real | None = None
+    shape: Shape | None = None
+    weights: Real | None = None
+    below: tuple[Mark, ...] = ()
+
+
+def find_marks(run: Run, solids: Solids, families: Iterable[str] = ARROWS) -> list[Mark]:
+    """The arrows and moments of some families, and the struts and torsion springs of a run in which forces are computed."""
+    wanted = set(families)
+    if run.forces is None and not wanted & {"velocity", "acceleration"}:
+        return []
+    vectors, moments = find_vectors(run), find_moments(run)
+    scales = find_scales(vectors, moments, solids.size, calm_frames(run))
+    found = []
+    for family in FAMILIES:
+        for item, vector in vectors.get(family, {}).items() if family in wanted else ():
+            per_metre = scales.per_metre(family)
+            height = arrow_height(run, solids.heights, vector, per_metre)
+            name = f"{FAMILIES[family].label}: {item}"
+            found.append(_arrow(name, vector.origin, vector.value / per_metre, height, solids.size, FAMILIES[family].color))
+    largest = max((_largest(m.value) for items in moments.values() for m in items.values()), default=0.0)
+    for family in FAMILIES:
+        for item, moment in moments.get(family, {}).items() if family in wanted else ():
+            height = arc_height(run, solids.heights, moment, ARC * solids.size)
+            name = f"{FAMILIES[family].label}: moment {item}"
+            found.append(_moment(name, moment.origin, moment.value / largest, height, solids.size, FAMILIES[family].color))
+    return [*found, *_linkers(run, solids)]
+
+
+def _largest(values: Real) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+
+
+# -- arrows and moments -----------------------------------------------------------------------------------------------
+def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, color: Color) -> Mark:
+    """An arrow along ``vector`` (F, 2) [m]; one that is shorter than its head is a smaller one."""
+    known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
+    length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
+    whole = 1.3 * HEAD * size
+    shaft = np.maximum(length, whole) - HEAD * size
+    factor = np.clip(length / whole, LEAST, 1.0)
+    pointed = length > 1e-9 * size
+    turn = np.unwrap(_held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
+    places = np.column_stack([_held(origin[:, 0], known), _held(origin[:, 1], known), np.full(len(origin), height)])
+    one, none = np.ones(len(length)), np.zeros(len(length))
+    rod = _turned([(SHAFT * size, 0.0), (SHAFT * size, 1.0)], color)
+    tip = _turned([(HEAD_RADIUS * size, 0.0), (0.0, HEAD * size)], color)
+    return Mark(
+        name,
+        places,
+        turn,
+        np.column_stack([factor] * 3),
+        below=(
+            Mark(f"{name} shaft", scales=np.column_stack([shaft, one, one]), shape=rod),
+            Mark(f"{name} head", places=np.column_stack([shaft, none, none]), shape=tip),
+        ),
+    )
+
+
+def _moment(name: str, origin: Real, part: Real, height: float, size: float, color: Color) -> Mark:
+    """An arc about ``origin`` (F, 2), as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
+    known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
+    size_of = np.where(known, part, 0.0)
+    size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
+    places = np.column_stack([_held(origin[:, 0], known), _held(origin[:, 1], known), np.full(len(origin), height)])
+    radius, width = ARC * size, ARC_WIDTH * size
+    angle = np.linspace(0.0, ARC_TURN - ARC_TIP, STEPS + 1)
+    rims = [(radius + side * 0.5 * width) * np.exp(1j * angle) for side in (1.0, -1.0)]
+    barbs = (radius + np.array([1.7, -1.7]) * width) * np.exp(1j * angle[-1])
+    flat = np.concatenate([np.stack(rims, axis=1).ravel(), barbs, [radius * np.exp(1j * ARC_TURN)]])
+    n = 2 * (STEPS + 1)
+    faces = np.vstack([_ribbon_faces(STEPS + 1), [[n, n + 2, n + 1]]]).astype(np.uint32)
+    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), _flat(flat, faces, color))
+
+
+def _held(values: Real, known: NDArray[np.bool_]) -> Real:
+    """Values with those that are not known taken from the nearest one before, at the start from the first known."""
+    if known.all():
+        return np.asarray(values, float)
+    if not known.any():
+        return np.zeros(len(values))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
+
+
+# -- springs and dampers ----------------------------------------------------------------------------------------------
+def _linkers(run: Run, solids: Solids) -> list[Mark]:
+    if run.forces is None:
+        return []
+    motion, size = run.motion, solids.size
+    found = []
+    for load in motion.mechanism.loads:
+        if isinstance(load, Damper | GasSpring):
+            a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
+            kind = "gas spring" if isinstance(load, GasSpring) else "damper"
+            found += _strut(f"{kind} {load.name}", a, b, size, solids.z_top + WIDTH * size)
+        elif isinstance(load, TorsionSpring):
+            pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            if pin is not None:
+                first, second = (motion.pose(link)[:, 2] for link in load.links)
+                found.append(_spiral(f"spring {load.name}", motion.pair_position(pin.name), first, second, size, solids.z_top))
+    return found
+
+
+def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark]:
+    """A cylinder that hangs at ``a`` (F, 2) and a rod at ``b``, which keep their lengths: the rod goes into the cylinder."""
+    d = b - a
+    length = np.hypot(*d.T)
+    least, most = float(np.nanmin(length)), float(np.nanmax(length))
+    pot = min(max((most - least) / 0.8, 0.5 * most), 0.95 * least)
+    stub = 0.12 * pot
+    turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+    w = WIDTH * size
+    outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], LINKER)
+    inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
+    z = np.full(len(a), height)
+    return [
+        Mark(f"{name} cylinder", np.column_stack([a, z]), turn, shape=outer),
+        Mark(f"{name} rod", np.column_stack([b, z]), turn, shape=inner),
+    ]
+
+
+def _spiral(name: str, centre: Real, first: Real, second: Real, size: float, top: float) -> Mark:
+    """A ribbon from a link at angle ``second`` (F,) inside to one at ``first`` outside, by morph targets between its windings."""
+    wound = first - second + 2.0 * np.pi * TURNS
+    low, high = float(wound.min()), float(wound.max())
+    grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
+    part = np.linspace(0.0, 1.0, STEPS * 3)
+    radius = SPIRAL * size * (0.25 + 0.75 * part)
+    half = 0.5 * RIBBON * size
+    ways = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
+    shape = _flat(ways[0], _ribbon_faces(len(part)), LINKER)
+    places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
+    if len(grid) == 1:
+        return Mark(name, places, second, shape=shape)
+    targets = np.stack([np.column_stack([(w - ways[0]).real, (w - ways[0]).imag, np.zeros(len(w))]) for w in ways[1:]])
+    at = (wound - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
+    weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
+    shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
+    return Mark(name, places, second, shape=shape, weights=weights)
+
+
+# -- meshes -----------------------------------------------------------------------------------------------------------
+def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
+    """A solid of revolution about the x axis through (radius, x), with an edge at every corner; open at its ends."""
+    vertices: list[Real] = []
+    normals: list[Real] = []
+    faces: list[Any] = []
+    angle = 2.0 * np.pi * np.arange(ROUND) / ROUND
+    ring = np.column_stack([np.zeros(ROUND), np.cos(angle), np.sin(angle)])
+    k, after = np.arange(ROUND), np.roll(np.arange(ROUND), -1)
+    for (r0, x0), (r1, x1) in pairwise(profile):
+        start = sum(len(v) for v in vertices)
+        lean = np.array([r0 - r1, x1 - x0]) / np.hypot(r0 - r1, x1 - x0)  # along x, outward
+        for r, x in ((r0, x0), (r1, x1)):
+            vertices.append(r * ring + [x, 0.0, 0.0])
+            normals.append(lean[1] * ring + [lean[0], 0.0, 0.0])
+        faces.append(start + np.column_stack([k, after, ROUND + after]))
+        faces.append(start + np.column_stack([k, ROUND + after, ROUND + k]))
+    return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
+
+
+def _flat(z: NDArray[np.complex128], faces: Any, color: Color) -> Shape:
+    """Something flat, seen from the front."""
+    vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
+    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)
+
+
+def _ribbon_faces(places: int) -> NDArray[np.int64]:
+    """Faces of a ribbon whose corners stand as outer, inner, outer, inner ..., counter-clockwise."""
+    k = 2 * np.arange(places - 1)
+    return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])
