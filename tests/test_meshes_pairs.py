@@ -197,11 +197,17 @@ def test_without_poses_there_are_solids_too(name):
     check_shapes(build_solids(spec), spec)
 
 
-def slice_of(solids: Solids, name: str, pose: np.ndarray, z: float) -> shapely.Geometry:
-    """What a solid cuts out of a plane of constant z, in the world, in units of the size."""
+def slices_of(solids: Solids, name: str, poses: np.ndarray, z: float) -> np.ndarray:
+    """What a solid cuts out of a plane of constant z, in the world at poses (n, 3), in units of the size: geometries (n,)."""
     mesh = solids.links[name].mesh.copy()
     mesh.apply_scale(1.0 / solids.size)
-    return placed(section(mesh, z), pose[None], solids.size)[0]
+    return placed(section(mesh, z), poses, solids.size)
+
+
+def slice_of(solids: Solids, name: str, pose: np.ndarray, z: float) -> shapely.Geometry:
+    """The same at one pose (3,)."""
+    (found,) = slices_of(solids, name, pose[None], z)
+    return found
 
 
 def layer_height(solids: Solids, name: str, kinds: tuple[str, ...]) -> float:
@@ -231,10 +237,9 @@ def test_teeth_stand_in_the_gaps_of_each_other_from_the_start_to_the_end(built, 
     z = layer_height(solids, wheel, ("plate", "wheel"))
     if name == "gear-train":  # the shaft has two wheels
         z = layer_height(solids, "motor" if second == "shaft" else "output", ("plate",))
-    for k in range(0, FRAMES, 5):
-        a, b = (slice_of(solids, link, poses[link][k], z) for link in (first, second))
-        apart = a.distance(b) * solids.size * 1e3 / module
-        assert 0.0 < apart < 1.3 * BACKLASH, (k, apart)
+    a, b = (slices_of(solids, link, poses[link][:FRAMES:5], z) for link in (first, second))
+    apart = shapely.distance(a, b) * solids.size * 1e3 / module
+    assert apart.min() > 0.0 and apart.max() < 1.3 * BACKLASH, apart
 
 
 def test_numbers_of_teeth_are_the_stated_ones_or_fit_the_radii():
@@ -367,9 +372,8 @@ def test_the_slot_is_as_long_as_the_way_of_its_pin(built, name, lever, pin):
     local = {link.name: link.points for link in spec.links}[pin][where[pin]]
     (plate,) = parts_of(solids, lever, "plate")
     z = plate.bounds[:, 2].mean() / solids.size
-    for k in range(FRAMES):
-        shape = slice_of(solids, lever, _poses(poses, lever)[k], z)
-        at = in_world(local, _poses(poses, pin)[k]) / solids.size
+    for shape, pose in zip(slices_of(solids, lever, _poses(poses, lever), z), _poses(poses, pin), strict=True):
+        at = in_world(local, pose) / solids.size
         assert not shape.contains(shapely.Point(at))
         assert shape.convex_hull.contains(shapely.Point(at)), "the pin is inside the slot, not beside the lever"
         assert shape.distance(shapely.Point(at)) < 0.02
@@ -381,10 +385,9 @@ def test_the_slot_is_as_long_as_the_way_of_its_pin(built, name, lever, pin):
 def test_a_wheel_stands_on_its_rail_all_the_way(built, name, wheel, edge, radius):
     _, poses, solids = built(name)
     z = layer_height(solids, wheel, ("plate",))
-    for k in range(0, FRAMES, 4):
-        disc = slice_of(solids, wheel, poses[wheel][k], z)
-        gap = disc.distance(slice_of(solids, edge, _poses(poses, edge)[k], z)) * solids.size * 1e3
-        assert 0.0 < gap < 0.02 * radius, (k, gap)
+    disc, rail = (slices_of(solids, link, _poses(poses, link)[::4], z) for link in (wheel, edge))
+    gap = shapely.distance(disc, rail) * solids.size * 1e3
+    assert gap.min() > 0.0 and gap.max() < 0.02 * radius, gap
     low, high = solids.links[wheel].mesh.bounds[:, 0]
     assert 1e3 * (high - low) == pytest.approx(2.0 * radius, rel=0.03)
 
