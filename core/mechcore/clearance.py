@@ -73,7 +73,7 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
         made += [
             Prismatic(name=across, links=(bearing, across), points=(pair.points[0], "O"), along=(1.0, 0.0)),
             Prismatic(name=journal, links=(across, journal), points=("O", "O"), along=(0.0, 1.0)),
-            replace(pair, links=(journal, shaft), points=("O", pair.points[1])),
+            replace(pair, links=(journal, shaft), points=("O", pair.points[1]), friction=None),
         ]
         drives += [Drive(pair=across, law=Free(c.start[0])), Drive(pair=journal, law=Free(c.start[1]))]
         common: dict[str, Any] = {

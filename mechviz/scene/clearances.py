@@ -71,14 +71,14 @@ def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
             yield Fault(path, "a restitution at which speed? Slower impacts lose less.", 'Add speed = "0.5 m/s".')
         if c.friction and c.radius is None and c.sound("radius"):
             yield Fault(path, "friction without the radius of the journal.", 'Add radius = "10 mm".')
+        if pair.friction is not None:
+            why = "friction of a pair with clearance is that between its journal and its bearing."
+            yield Fault(f"pairs.{name}.friction", why, "Give friction and radius in the table of the clearance.")
         if pair.stops:
             yield Fault(f"pairs.{name}.stops", "stops in a pair with clearance.", "Leave out one of them.")
         for made in (f"{name}.across", f"{name}.journal"):
             if made in document.links or made in document.pairs:
                 yield Fault(path, f"its journal needs the name '{made}', which is taken.", "Give that another name.")
-    if any(pair.clearance is not None for pair in document.pairs.values()) and "friction" in document.effects:
-        why = "dry friction of pairs beside clearance is not computed."
-        yield Fault("effects", why, "Leave it out, or clearance; a journal has friction of its own.")
 
 
 def clearances_of(document: SceneDocument, convert: Converter) -> dict[str, Clearance]:

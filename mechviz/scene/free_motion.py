@@ -237,10 +237,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"pairs.{name}", why, remedy)
         if pair.liftoff is not None and pair.closure == "form":
             yield Fault(f"pairs.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
-    if lifting and loose:
-        why = f"clearance beside liftoff ({lifting[0]}) is not computed."
-        yield Fault(f"pairs.{loose[0]}.clearance", why, "Leave out one of them.")
-    yield from _stops(document, [*free, *loose])
+    yield from _stops(document)
     yield from _watches(reading)
 
 
@@ -256,7 +253,7 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
         yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
 
 
-def _stops(document: SceneDocument, free: list[str]) -> Iterator[Fault]:
+def _stops(document: SceneDocument) -> Iterator[Fault]:
     names: set[str] = set()
     for pair, entry in document.pairs.items():
         for k, stop in enumerate(entry.stops):
@@ -266,9 +263,6 @@ def _stops(document: SceneDocument, free: list[str]) -> Iterator[Fault]:
             if f"stop {name}" in document.loads:
                 yield Fault(path, f"a load is called 'stop {name}' already.", "Give one of them another name.")
             names.add(name)
-            if len(free) > 1 and pair not in free and "friction" in document.effects:
-                why = f"with friction and several free coordinates a stop has to be at one of them, and {pair} is none."
-                yield Fault(path, why, f"Make {pair} a free coordinate instead of one of {', '.join(free)}, or leave out friction.")
 
 
 def _watches(reading: Reading) -> Iterator[Fault]:
