@@ -265,6 +265,40 @@ def test_friction_brakes_after_an_impact_too(e: float):
     assert energies[-1] == pytest.approx([0.0, 0.0, 0.0, 9.0], abs=1e-9)
 
 
+def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
+    """One mass runs into another and pushes it along: contact at a pair that no free coordinate is, friction of both."""
+    mechanism = Mechanism(
+        name="two",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"G": (0.0, 0.0)}),
+            Link(name="rear", points={"P": (0.0, 0.0)}, mass=1.0),
+            Link(name="front", points={"P": (0.0, 0.0)}, mass=2.0),
+            Link(name="rod", points={"P": (0.0, 0.0)}),
+        ),
+        pairs=(
+            _sliding("rear", "frame", "rear", ("G", "P"), Friction(coefficient=0.1)),
+            _sliding("front", "frame", "front", ("G", "P"), Friction(coefficient=0.3)),
+            _sliding("between", "rear", "rod", ("P", "P")),
+            Prismatic(name="tied", links=("rod", "front"), points=("P", "P"), along=(0.0, 1.0)),
+        ),
+        drives=(Drive(pair="rear", law=Free(0.0, 3.0)), Drive(pair="front", law=Free(0.5, 0.0))),
+        effects=("inertia", "gravity", "friction"),
+    )
+    found = simulate(mechanism, 1.0, stops=[Stop(name="buffer", pair="between", at=0.2, side="lower")])
+    assert [h.kind for h in found.happenings if h.item == "buffer"][:2] == ["impact", "contact"]
+    speed = np.sqrt(9.0 - 2 * 0.1 * 9.81 * 0.3) / 3.0  # of both after the impact
+    brake = (0.1 * 1.0 + 0.3 * 2.0) * 9.81 / 3.0
+    hit = next(h.time for h in found.happenings if h.kind == "impact")
+    t = hit + np.linspace(0.01, 0.9, 7) * speed / brake
+    q, v, a = found(t)
+    assert q[:, 1] - q[:, 0] == pytest.approx(0.2, abs=1e-9) and v[:, 0] == pytest.approx(v[:, 1], abs=1e-9)
+    assert v[:, 0] == pytest.approx(speed - brake * (t - hit), abs=1e-8) and a == pytest.approx(-brake, rel=1e-9)
+    push = found.forces(found.view(t)).loads["stop buffer"].values[:, 0]
+    assert np.abs(push) == pytest.approx(2.0 * (0.3 * 9.81 - brake), rel=1e-8)
+    assert found([1.0])[0][0] == pytest.approx([0.3 + speed**2 / (2 * brake), 0.5 + speed**2 / (2 * brake)], abs=1e-8)
+
+
 LINKS = """
 units = { angle = "deg" }
 effects = ["inertia", "gravity", "friction"]

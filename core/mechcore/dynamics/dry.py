@@ -26,15 +26,15 @@ from ..friction.result import FrictionResult
 from ..kinetostatics import Forces, transmit
 from ..motion import Motion
 from ..solve import Compiled
-from .chart import differences
-from .reduced import free_of, moving, reduced_equations, with_rates
+from .chart import differences, rows_of
+from .reduced import free_of, moving, reduced_equations, solved, with_rates
 
 __all__ = ["WORDS", "Dry", "DrySystem", "Key", "Phases", "braking_elements", "forces_with", "keys_of", "rubbing", "senses"]
 
 Array = NDArray[np.float64]
 Key = tuple[str, str, str]
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
-LED = 1e-12  # rate of an element per unit rate of a coordinate that does not move it
+LED = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 BEGUN = 1e-12  # rate of what just begins to move
 REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
 
@@ -96,7 +96,7 @@ def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Seq
 class Phases:
     """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
 
-    ``held``: coordinates that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
+    ``rests``: pairs that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
         stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
     """
 
@@ -105,35 +105,34 @@ class Phases:
         self.soon = soon
         self.keys = keys_of(elements)
         self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
-        self.held: frozenset[int] = frozenset()
+        self.rests: tuple[str, ...] = ()
         self.led = np.zeros(len(elements), bool)
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
 
     def system(self) -> DrySystem:
-        return DrySystem(self.compiled, self.signs.copy(), held=self.held)
+        return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
 
     def decide(
-        self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None, held: frozenset[int] = frozenset()
+        self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
     ) -> list[tuple[str, str]]:
         """Choose the signs for what follows; pair and word ("stick", "slip +", "slip -") of each that has changed.
 
-        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``held``:
-        coordinates that rest on end stops.
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: pairs
+        that rest on end stops.
         """
         before = self.signs.copy()
-        self.held = held
+        self.rests = rests
         row = q[None], v[None], np.array([t])
         motion, units = moving(self.compiled, *row)
         elements = elements_of(motion)
         rate = np.array([e.rate[0] for e in elements])
-        tau = np.stack([_rates_of(units, e)[0] for e in elements])[:, _loose(len(q), held)]
-        self.led = np.zeros(len(before), bool) if self.alone and not held else ~np.any(np.abs(tau) > LED, axis=1)
+        alone = self.alone and not rests
+        self.led = np.zeros(len(before), bool) if alone else self._led(motion, units, elements)
         still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
         self.signs = np.where(still, 0.0, np.sign(rate))
         if self.led.any():
             self.signs[self.led] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.led]
             still &= ~self.led
-        alone = self.alone and not held
         if alone and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
         elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
@@ -142,7 +141,7 @@ class Phases:
             self.signs = np.where(still & (second != 0.0), second, self.signs)
         elif still.any():
             if loose is not None and still[loose[0]]:
-                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), held=held).solve(*row)
+                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
                 self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
             for _ in range(2 * len(before) + 2):
                 found = self.system().solve(*row)
@@ -163,19 +162,24 @@ class Phases:
 
     def at_rest(self, t: float, q: Array, v: Array) -> Array:
         """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
-        stuck, free = np.flatnonzero((self.signs == 0.0) & ~self.led), _loose(len(v), self.held)
-        if not len(stuck) or not len(free):
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        if not len(stuck):
             return v
         if self.alone:
             return np.zeros(1)
         motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
         elements = elements_of(motion)
-        tau = np.stack([_rates_of(units, elements[i])[0] for i in stuck])[:, free]
-        inertia = reduced_equations(motion, units).inertia[0][np.ix_(free, free)]
-        answer = np.linalg.solve(inertia, tau.T)
-        out = v.copy()
-        out[free] -= answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck])
-        return out
+        tau = np.stack([_rates_of(units, elements[i])[0] for i in stuck])
+        inertia = reduced_equations(motion, units).inertia
+        answer = answers_to(inertia[:, None], tau[None], rows_of(motion, units, self.rests)[0])[0].T
+        return np.asarray(v - answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+
+    def _led(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
+        """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
+        tau = np.stack([_rates_of(units, e) for e in elements], axis=1)
+        inertia, (rows, _) = reduced_equations(motion, units).inertia, rows_of(motion, units, self.rests)
+        freely, really = (np.einsum("nef,nef->ne", tau, answers_to(inertia[:, None], tau, g))[0] for g in (rows[:, :0], rows))
+        return np.asarray(~(really > LED * freely))
 
     def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
@@ -201,7 +205,7 @@ class Phases:
         stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.led)
         if not len(stuck_ones):
             return out
-        if not np.any(self.signs) and self.alone and not self.held:
+        if not np.any(self.signs) and self.alone and not self.rests:
             for way in (1.0, -1.0):
                 out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
             return out
@@ -270,32 +274,43 @@ def rubbing(compiled: Compiled, q: Array, v: Array, t: float, before: Mapping[Ke
     return Phases(compiled, elements, soon, before) if elements else None
 
 
-def _loose(count: int, held: frozenset[int]) -> NDArray[np.int64]:
-    """The coordinates that are not held."""
-    return np.array([i for i in range(count) if i not in held], int)
+def answers_to(inertia: Array, force: Array, rows: Array, second: Array | None = None) -> Array:
+    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f): M a = Q + G' p and G a + b = 0, ``rows`` G (n, p, f)."""
+    f, p = rows.shape[2], rows.shape[1]
+    if p:
+        g = rows.reshape(len(rows), *[1] * (force.ndim - 2), p, f)
+        full = np.zeros((*np.broadcast_shapes(inertia.shape[:-2], g.shape[:-2]), f + p, f + p))
+        full[..., :f, :f], full[..., :f, f:], full[..., f:, :f] = inertia, -g.swapaxes(-1, -2), g
+        right = np.zeros((*force.shape[:-1], p)) if second is None else -second
+        inertia, force = full, np.concatenate([force, right], axis=-1)
+    try:
+        return np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)[..., :f]
+    except np.linalg.LinAlgError:  # one of many, frame by frame
+        each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
+        return solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)[..., :f]
 
 
 class DrySystem:
     """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
 
-    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``held``: coordinates that stand
-    still, because they rest on end stops; what these hold comes before friction that could do it as well.
+    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``rests``: pairs that keep their
+    coordinates, because they rest on end stops; what these hold comes before friction that could do it as well.
     """
 
-    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False, held: frozenset[int] = frozenset()):
+    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False, rests: Sequence[str] = ()):
         self.compiled = compiled
         self.signs = signs
         self.breaking = breaking
-        self.held = np.array(sorted(held), int)
-        self.free = _loose(len(free_of(compiled)), held)
+        self.rests = tuple(rests)
 
     def holding(self, q: Array, v: Array, t: Array) -> Array:
-        """What holds the held coordinates (n, h): torque [N m] or force [N] in the direction of each."""
+        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         motion, units = moving(self.compiled, q, v, t)
         r, found = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([_rates_of(units, e) for e in elements_of(motion)], axis=1)
-        friction = np.einsum("nef,ne->nf", tau, found.value)
-        return np.asarray(((r.inertia @ found.acceleration[..., None])[..., 0] + r.bias - r.force - friction)[:, self.held])
+        missing = (r.inertia @ found.acceleration[..., None])[..., 0] + r.bias - r.force - np.einsum("nef,ne->nf", tau, found.value)
+        rows, _ = rows_of(motion, units, self.rests)
+        return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array:
         return self.solve(q, v, t).acceleration
@@ -309,7 +324,8 @@ class DrySystem:
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
         r = reduced_equations(motion, units)
-        first = self._answer(r.inertia, r.force - r.bias)
+        rows, rest = rows_of(motion, units, self.rests)
+        first = answers_to(r.inertia, r.force - r.bias, rows, rest)
         second = [d[2] for d in motion.drives]
         for place, i in enumerate(free_of(self.compiled)):
             second[i] = first[:, place]
@@ -318,7 +334,7 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
         tau = np.stack([_rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers = self._answer(r.inertia[:, None], tau)  # (n, e, f): acceleration per unit of friction
+        answers = answers_to(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
@@ -357,16 +373,6 @@ class DrySystem:
         limit = size * np.array([e.factor * (1.0 if self.breaking else _sticking(e)) for e in elements])
         acceleration = first + np.einsum("njf,nj->nf", answers, value)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
-
-    def _answer(self, inertia: Array, force: Array) -> Array:
-        """Accelerations (..., f) under generalised forces (..., f): none of coordinates that are held."""
-        if not len(self.held):
-            return np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
-        out = np.zeros(force.shape)
-        if len(self.free):
-            inner = inertia[..., self.free[:, None], self.free]
-            out[..., self.free] = np.linalg.solve(inner, force[..., self.free, None])[..., 0]
-        return out
 
     def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:
         worst = elements[slide[int(np.argmax(share))]]

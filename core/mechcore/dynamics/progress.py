@@ -161,7 +161,7 @@ class Progress:
                 if at is not None:
                     first.append((at, ("watch", k)))
             for k, s in self.resting.items():
-                at = first_zero(self._pull(system, s, window), window, t + 1e-12 * self.duration, None)
+                at = first_zero(self._pull(system, s), window, t + 1e-12 * self.duration, None)
                 if at is not None:
                     first.append((at, ("release", k)))
             for gauge, rising, loose in dry:
@@ -244,9 +244,9 @@ class Progress:
     def _rested(self) -> tuple[Stop, ...]:
         return tuple(self.resting[k] for k in sorted(self.resting))
 
-    def _held(self) -> frozenset[int]:
-        """Coordinates that stand still because they rest on stops."""
-        return frozenset(self.coordinates.get(s.pair, 0) for s in self.resting.values())
+    def _rests(self) -> tuple[str, ...]:
+        """Pairs that rest on stops."""
+        return tuple(stop.pair for stop in self._rested())
 
     def _news(self, piece: Piece) -> Simulation:
         """A stretch, with what happened at its beginning."""
@@ -290,7 +290,7 @@ class Progress:
         """The equations of motion of the present piece."""
         if self.phases is not None:
             return self.phases.system()
-        return Chart(self.compiled, [s.pair for s in self._rested()]) if self.resting else self.system
+        return Chart(self.compiled, self._rests()) if self.resting else self.system
 
     def _rub(self, t: float, q: Array, v: Array) -> None:
         """Friction of the present mechanism, which has other contacts than before: what slides goes on. Where every drive is
@@ -301,7 +301,7 @@ class Progress:
         """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
         if self.phases is None:
             return v
-        for pair, word in self.phases.decide(t, q, v, loose, self._held()):
+        for pair, word in self.phases.decide(t, q, v, loose, self._rests()):
             self._tell(t, pair, word)
         self.sliding |= dict(zip(self.phases.keys, self.phases.signs, strict=True))
         return self.phases.at_rest(t, q, v)
@@ -420,7 +420,7 @@ class Progress:
         phases = rubbing(compiled, q, v, t, self.sliding, SOON * self.duration) if self.rubs and len(q) else None
         if phases is None:
             return None
-        phases.decide(t, q, v, held=self._held())
+        phases.decide(t, q, v, rests=self._rests())
         return phases.system()
 
     def _rates(self, stop: Stop, q: Array, v: Array, t: float) -> tuple[float, float]:
@@ -436,15 +436,9 @@ class Progress:
         g = rows_at(self.compiled, [stop.pair], q, v, t)[0]
         return np.asarray(v - g * (left / float(g @ g)))
 
-    def _pull(self, system: Chart | DrySystem, stop: Stop, window: Window) -> Gauge:
+    def _pull(self, system: Chart | DrySystem, stop: Stop) -> Gauge:
         """What the stop has to hold: positive while something presses on it."""
-        sign = -1.0 if stop.side == "upper" else 1.0
-        if isinstance(system, Chart):
-            place = system.rests.index(stop.pair)
-        else:
-            i = self.coordinates.get(stop.pair, 0)
-            place = int(np.searchsorted(system.held, i))
-            sign *= float(np.sign(rows_at(self.compiled, [stop.pair], window.q, window.v, window.start)[0, i]))
+        sign, place = -1.0 if stop.side == "upper" else 1.0, system.rests.index(stop.pair)
         return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
 
     def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:

@@ -111,11 +111,6 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     if not free and not liftoffs:
         faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
-    if "friction" in mechanism.effects and len(mechanism.drives) > 1:
-        for stop in stops:
-            if all(stop.pair != d.pair for d in free):
-                why = f"{stop.pair} is no free coordinate, and others move it beside dry friction: what then rests is not found."
-                faults.append(Fault(f"stops.{stop.name}", why, f"Make {stop.pair} a free coordinate, or leave out friction."))
     if faults:
         raise MechanismError(faults)
 
