@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import re
+import sys
+import time
 from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 from typer.testing import CliRunner
 
 import mechviz
@@ -22,7 +29,7 @@ from mechviz.share.drawing import svg_of, turned
 from mechviz.share.frames import parts_of
 from mechviz.share.markdown import html_of
 from mechviz.share.pack import Pack, unpack
-from mechviz.share.pictures import moment
+from mechviz.share.pictures import Look, film, moment
 from recordings import made
 
 TEN = made("ten-link-forces", 360)
@@ -352,6 +359,58 @@ def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
     assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
 
 
+FFMPEG = """#!{python}
+import os, sys
+with open({pid!r}, "w") as file:
+    file.write(str(os.getpid()))
+if {broken!r}:
+    print("Unknown encoder 'libx264'", file=sys.stderr)
+    sys.exit(1)
+data = sys.stdin.buffer.read()
+with open(sys.argv[-1], "wb") as file:
+    file.write(b"%d" % data.count(bytes([137]) + b"PNG"))
+"""
+
+
+@pytest.mark.parametrize("fate", ["well", "broken", "interrupted"])
+def test_a_film_as_mp4_is_handed_to_ffmpeg_picture_by_picture(tmp_path, monkeypatch, fate):
+    """A program in place of ffmpeg counts the pictures; what fails or is interrupted leaves no file and no process."""
+    program, pid, folder = tmp_path / "ffmpeg", tmp_path / "pid", tmp_path / "films"
+    program.write_text(FFMPEG.format(python=sys.executable, pid=str(pid), broken=fate == "broken"))
+    program.chmod(0o755)
+    folder.mkdir()
+    monkeypatch.setattr("mechviz.share.pictures.find_ffmpeg", lambda: str(program))
+    buffer = io.BytesIO()
+    Image.new("RGB", (8, 6)).save(buffer, "PNG")
+
+    @contextlib.contextmanager
+    def stage(*_: object, **__: object):
+        yield lambda time: buffer.getvalue()
+
+    monkeypatch.setattr("mechviz.share.pictures._stage", stage)
+
+    def progress(done: int, total: int) -> None:
+        if fate == "interrupted" and done == 3:
+            while not pid.exists() or not pid.read_text():  # it has begun
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    def make() -> Path:
+        return film(TEN.recording, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
+
+    if fate == "well":
+        assert make().read_text() == "12"
+    elif fate == "broken":
+        with pytest.raises(OutputError, match="Unknown encoder 'libx264'"):
+            make()
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            make()
+    assert [p.name for p in folder.iterdir()] == (["a.mp4"] if fate == "well" else [])
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid.read_text()), 0)
+
+
 def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
@@ -361,6 +420,7 @@ def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
     result = run("shot", "crank-rocker", "-o", "a.png", "--frames", "12")
     assert result.exit_code == 1 and "could not be started" in result.output
     monkeypatch.setattr("shutil.which", lambda name: None if name == "ffmpeg" else "/bin/true")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)  # as if it were not installed
     result = run("film", "crank-rocker", "-o", "a.mp4")
     assert result.exit_code == 1 and "apt-get install ffmpeg" in result.output
     result = run("share", "crank-rocker", "-o", str(tmp_path / "nowhere" / "a.html"))

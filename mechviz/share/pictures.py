@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -173,11 +174,19 @@ def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
 
 
 def find_ffmpeg() -> str:
-    """The path of ffmpeg. Raises `OutputError`."""
+    """The path of ffmpeg, else of the one in the package imageio-ffmpeg where that is installed. Raises `OutputError`."""
     found = shutil.which("ffmpeg")
     if found is None:
+        try:
+            import imageio_ffmpeg  # type: ignore[import-not-found,import-untyped,unused-ignore]  # no dependency: only where it is
+
+            found = str(imageio_ffmpeg.get_ffmpeg_exe())
+        except (ImportError, RuntimeError):  # not there, or without a program for this machine
+            found = None
+    if found is None:
         raise OutputError(
-            "An MP4 needs ffmpeg, which is not installed.", "Install it (Debian: apt-get install ffmpeg), or write a .gif."
+            "An MP4 needs ffmpeg, which is not installed.",
+            "Install it (Debian: apt-get install ffmpeg; or pip install imageio-ffmpeg), or write a .gif.",
         )
     return found
 
@@ -188,21 +197,23 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
         "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
         "-f", "mp4", str(path),
     )  # fmt: skip
-    process = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-    )
-    assert process.stdin is not None and process.stderr is not None
-    try:
+    with tempfile.TemporaryFile() as told:  # not a pipe: nobody would read it while pictures are made
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=told, start_new_session=True)
+        assert process.stdin is not None
         try:
-            for data in pictures:
-                process.stdin.write(data)
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # it says why
-        words = process.stderr.read().decode(errors="replace").strip()
-        if process.wait():
-            raise OutputError(f"ffmpeg could not make the film: {words.splitlines()[-1] if words else 'it gave no reason'}.")
-    finally:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
+            try:
+                for data in pictures:
+                    process.stdin.write(data)
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it says why
+            if process.wait():
+                told.seek(0)
+                words = told.read().decode(errors="replace").strip()
+                raise OutputError(f"ffmpeg could not make the film: {words.splitlines()[-1] if words else 'it gave no reason'}.")
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            with contextlib.suppress(OSError):  # what it did not take any more
+                process.stdin.close()
