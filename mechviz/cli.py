@@ -16,6 +16,7 @@ import typer
 
 from .accuracy.command import accuracy as accuracy_command
 from .accuracy.command import effects as effects_command
+from .cams_command import cams
 from .hard.command import hard
 from .laws import laws
 from .sharing import film, share, shot
@@ -581,7 +582,7 @@ def _families(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
-for command in (share, shot, film, laws, hard):
+for command in (share, shot, film, laws, cams, hard):
     app.command()(command)
 app.command("accuracy")(accuracy_command)
 app.command("effects")(effects_command)

@@ -200,6 +200,23 @@ def _cams(run: Run) -> Iterator[Table]:
             gap = run.simulation.gap(cam.name, joined)
             yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
         yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, np.column_stack([rows.lift, s[1], s[2]]))
+        yield from _rated(run, cam, lifts)
+
+
+def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
+    """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
+    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, pair_of
+
+    pair = pair_of(run.motion, cam)
+    if pair.rating is not None and pair.rating.width is not None and run.forces is not None:
+        found = contact_stress(run.forces, cam, pair.rating)
+        columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
+        values = np.column_stack([found.pressure, found.half_width])
+        yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, values)
+    if pair.drawn is not None:
+        names = (*((f"drawn_{name}", unit) for name, unit in lifts), *((f"{name}_error", unit) for name, unit in lifts))
+        values = drawn_rows(run.motion, cam, drawn_lift(cam, pair.drawn))
+        yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, values)
 
 
 def _drives(run: Run) -> Iterator[Table]:

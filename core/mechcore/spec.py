@@ -289,6 +289,28 @@ class SpatialBlank:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CamRating:
+    """By what the contact of a cam is judged: Hertz pressure over a ``width`` [m] with Young's moduli [Pa] and Poisson's ratios of
+    cam and follower, at most ``limit`` [Pa]; a contact force of at least ``margin`` [N]. What is None is not looked at."""
+
+    width: float | None = None
+    modulus: tuple[float, float] = (2.1e11, 2.1e11)
+    poisson: tuple[float, float] = (0.3, 0.3)
+    limit: float | None = None
+    margin: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamDrawn:
+    """The graphical method of the lecture: the lift drawn every ``step`` [rad], read to a ``resolution`` [m or rad], differentiated
+    by chords or tangents."""
+
+    step: float
+    lines: Literal["chord", "tangent"] = "chord"
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class CamPair:
     """A plane cam and its follower: ``links`` are (cam, follower), both guided on one link, the carrier.
 
@@ -326,6 +348,8 @@ class CamPair:
     inverse: bool = False  # the roller's centre is a point of the first link, the groove is on the second, on closure "form"
     spatial: SpatialBlank | None = None  # the cam's axis lies in the plane: base is the roller's place along it at zero lift
     pressure_limit: float | None = None  # [rad]
+    rating: CamRating | None = None
+    drawn: CamDrawn | None = None
 
 
 Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | CamPair

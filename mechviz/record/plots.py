@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.clearance import journals_of, made_pairs
+from mechcore.spec import CamPair
 
 from ..tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
 from ..vectors import point_name
@@ -135,6 +136,15 @@ def cam_outputs(run: Run) -> list[Output]:
     found = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
     for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
         found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
+    rated = {p.name: p for p in run.motion.mechanism.pairs if isinstance(p, CamPair) and p.name in names}
+    stressed = [n for n, p in rated.items() if p.rating is not None and p.rating.width is not None and run.forces is not None]
+    if stressed:
+        paths = tuple((entity("data", "cams", n, "stress"), (True, False)) for n in stressed)
+        found.append(Output("Hertz pressure [Pa]", paths, single=len(stressed) == 1))
+    for name in (n for n, p in rated.items() if p.drawn is not None):
+        both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
+        exact = (entity("data", "cams", name, "lift"), (False, False, True))
+        found.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
     return found
 
 

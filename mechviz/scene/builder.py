@@ -263,9 +263,12 @@ class SceneBuilder:
         touches: Mapping[str, Any],
         profile: Mapping[str, Any],
         closure: str | None = None,
+        rating: Mapping[str, Any] | None = None,
+        graphical: Mapping[str, Any] | None = None,
     ) -> SceneBuilder:
         """A cam and its follower; ``touches`` is the scene's table ``follower``, such as dict(roller=10, guide="S", point="T")."""
         entry = {"cam": [cam, follower], "profile": dict(profile), "follower": dict(touches), "closure": closure}
+        entry |= {key: None if v is None else dict(v) for key, v in (("rating", rating), ("graphical", graphical))}
         return self._add("pairs", name, entry)
 
     def cylinder(

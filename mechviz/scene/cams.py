@@ -12,6 +12,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws import Segment, program
 from mechcore.spec import CamPair, Friction, Pair, SpatialBlank
 
+from .cam_ratings import graphical_of, rating_of
 from .faults import did_you_mean
 from .fields import Angle, Coordinate, Direction, Distance, Extent, Flag, Length, Number, Point, Size, Text, describe
 from .programs import ProgramSegment
@@ -290,6 +291,13 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
         )
     elif len(convert.faults) == before:
         contour = given_contour(profile, base, f"{path}.profile", convert)
+    rating = None if pair.rating is None else rating_of(pair.rating, f"{path}.rating", convert)
+    if pair.rating is not None and pair.rating.margin is not None and pair.closure == "form":
+        convert.note(f"{path}.rating.margin", "a groove or yoke holds the follower whatever the force.", "Leave it out.")
+    drawn = None if pair.graphical is None else graphical_of(pair.graphical, across, f"{path}.graphical", convert)
+    other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
+    if pair.graphical is not None and other:
+        convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
     if len(convert.faults) > before or math.isnan(base) or math.isnan(phase) or face is None or (lift is None) == (contour is None):
         return None
     return CamPair(
@@ -312,6 +320,8 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
         inverse=follower.groove is not None,
         spatial=_blank(profile, f"{path}.profile", convert),
         pressure_limit=limit,
+        rating=rating,
+        drawn=drawn,
     )
 
 

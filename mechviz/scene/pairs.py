@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from .cam_ratings import GraphicalDocument, RatingDocument
 from .cams import FollowerDocument, ProfileDocument
 from .clearances import ClearanceDocument
 from .fields import Angle, Direction, Flag, Size, Text
@@ -80,7 +81,7 @@ KINDS: Mapping[str, Kind] = {
     "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
     "cam": Kind(
         "a cam",
-        ("profile", "follower", "closure", "friction", "liftoff"),
+        ("profile", "follower", "closure", "friction", "liftoff", "rating", "graphical"),
         needs=("profile", "follower"),
         undriven="Drive the cam's revolute pair, or its bed, instead.",
         joins=False,
@@ -180,6 +181,10 @@ class PairDocument(Table):
     closure: Literal["force", "form"] | None = None
     """Cam: "force", the follower is only pressed on it (by a spring, its weight); "form", a groove or a yoke holds it too.
     Default force."""
+    rating: RatingDocument | None = None
+    """Cam: by what its contact is judged: Hertz pressure, a margin of the contact force."""
+    graphical: GraphicalDocument | None = None
+    """Cam: its lift also by the graphical method, with the error of that."""
     liftoff: LiftoffDocument | None = None
     """Cam: the follower may leave it, flies under the forces and lands with an impact; the run then has a duration."""
     friction: FrictionDocument | None = None

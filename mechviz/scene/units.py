@@ -36,6 +36,7 @@ centi- = 1e-2 = c-
 deci- = 1e-1 = d-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
+giga- = 1e9 = G-
 metre = [length] = m = meter
 gram = [mass] = g
 second = [time] = s = sec

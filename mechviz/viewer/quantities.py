@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,6 +207,8 @@ def _of_cams(run: Run) -> list[Quantity]:
 
 def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
     from mechcore.cams.happenings import contact_force
+    from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, pair_of
 
     motion, forces, name = run.motion, run.forces, cam.name
     found = [
@@ -215,6 +217,24 @@ def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
     ]
     if forces is not None:
         found.append(Quantity(f"cam {name}: contact force", "N", ("force",), lambda: _column(contact_force(forces, cam))))
+    pair = pair_of(motion, cam)
+    rating, drawn = pair.rating, pair.drawn
+    if forces is not None and rating is not None and rating.width is not None:
+        found.append(
+            Quantity(
+                f"cam {name}: Hertz pressure", "MPa", ("pressure",),
+                lambda: _column(1e-6 * contact_stress(forces, cam, rating).pressure),
+            )
+        )  # fmt: skip
+    if drawn is not None and isinstance(cam, PlacedCam):
+        rows = cache(lambda: drawn_rows(motion, cam, drawn_lift(cam, drawn)))
+        unit = "m/rad²" if cam.arm == 0.0 else "1/rad"
+        found.append(
+            Quantity(
+                f"cam {name}: drawn acceleration", unit, ("drawn", "exact"),
+                lambda: np.column_stack([rows()[:, 2], rows()[:, 2] - rows()[:, 5]]),
+            )
+        )  # fmt: skip
     return found
 
 

@@ -12,7 +12,7 @@ from ..events import Event, at_drive, runs
 from ..kinetostatics import Forces
 from ..laws.factors import jumps
 from ..motion import Motion
-from ..spec import Revolute
+from ..spec import CamDrawn, CamPair, CamRating, Revolute
 from .followers import Flat
 from .placed import PlacedCam
 from .placed_inverse import PlacedInverse
@@ -50,7 +50,54 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
         found += _beyond(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
+        pair = next(p for p in motion.mechanism.pairs if p.name == cam.name)
+        if forces is not None and isinstance(pair, CamPair) and pair.rating is not None:
+            found += _rated(forces, cam, pair.rating)
+        if isinstance(pair, CamPair) and pair.drawn is not None:
+            found.append(_drawn(motion, cam, pair.drawn))
     return sorted(found, key=lambda e: e.time)
+
+
+def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
+    """Hertz pressure beyond its limit, and contact force below its margin."""
+    from .rating import contact_stress
+
+    motion = forces.motion
+    x = _arguments(motion, cam)
+    if rating.width is not None and rating.limit is not None:
+        pressure = contact_stress(forces, cam, rating).pressure
+        for first, last in runs(pressure > rating.limit):
+            k = first + int(np.argmax(pressure[first : last + 1]))
+            words = f"{1e-6 * pressure[k]:.4g} MPa" if np.isfinite(pressure[k]) else "infinity: an edge touches"
+            remedy = f"It needs a width of {1e3 * rating.width * (pressure[k] / rating.limit) ** 2:.4g} mm"
+            text = (
+                f"Hertz pressure up to {words} (limit {1e-6 * rating.limit:.4g} MPa) from {_where(cam, x[first])} to "
+                f"{_where(cam, x[last])}, the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
+    if rating.margin is not None and not cam.form:
+        force = contact_force(forces, cam)
+        for first, last in runs(force < rating.margin):
+            if force[first : last + 1].min() < 0.0:
+                continue  # contact is lost, which is told anyway
+            k = first + int(np.argmin(force[first : last + 1]))
+            text = (
+                f"contact force down to {force[k]:.4g} N (margin {rating.margin:.4g} N) from {_where(cam, x[first])} to "
+                f"{_where(cam, x[last])}, the least at {_where(cam, x[k])}"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(force[k]))
+
+
+def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
+    """How far off the graphical method is."""
+    from .rating import drawn_lift
+
+    s, v, a = 100.0 * drawn_lift(cam, drawn).largest
+    text = (
+        f"drawn every {np.degrees(drawn.step):.4g} deg and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "
+        f"velocity by {v:.3g} %, the acceleration by {a:.3g} % of their largest values"
+    )
+    return Event(float(motion.time[0]), "INFO", cam.name, text)
 
 
 def _where(cam: AnyCam, argument: float) -> str:

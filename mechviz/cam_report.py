@@ -1,0 +1,164 @@
+"""What `mechviz cams` prints: every cam of a scene with its limits, forces, stress, the spring that it needs, its drawn lift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.errors import MechanismError
+from mechcore.spec import CamDrawn, CamPair
+
+if TYPE_CHECKING:
+    from mechcore.cams.happenings import AnyCam
+
+    from .run import Run
+
+__all__ = ["cam_lines", "drawn_lines"]
+
+Real = NDArray[np.float64]
+
+
+def cam_lines(run: Run, *, margin: float | None = None) -> list[str]:
+    """Every cam with what is known of it; ``margin`` [N] instead of the scene's, for the least spring."""
+    from mechcore.cams.happenings import placed_cams
+    from mechcore.cams.rating import pair_of
+
+    lines: list[str] = []
+    for cam in placed_cams(run.motion):
+        pair = pair_of(run.motion, cam)
+        lines += ["", f"cam {cam.name}: {_kind(pair, cam)}"]
+        lines += [f"  {what:<18} {text}" for what, text in _facts(run, cam, pair, margin)]
+    return lines[1:]
+
+
+def _kind(pair: CamPair, cam: AnyCam) -> str:
+    kind = pair.spatial.kind if pair.spatial is not None else "wedge" if pair.bed else "inverse" if pair.inverse else "disc"
+    face = type(pair.face).__name__.lower()
+    size = getattr(pair.face, "radius", None)
+    face = {"arc": "mushroom", "flat": "flat face"}.get(face, face) + (f" of {1e3 * size:.6g} mm" if size else "")
+    moves = "translating" if cam.arm == 0.0 else "oscillating"
+    return f"{kind}, {moves} follower with a {face}, closure by {pair.closure}"
+
+
+def _facts(run: Run, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[tuple[str, str]]:
+    from mechcore.cams.happenings import contact_force
+
+    motion, forces, rating = run.motion, run.forces, pair.rating
+    force = None if forces is None else contact_force(forces, cam)
+    rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
+    x = cam.argument(motion)
+    unit = "m/rad²" if cam.arm == 0.0 else "1/rad"
+    if cam.bed is not None:
+        unit = "1/m" if cam.arm == 0.0 else "rad/m²"
+    lift = f"{1e3 * np.nanmax(rows.lift):.6g} mm" if cam.arm == 0.0 else f"{np.degrees(np.nanmax(rows.lift)):.6g} deg"
+    yield "lift", f"{lift}, largest s'' {np.nanmax(np.abs(cam.law(x)[2])):.5g} {unit}"
+    steep = np.abs(rows.pressure_angle)
+    if np.isfinite(steep).any():
+        k = int(np.nanargmax(steep))
+        judged = _judged(steep[k], cam.pressure_limit, lambda v: f"{np.degrees(v):.4g} deg")
+        yield "pressure angle", f"up to {np.degrees(steep[k]):.5g} deg at {_place(cam, x[k])}{judged}"
+    sharp = np.where(rows.radius > 0.0, rows.radius, np.inf)
+    if np.isfinite(sharp).any():
+        k = int(np.argmin(sharp))
+        yield "curvature", f"least radius of the convex profile {1e3 * sharp[k]:.5g} mm at {_place(cam, x[k])}"
+    if force is not None and forces is not None and np.isfinite(force).any():
+        low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
+        need = margin if margin is not None else None if rating is None else rating.margin
+        judged = "" if cam.form or need is None else f"; margin {need:.5g} N: {_verdict(force[low] >= need)}"
+        ends = f"{force[low]:.5g} N at {_place(cam, x[low])} to {force[high]:.5g} N at {_place(cam, x[high])}"
+        yield "contact force", f"{ends}{judged}"
+        if rating is not None and rating.width is not None:
+            from mechcore.cams.rating import contact_stress
+
+            found = contact_stress(forces, cam, rating)
+            k = int(np.nanargmax(found.pressure))
+            judged = _judged(float(found.pressure[k]), rating.limit, lambda v: f"{1e-6 * v:.5g} MPa")
+            half = f"strip of {2e3 * found.half_width[k]:.4g} by {1e3 * rating.width:.4g} mm"
+            yield "Hertz pressure", f"up to {1e-6 * found.pressure[k]:.5g} MPa at {_place(cam, x[k])}, {half}{judged}"
+        if not cam.form and need is not None:
+            yield from _springs(run, cam, need)
+    if pair.drawn is not None:
+        from mechcore.cams.rating import drawn_lift
+
+        yield "graphical method", _drawn_words(cam, pair.drawn, drawn_lift(cam, pair.drawn).largest)
+
+
+def _verdict(passed: bool) -> str:
+    return "pass" if passed else "FAIL"
+
+
+def _judged(value: float, limit: float | None, words: Callable[[float], str]) -> str:
+    return "" if limit is None else f"; limit {words(limit)}: {_verdict(value <= limit)}"
+
+
+def _place(cam: AnyCam, x: float) -> str:
+    if cam.bed is not None:
+        return f"{1e3 * x:.5g} mm"
+    return f"{np.degrees(x) % 360.0:.5g} deg"
+
+
+def _springs(run: Run, cam: AnyCam, need: float) -> Iterator[tuple[str, str]]:
+    """The least spring for a margin, in words."""
+    from mechcore.cams.rating import least_springs
+
+    assert run.forces is not None
+    try:
+        found = least_springs(run.forces, cam, need)
+    except MechanismError as error:
+        yield "least spring", "; ".join(f.message for f in error.faults)
+        return
+    if not found:
+        yield "least spring", "no spring presses this follower"
+    for spring in found:
+        ways = []
+        if spring.stiffness is not None:
+            ways.append(f"{1e-3 * spring.stiffness:.5g} N/mm with its free length")
+        if spring.free_length is not None:
+            ways.append(f"a free length of {1e3 * spring.free_length:.5g} mm with its stiffness")
+        words = " or ".join(ways) if ways else "none: this spring is slack, or pulls, where it is needed"
+        yield "least spring", f"{spring.spring}: {words}, to keep {need:.5g} N (decided at {spring.times[0]:.5g} s)"
+
+
+def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:
+    s, v, a = 100.0 * largest
+    read = ""
+    if drawn.resolution:
+        size = f"{1e3 * drawn.resolution:g} mm" if cam.arm == 0.0 else f"{np.degrees(drawn.resolution):g} deg"
+        read = f", read to {size}"
+    return (
+        f"steps of {np.degrees(drawn.step):.6g} deg, {drawn.lines}s{read}: off by {s:.4g} % of the largest lift, "
+        f"{v:.4g} % of the velocity, {a:.4g} % of the acceleration"
+    )
+
+
+def drawn_lines(run: Run, drawn: CamDrawn | None = None) -> list[str]:
+    """The tables of the graphical method, drawn beside exact at every point of the drawing, of each disc cam.
+
+    ``drawn``: instead of what the scene says. Lift in mm or deg, its derivatives with respect to the cam's angle [rad].
+    """
+    from mechcore.cams.happenings import placed_cams
+    from mechcore.cams.rating import drawn_lift, pair_of
+
+    lines: list[str] = []
+    for cam in placed_cams(run.motion):
+        how = drawn or pair_of(run.motion, cam).drawn
+        if how is None:
+            continue
+        try:
+            found = drawn_lift(cam, how)
+        except MechanismError as error:
+            lines += ["", *(f"cam {cam.name}: {f.message}" for f in error.faults)]
+            continue
+        unit, factor = ("mm", 1e3) if cam.arm == 0.0 else ("deg", float(np.degrees(1.0)))
+        lines += ["", f"cam {cam.name}, graphical method: {_drawn_words(cam, how, found.largest)}"]
+        lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")
+        lines.append(
+            f"  {'deg':>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
+        )
+        for k, angle in enumerate(found.angle):
+            cells = (f"{factor * v:10.4f}" for i in range(3) for v in (found.drawn[i, k], found.error[i, k]))
+            lines.append(f"  {np.degrees(angle):7.2f} " + " ".join(cells))
+    return lines[1:]

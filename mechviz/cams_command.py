@@ -1,0 +1,57 @@
+"""``mechviz cams SCENE``: limits, contact forces and stresses of cams, least springs, the graphical method."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import typer
+
+__all__ = ["cams"]
+
+
+def cams(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    method: Annotated[
+        Literal["exact", "graphical"],
+        typer.Option("--method", help="graphical: also the drawn lift and its error, point by point"),
+    ] = "exact",
+    step: Annotated[str | None, typer.Option("--step", metavar="ANGLE", help="graphical: from point to point")] = None,
+    lines: Annotated[
+        Literal["chord", "tangent"] | None, typer.Option("--lines", help="graphical: by what the curves are differentiated")
+    ] = None,
+    margin: Annotated[
+        str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: tells the least spring")
+    ] = None,
+    frames: Annotated[
+        int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="frames over the whole run [default: the scene's]")
+    ] = None,
+) -> None:
+    """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact."""
+    from .cli import clear_errors, fail, load_scene, quantity_of, solve, warn_of_accuracy
+
+    with clear_errors(scene):
+        from mechcore.spec import CamDrawn
+
+        from .cam_report import cam_lines, drawn_lines
+
+        if method == "exact" and (step is not None or lines is not None):
+            fail("--step and --lines are for --method graphical.")
+        loaded = load_scene(scene)
+        least = quantity_of(loaded, margin, "margin", "force")
+        if least is not None and not 0.0 <= least < math.inf:
+            fail(f"--margin {margin}: a contact force is wanted, zero or more.")
+        angle = quantity_of(loaded, step, "step", "angle")
+        turns = None if angle is None else 2.0 * math.pi / angle if angle > 0.0 else 0.0
+        if turns is not None and not (3.5 < turns < 1e5 and abs(turns - round(turns)) < 1e-6):
+            fail(f"--step {step} does not make a turn. Usual are 30, 15, 10 or 5 deg.")
+        run = solve(loaded, frames, None)
+        warn_of_accuracy(run)
+        found = cam_lines(run, margin=least)
+        if not found:
+            fail(f"{run.scene.name}: the scene has no cam. Choose one of those that mechviz scenes lists.")
+        print("\n".join([run.scene.title, "", *found]))
+        if method == "graphical":
+            plain = CamDrawn(step=math.radians(10.0))
+            asked = None if turns is None and lines is None else CamDrawn(step=angle or plain.step, lines=lines or plain.lines)
+            print("\n".join(["", *(drawn_lines(run, asked) or drawn_lines(run, plain))]))
