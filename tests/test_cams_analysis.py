@@ -167,6 +167,37 @@ def test_a_flat_follower_bridges_a_hollow_and_says_so():
     assert any(b.shock for b in large.bridges)
 
 
+@pytest.mark.parametrize("swings", [False, True])
+@pytest.mark.parametrize("radius", [1e-3, 1e-4, 1e-5])
+def test_a_roller_thinner_than_the_samples_are_apart(radius, swings):
+    """Its centre runs as a knife on the curve at its radius; the law comes back whether or not a sample lies under the roller."""
+    guide = Oscillating(0.2 + 0.01j, 0.16) if swings else Translating(0.012)
+    lift = program([Segment(1.4, 0.1 if swings else 0.02), Segment(0.9), Segment(1.3, 0.0, "3-4-5"), Segment(2 * PI - 3.6)])
+    cam = cam_on_base(lift, Follower(guide, Roller(radius)), 0.1)
+    c = analyse(cam_contour(cam), cam.follower, TURN, bridges=False)
+    for k in range(3):
+        np.testing.assert_allclose(c.motion[k], cam.law(TURN, 2)[k], atol=1e-9 * np.abs(cam.law(TURN, 2)[k]).max())
+    square, turns = polygon([0.1, 0.1j, -0.1, -0.1j]), np.linspace(0.0, 2.0 * PI, 361)
+    thin, sharp = (analyse(square, f, turns, bridges=False) for f in (cam.follower, Follower(guide, Knife())))
+    assert thin.corner.any() == (radius == 1e-3)  # as the radius goes to zero it is the knife
+    off = (thin.motion[0] - sharp.motion[0]) * (0.16 if swings else 1.0)
+    assert (off > 0.0).all() and off.max() < 4.0 * radius
+
+
+def test_a_mushroom_on_an_arm_ends_where_its_arc_does():
+    """The contact of a circular arc about the arm's point leaves it where the normal does: half_angle from straight across."""
+    arm = Oscillating(0.12 + 0j, 0.11)
+    disc, wide = circle(0.03, 0.012), analyse(circle(0.03, 0.012), Follower(arm, Arc(0.04)), TURN, bridges=False)
+    centre = arm.pivot + arm.arm * arm.home * np.exp(-1j * arm.side * wide.motion[0])
+    lean = np.abs(np.angle((wide.point * np.exp(1j * TURN) - centre) / (1j * arm.side * (centre - arm.pivot))))
+    limit = 0.5 * (lean.min() + lean.max())
+    short = analyse(disc, Follower(arm, Arc(0.04, limit)), TURN, bridges=False)
+    inside = lean < limit - 1e-3
+    np.testing.assert_allclose(short.motion[0][inside], wide.motion[0][inside], atol=1e-13)
+    beyond = lean > limit + 1e-3
+    assert inside.any() and beyond.any() and (~(np.abs(short.motion[0] - wide.motion[0]) < 1e-9))[beyond].all()
+
+
 def test_first_contact_wins_everywhere():
     """Against brute force: no sampled point of the profile is inside the follower, and one touches it."""
     rng = np.random.default_rng(8)

@@ -18,6 +18,7 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+THIN = 3.0  # distances of two samples below which the radius of a roller is small
 AROUND = 12  # samples on either side of one about which the contact is known to lie
 NEAR = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
 
@@ -61,8 +62,7 @@ class Task:
                     return self._on_face(q, z, guide.offset + 1j * q, d)
                 x = z.real - guide.offset
                 q = z.imag + np.sqrt(r * r - x * x)
-                if isinstance(face, Arc) and face.half_angle < np.pi:
-                    q = np.where(np.abs(np.arctan2(x, q - z.imag)) <= face.half_angle, q, -np.inf)
+                q = np.where(self.on_arc(z, q), q, -np.inf)
                 return np.where(np.isnan(q), -np.inf, q)
             w = (z - guide.pivot) / guide.home
             size, beta = np.abs(w), -guide.side * np.angle(w)
@@ -75,7 +75,20 @@ class Task:
                 return self._on_face(q, z, t, self.follower.face_direction(q))
             c = (size**2 + guide.arm**2 - r * r) / (2.0 * size * guide.arm)
             q = beta + np.arccos(c)
+            q = np.where(self.on_arc(z, q), q, -np.inf)
             return np.where(np.isnan(q), -np.inf, q)
+
+    def on_arc(self, z: Complex, q: Real) -> NDArray[np.bool_] | bool:
+        """Whether ground points that a mushroom of coordinate ``q`` touches lie on its arc."""
+        guide, face = self.follower.guide, self.follower.face
+        if not isinstance(face, Arc) or face.half_angle >= np.pi:
+            return True
+        if isinstance(guide, Translating):
+            down, centre = -1j + 0.0 * q, guide.offset + 1j * q
+        else:
+            way = guide.home * np.exp(-1j * guide.side * q)
+            down, centre = 1j * guide.side * way, guide.pivot + guide.arm * way
+        return np.asarray(np.abs(np.angle((z - centre) / down)) <= face.half_angle)
 
     def _on_face(self, q: Real, z: Complex, t: Complex, d: Complex | complex) -> Real:
         face = self.follower.face
@@ -148,7 +161,9 @@ def locate(task: Task, angle: Real, each: int, near: NDArray | None = None) -> t
     piece, u = np.zeros(n, int), np.zeros(n)
     q, corner = np.full(n, np.nan), np.zeros(n, bool)
     pieces, us, points = task.contour.samples(each)
-    search = _knife if not isinstance(task.follower.face, Flat) and task.follower.radius == 0.0 else _round
+    search = _round
+    if _pointed(task, pieces, points):
+        search, points = _knife, task.contour.on(pieces, us, 0, task.follower.radius)[0]
     whole = np.flatnonzero(near < 0) if near is not None else np.arange(n)
     block = max(1, 400_000 // points.size)
     rows = [(whole[a : a + block], np.arange(points.size)[None, :]) for a in range(0, whole.size, block)]
@@ -158,6 +173,21 @@ def locate(task: Task, angle: Real, each: int, near: NDArray | None = None) -> t
     for m, some in rows:
         piece[m], u[m], q[m], corner[m] = search(task, angle[m], pieces[some], us[some], points[some], each)
     return piece, u, q, corner
+
+
+def _pointed(task: Task, pieces: NDArray, points: Complex) -> bool:
+    """Whether the face is a knife, or a roller so thin that samples of the profile may miss it.
+
+    Its centre is then the tip of a knife on the curve at the roller's radius; of all crossings the highest is the contact, as any
+    lower one is a place where the roller touches elsewhere as well.
+    """
+    face, radius = task.follower.face, task.follower.radius
+    if isinstance(face, Flat) or (isinstance(face, Arc) and face.half_angle < np.pi):
+        return False
+    if radius == 0.0:
+        return True
+    apart = np.where(pieces[1:] == pieces[:-1], np.abs(np.diff(points)), 0.0)
+    return bool(radius < THIN * apart.max())
 
 
 def _round(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
@@ -234,6 +264,7 @@ def _climb(task: Task, angle: Real, p: NDArray, low: Real, high: Real, middle: R
 
 
 def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, each: int) -> tuple[NDArray, Real, Real, NDArray]:
+    radius = task.follower.radius
     z = task.ground(points, angle[:, None])
     f, h = task.knife_gap(z), task.knife_height(z)
     s = f >= 0.0
@@ -255,11 +286,19 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
         fa, fb = f[rows, k], f[rows, after]
 
         def gap(y: Real, m: NDArray, p: NDArray = p) -> Real:
-            return task.knife_gap(task.ground(task.contour.on(p[m], y, 0)[0], angle[m]))
+            return task.knife_gap(task.ground(task.contour.on(p[m], y, 0, radius)[0], angle[m]))
 
         x, _ = root(gap, a, b, fa, fb, live)
-        height = task.knife_height(task.ground(task.contour.on(p, x, 0)[0], angle))
+        height = task.knife_height(task.ground(task.contour.on(p, x, 0, radius)[0], angle))
         better = live & (height > best)
         best = np.where(better, height, best)
         out[0][better], out[1][better] = p[better], x[better]
-    return out[0], out[1], np.where(best > -np.inf, best, np.nan), np.zeros(angle.size, bool)
+    corner = np.zeros(angle.size, bool)
+    sharp = np.flatnonzero(task.contour.sharp_joints[:-1])
+    if radius > 0.0 and sharp.size:  # there the curve at the roller's radius has a gap
+        h = task.height(task.ground(task.contour.on(sharp, np.zeros(sharp.size), 0), angle[:, None]))
+        k, height = h.argmax(axis=1), h.max(axis=1)
+        corner = height > best
+        best = np.where(corner, height, best)
+        out[0][corner], out[1][corner] = sharp[k[corner]], 0.0
+    return out[0], out[1], np.where(best > -np.inf, best, np.nan), corner
