@@ -147,6 +147,7 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
 
 def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page):
     traffic: list[int] = []
+    assert viewer.studio.wait(rested=True)  # what each effect contributes has been found and told
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
     buffer = viewer.server._websock_server._broadcast_buffer
@@ -167,6 +168,19 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
     frame = viewer.frame
     page.get_by_text(f"frame {frame} of 360").first.wait_for()
     assert not viewer.player.aside
+
+
+def test_a_diagram_moves_while_the_browser_plays_if_it_is_seen(viewer, page):
+    diagrams = viewer.inspector.diagrams
+    open_tab(page, "Diagrams")
+    viewer.play()
+    until(page, lambda: diagrams.watched, "the page has said so")
+    box = page.locator(".mechviz-diagram circle").first
+    place = (box.get_attribute("cx"), box.get_attribute("cy"))
+    until(page, lambda: (box.get_attribute("cx"), box.get_attribute("cy")) != place, "the point moves along its curve")
+    assert viewer.player.aside
+    open_tab(page, "Plots")
+    until(page, lambda: not diagrams.watched, "nobody sees it any more")
 
 
 def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch):
@@ -259,15 +273,15 @@ def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
 def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
     assert page.evaluate(SEEN, "/vectors/reaction")
     before = _red(picture(page))
-    page.get_by_label("Reactions").uncheck()
+    page.get_by_label("Reactions", exact=True).uncheck()
     until(page, lambda: not page.evaluate(SEEN, "/vectors/reaction"), "no reactions")
     until(page, lambda: _red(picture(page)) < 0.3 * before, "a picture without reactions")
-    page.get_by_label("Reactions").check()
+    page.get_by_label("Reactions", exact=True).check()
     until(page, lambda: page.evaluate(SEEN, "/vectors/reaction"), "reactions again")
     assert not page.evaluate(SEEN, "/vectors/velocity")
-    page.get_by_label("Velocity").check()
+    page.get_by_label("Velocity", exact=True).check()
     until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
-    page.get_by_label("Velocity").uncheck()
+    page.get_by_label("Velocity", exact=True).uncheck()
     until(page, lambda: not page.evaluate(SEEN, "/vectors/velocity"), "no velocities")
 
 

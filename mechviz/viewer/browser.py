@@ -79,9 +79,39 @@ if (!window.mechvizCursor) {
 """
 
 
+# viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
+# lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
+# After each message viser goes on drawing for a quarter of a second, for textures and the like that come late. Poses, points and
+# panels do not: a few frames are enough, and without a graphics card the next move need not wait until those others are drawn.
+PROMPT = """
+(() => {
+  const viser = window.__viserMutable;
+  if (window.mechvizPrompt || !viser || !viser.drainMessageQueue || !viser.requestRender) return;
+  window.mechvizPrompt = true;
+  const AT_ONCE = new Set(["SceneNodeUpdateMessage", "SetPositionMessage", "SetOrientationMessage",
+    "SetSceneNodeVisibilityMessage", "GuiUpdateMessage", "RunJavascriptMessage"]), FRAMES = 2;
+  let request = viser.requestRender, taking = false;
+  const invalidate = () => {
+    const own = viser.scene && viser.scene.__r3f, store = own && (own.root || own), state = store && store.getState;
+    return state ? state().invalidate : null;
+  };
+  const prompt = () => {
+    const ready = viser.getRenderRequestState === "ready" && viser.drainMessageQueue && !viser.firstMessageBatch;
+    if (!ready || taking || !viser.messageQueue.length) return request();
+    const draw = viser.messageQueue.every((message) => AT_ONCE.has(message.type)) && invalidate();
+    taking = true;
+    try { viser.drainMessageQueue(); } finally { taking = false; }
+    if (draw) draw(FRAMES); else request();
+  };
+  Object.defineProperty(viser, "requestRender", { configurable: true, enumerable: true, get: () => prompt,
+    set: (other) => { request = other; } });
+})();
+"""
+
+
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{PROMPT}"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
 
 

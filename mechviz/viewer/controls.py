@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ __all__ = ["Controls"]
 
 OPEN_FIRST = ("Lengths", "Drive", "Cam")
 MOST_OPEN = 12  # controls in the folders that are open at the start
+SLOW = 0.25  # [s] between words about what goes well
 UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
 
 
@@ -34,6 +36,8 @@ class Controls:
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
+        self._faulty, self._said = False, 0.0  # whether a fault is told, and when something was said last
+        self._praised: Status | None = None
         with tab:
             self.steps = self._gui.add_button_group("Changes", (UNDO, REDO, RESET))
             self.message = self._gui.add_html("")
@@ -72,9 +76,10 @@ class Controls:
             self._note = None
         p = self._parameters.get(status.key)
         if not status.fault:
-            history = self._studio.history
-            self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo)
+            if self._faulty or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
+                self._praise(status)
             return
+        self._faulty = True
         text = words.fault(status.fault, p, status.value, status.reach)
         placed = p is not None and status.key in self._homes
         self.message.content = words.fault("", p, status.value, status.reach) if placed else text
@@ -86,8 +91,16 @@ class Controls:
         """Nothing is dragged any more: a value that could not be built goes back to the one that is shown."""
         if self._studio.status.fault:
             self.update(self._studio.run.scene)
+        elif self._praised is not self._studio.status:
+            self._praise(self._studio.status)
 
     # -- inside -------------------------------------------------------------------------------------------------------
+    def _praise(self, status: Status) -> None:
+        """Say that all went well."""
+        self._faulty, self._praised, self._said = False, status, time.perf_counter()
+        history = self._studio.history
+        self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo)
+
     def _build(self, scene: Scene) -> None:
         for folder in self._folders:
             folder.remove()

@@ -170,7 +170,11 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
 
 
 class Diagrams:
-    """A tab with one diagram at a time; ``show`` moves it, ``update`` takes another run."""
+    """A tab with one diagram at a time; ``show`` moves it, ``update`` takes another run.
+
+    While the browsers play by themselves, a diagram is the only thing that the server still draws: for those that have said,
+    through the hidden box ``seen``, that their tab is open (see playback.js), and for nobody else.
+    """
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
         self._moved = 0.0
@@ -179,6 +183,9 @@ class Diagrams:
         with tab:
             self.choice = server.gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
             self._picture = server.gui.add_html("")
+            self.seen = server.gui.add_checkbox("The diagram is seen", False, visible=False)
+        self._watchers: set[int] = set()
+        self.seen.on_update(callback("Watching a diagram", self._watch))
         self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
         self.show(0, False)
 
@@ -192,6 +199,21 @@ class Diagrams:
             if kept in self._found:
                 self.choice.value = kept
 
+    @property
+    def watched(self) -> bool:
+        """Whether a browser that plays by itself has the tab open."""
+        return bool(self._watchers)
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """A browser has gone."""
+        self._watchers.discard(client.client_id)
+
+    def _watch(self, event: Any) -> None:
+        if self.seen.value:
+            self._watchers.add(event.client.client_id)
+        else:
+            self._watchers.discard(event.client.client_id)
+
     def show(self, frame: int, playing: bool) -> None:
         now = time.perf_counter()
         if playing and now - self._moved < 1.0 / RATE:
@@ -202,7 +224,7 @@ class Diagrams:
             text = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
             content = words.hint(text)
         else:
-            content = diagram_svg(diagram, frame)
+            content = f'<div class="mechviz-diagram">{diagram_svg(diagram, frame)}</div>'
         if content != self._picture.content:
             self._picture.content = content
 

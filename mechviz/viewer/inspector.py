@@ -35,6 +35,8 @@ from .tracing import traced_at, with_traced
 __all__ = ["Inspector"]
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
+PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
+YIELD = 0.001  # [s] in which the thread that talks to the browsers can send what has been drawn
 CLOSER = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
@@ -62,6 +64,7 @@ class Inspector:
         self._lock = threading.RLock()
         self._tracing = self._closed = False
         self._slow, self._followed = 0.0, show
+        self._drew, self._plotted = 0.0, show
         self.playback = playback
         gui = server.gui
         gui.main_panel.dock_left()
@@ -114,6 +117,7 @@ class Inspector:
         self.plots.changed = self._changed
         server.on_client_connect(self._greet)
         server.on_client_disconnect(playback.forget)
+        server.on_client_disconnect(self.diagrams.forget)
         for client in server.get_clients().values():  # those that have seen something else so far
             self.scene.cameras.follow(client)
             self.scene.cameras.look(client, "front")
@@ -134,24 +138,35 @@ class Inspector:
             self._server.flush()
 
     def present(self, show: Show) -> None:
-        """Take another run of the same scene: everything changes in one step."""
+        """Take another run of the same scene. The picture changes in one step and is sent first; plots and numbers come right
+        after it, or with the next run where that waits already."""
         with self._lock:
             self.playback.hold(True)
             self._player.retime(show.time)
             frame = min(self._player.frame, show.frames - 1)
             with self._server.atomic():
                 self.scene.update(show)
-                self.plots.update(show, frame)
                 if self.pivots is not None:
                     self.pivots.update(show)
                 self.scene.show(frame)
-                self.timeline.place(show, frame)
-                if time.perf_counter() - self._slow > SLOW:
-                    self._follow(show, frame)
-                self._explain()
             self._server.flush()
+            hurried = self._studio is not None and self._studio.overtaken and show.frames == self._plotted.frames
+            if not hurried or time.perf_counter() - self._drew > PLOTS:
+                time.sleep(YIELD)
+                with self._server.atomic():
+                    self._plot(show, frame)
+                    if time.perf_counter() - self._slow > SLOW or show.frames != self._followed.frames:
+                        self._follow(show, frame)
+                    self._explain()
+                self._server.flush()
             if self._player.aside:
                 self._player.refresh()
+
+    def _plot(self, show: Show, frame: int) -> None:
+        """Bring along plots and numbers."""
+        self._drew, self._plotted = time.perf_counter(), show
+        self.plots.update(show, frame)
+        self.timeline.place(show, frame)
 
     def _follow(self, show: Show, frame: int) -> None:
         """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
@@ -182,12 +197,14 @@ class Inspector:
                 *scene,
                 tuple(t for t in others if isinstance(t, NumberTrack)),
                 tuple(t for t in others if isinstance(t, PlotTrack)),
+                self.diagrams.seen._impl.uuid,
             )
 
     def glance(self, frame: int) -> None:
         """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
-        with self._lock:
-            self.diagrams.show(min(frame, self.show.frames - 1), True)
+        if self.diagrams.watched:
+            with self._lock:
+                self.diagrams.show(min(frame, self.show.frames - 1), True)
 
     def tell(self, status: Status) -> None:
         """Say how an edit went."""
@@ -199,9 +216,12 @@ class Inspector:
     def settle(self) -> None:
         """Nothing has been edited for a while."""
         with self._lock:
-            if self._followed is not self.show:
-                with self._server.atomic():
-                    self._follow(self.show, min(self._player.frame, self.show.frames - 1))
+            frame = min(self._player.frame, self.show.frames - 1)
+            with self._server.atomic():
+                if self._plotted is not self.show:
+                    self._plot(self.show, frame)
+                if self._followed is not self.show:
+                    self._follow(self.show, frame)
             if self.controls is not None:
                 self.controls.settle()
             if self.pivots is not None:

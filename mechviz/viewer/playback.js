@@ -4,13 +4,13 @@ if (!window.mechvizPlayback) {
     const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     return new Type(bytes.buffer);
   };
-  const player = { motion: null, running: false, frames: 0, frame: -1 };
+  const player = { motion: null, running: false, frames: 0, frame: -1, watching: "" };
   const PANELS = 80; // [ms] between changes of plots and numbers
 
   player.load = (data) => {
     const time = unpack(data.time, Float64Array), count = time.length;
     player.motion = {
-      time, count, slider: data.slider,
+      time, count, slider: data.slider, seen: data.seen,
       poses: data.poses.map(([name, p, q]) => ({ name, p: unpack(p, Float32Array), q: q && unpack(q, Float32Array) })),
       points: data.points.map(([name, prop, v, n]) => {
         const values = unpack(v, Float32Array);
@@ -54,7 +54,16 @@ if (!window.mechvizPlayback) {
     const said = digits === null ? String(Number(value.toPrecision(5))) : value.toFixed(digits);
     return said.replace("-", "−");
   };
+  // A diagram is drawn by the server, if it is seen
+  const watch = (viser, motion) => {
+    const diagram = document.querySelector(".mechviz-diagram");
+    const watching = diagram && diagram.getClientRects().length ? motion.seen : "";
+    if (watching === player.watching) return;
+    player.watching = watching;
+    viser.sendMessage({ type: "GuiUpdateMessage", uuid: motion.seen, updates: { value: watching !== "" } });
+  };
   const panels = (viser, motion, k) => {
+    if (motion.seen) watch(viser, motion);
     viser.messageQueue.push({ type: "GuiUpdateMessage", uuid: motion.slider, updates: { value: k } });
     const found = {};
     for (const element of document.querySelectorAll("[data-mv]")) (found[element.dataset.mv] ||= []).push(element);

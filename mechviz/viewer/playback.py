@@ -73,7 +73,8 @@ class PlotTrack:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """All that moves while a run is played, and the slider that shows the frame."""
+    """All that moves while a run is played, the slider that shows the frame, and the hidden box through which a page says that
+    somebody sees a diagram, which only the server can draw."""
 
     time: NDArray[np.float64]
     slider: str
@@ -81,6 +82,7 @@ class Tracks:
     points: tuple[PointTrack, ...] = ()
     numbers: tuple[NumberTrack, ...] = ()
     plots: tuple[PlotTrack, ...] = ()
+    seen: str = ""
 
     @property
     def bytes(self) -> int:
@@ -95,6 +97,7 @@ class Tracks:
             {
                 "time": _packed(self.time, np.float64),
                 "slider": self.slider,
+                "seen": self.seen,
                 "poses": [[t.name, _packed(t.places), None if t.turns is None else _packed(t.turns)] for t in self.poses],
                 "points": [[t.name, t.prop, _packed(t.values), _packed(t.counts)] for t in self.points],
                 "numbers": [[t.key, _packed(t.values), t.digits, t.suffix] for t in self.numbers],

@@ -125,6 +125,11 @@ class Studio:
         """Until all changes so far are shown; ``rested``: with the solids of the last one."""
         return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
 
+    @property
+    def overtaken(self) -> bool:
+        """Whether a newer change waits for the one in work."""
+        return self._worker.overtaken
+
     def close(self) -> None:
         self._worker.close()
         self._builder.close()
