@@ -6,8 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from dynamic_mechanisms import chain
 from mechanisms import REFERENCE, drawn, four_bar, load, move, slider_crank
 
+from mechcore.dynamics import simulate
+from mechcore.dynamics.chart import differences
+from mechcore.dynamics.integrate import integrate
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Force
 
@@ -184,3 +188,47 @@ def test_jansen_leg(sample):
     motion = move(m, [np.radians(float(sample)) - start])
     agree(motion.point("ghi", "H")[0], case["expected"][sample], case, sample)
     np.testing.assert_allclose(motion.point("ghi", "H")[0], case["exact_here"][sample], rtol=1e-9)
+
+
+def test_four_bars_in_a_row_through_their_singular_position():
+    """IFToMM library of computational benchmarks, A02; the published run kept its energy to 1.8e-5 J."""
+    case = CASES["iftomm_A02_n2"]
+    end = [case["inputs"]["t_end"]]
+    for method in ("energy", "gauss"):
+        found = simulate(chain(case["inputs"]["N"]), end[0], tolerance=1e-11, method=method)
+        motion = found.motion(end)
+        for key, derivative in (("B0", 0), ("vB0", 1)):
+            got = motion.point("upright0", "B0", derivative)[0]
+            agree(got, case["expected"][key], case, key)
+            exactly(got, case, key)
+
+
+class Bristles:
+    """Friction of Canudas de Wit, Olsson, Astrom and Lischinsky (LuGre): a mass on a spring whose far end moves evenly; the second
+    coordinate is the integral of the bristles' deflection z, which z' = v - sigma_0 |v| z / g(v) decides."""
+
+    def __init__(self, i):
+        self.i = i
+
+    def __call__(self, q, v, t):
+        i = self.i
+        x, w, z = q[:, 0], v[:, 0], v[:, 1]
+        level = i["Fc"] + (i["Fs"] - i["Fc"]) * np.exp(-((w / i["vs"]) ** 2))
+        bending = w - i["sigma0"] * np.abs(w) / level * z
+        friction = i["sigma0"] * z + np.sqrt(i["sigma0"]) * bending + i["sigma2"] * w
+        return np.stack([(i["k"] * (i["u_rate"] * t - x) - friction) / i["m"], bending], axis=1)
+
+    def slopes(self, q, v, t, a):
+        return differences(self, q, v, t, a)
+
+
+def test_stick_slip_with_bristles():
+    """Time constants of 0.003 s to some seconds in one motion: the integrator's Radau windows."""
+    case = CASES["lugre_stick_slip"]
+    end, none = case["inputs"]["t_end"], np.zeros(2)
+    found = integrate(Bristles(case["inputs"]), none, none, 0.0, end, tolerance=1e-8, scale=np.array([1.0, 1e-5]), stiff=True)
+    q, v, _ = found(end)
+    for key, got in (("x", q[0, 0]), ("v", v[0, 0]), ("z", v[0, 1])):
+        agree(got, case["expected"][key], case, key)
+        exactly(got, case, key)
+    assert len(found.windows) < 500
