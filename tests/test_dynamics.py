@@ -19,6 +19,7 @@ from mechcore.dynamics.chart import Chart
 from mechcore.dynamics.collocation import gauss, radau
 from mechcore.dynamics.integrate import integrate
 from mechcore.dynamics.panels import fit_panels
+from mechcore.dynamics.reduced import reduce
 from mechcore.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec import Drive
 
@@ -442,3 +443,51 @@ def test_swings_of_any_size_are_found_by_their_energy_with_few_panels(swing: flo
     assert np.abs(q[:, 0] + np.pi / 2 - 2.0 * np.arcsin(k * sn)).max() < 3e-11 * swing + 1e-13
     assert np.abs(v[:, 0] - 2.0 * w * k * cn).max() < 1e-10 * swing + 1e-12
     assert np.abs(found.drift(t)).max() < 1e-9
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-9])
+def test_a_rocker_that_is_all_the_mass_there_is(share: float):
+    """Where it turns back next to nothing moves: the reduced inertia falls to 1e-11 of its largest within 1e-4 rad. The time of a
+    turn is that of an adaptive quadrature of dt = sqrt(J / 2 T) dq."""
+    body = bars(frame=1.0, crank=0.3, coupler=0.9, rocker=0.7, angle=0.5, speed=5.0)
+    light = [
+        dataclasses.replace(k, mass=share * k.mass, inertia=share * k.inertia) if k.name in ("crank", "coupler") else k
+        for k in body.links
+    ]
+    compiled = compile_mechanism(dataclasses.replace(body, links=tuple(light), effects=("inertia",)))
+    found = simulate(compiled, 5.0, tolerance=1e-9)
+    assert found.method == "energy" and sum(leg.clock.count for leg in found.pieces[0].way.legs) < 400
+
+    def inertia(q: np.ndarray) -> np.ndarray:
+        return reduce(compiled, q[:, None], np.zeros((len(q), 1)), np.zeros(len(q))).inertia[:, 0, 0]
+
+    q = np.linspace(0.5, 0.5 + 2 * np.pi, 20001)
+    (dips,) = np.nonzero((inertia(q)[1:-1] < inertia(q)[:-2]) & (inertia(q)[1:-1] < inertia(q)[2:]))
+    x, w = np.polynomial.legendre.leggauss(16)
+    edges = [q[0], q[-1]]
+    for k in dips + 1:  # graded towards where it is least
+        low, high = q[k - 1], q[k + 1]
+        for _ in range(60):
+            a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
+            low, high = (low, b) if np.diff(inertia(np.array([a, b])))[0] > 0 else (a, high)
+        edges += [0.5 * (low + high), *(0.5 * (low + high) + s * 2.0 ** -np.arange(2.0, 40.0) for s in (-1, 1))]
+    edges = np.unique(np.concatenate([np.atleast_1d(e) for e in edges]))
+    edges = edges[(edges >= q[0]) & (edges <= q[-1])]
+    widths = np.diff(edges)
+    nodes = (edges[:-1, None] + 0.5 * widths[:, None] * (x + 1.0)).ravel()
+    energy = 0.5 * inertia(q[:1])[0] * 25.0
+    turn = float((np.sqrt(0.5 * inertia(nodes) / energy).reshape(-1, 16) @ w) @ (0.5 * widths))
+    assert turn < 5.0 and float(found([turn])[0][0, 0]) == pytest.approx(0.5 + 2 * np.pi, abs=1e-8)
+
+
+def test_a_start_next_to_a_dead_point_of_its_own_pair():
+    """There another pair leads at once: the motion of a double rocker, run back from the end of its way in, returns."""
+    body = bars(frame=1.0, crank=0.7, coupler=0.6, rocker=0.8, angle=1.2, speed=0.0)
+    there = simulate(body, 3.0, tolerance=1e-11)
+    q, v, _ = there([3.0])
+    poses = {link.name: tuple(map(float, there.motion([3.0]).pose(link.name)[0])) for link in body.links[1:]}
+    drive = Drive(pair="A", law=Free(float(q[0, 0]), -float(v[0, 0])))
+    back = simulate(dataclasses.replace(body, drives=(drive,), sketch=poses, modes={}), 3.0, tolerance=1e-11)
+    assert back.pieces[0].compiled is not back.compiled
+    q, v, _ = back([3.0])
+    assert q[0, 0] == pytest.approx(1.2, abs=1e-9) and abs(v[0, 0]) < 1e-8

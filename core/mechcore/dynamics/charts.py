@@ -17,6 +17,7 @@ from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive
+from .chart import Chart
 from .curve import TURN, Curve, tabulate, whole_turn
 from .free import Free
 from .reduced import motion_at
@@ -34,13 +35,13 @@ class Lead:
     """A chart of the curve: who leads, the table, and the range in which it leads well (None: everywhere)."""
 
     compiled: Compiled
-    curve: Curve
+    curve: Curve | Chart
     well: tuple[float, float] | None
 
 
-def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve, tuple[float, float] | None]:
+def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve | Chart, tuple[float, float] | None]:
     """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
-    the range within which it leads well.
+    the range within which it leads well. At an edge of that, where another pair had better take over at once, no table but a chart.
 
     Raises `MechanismError` where it does not lead at ``q`` itself.
     """
@@ -68,12 +69,15 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve,
         low -= 1
     while high < len(x) - 1 and good[high + 1]:
         high += 1
-    table = tabulate(compiled, float(x[low]), float(x[high]), tolerance=tolerance)
+    ends = float(x[low]), float(x[high])
+    low, high = low + 1, high - 1  # what ends a chart lies within its table
     while low < here and share[low] < FAIR:
         low += 1
     while high > here and share[high] < FAIR:
         high -= 1
-    return table, (float(x[low]), float(x[high]))
+    if not low < here < high:
+        return Chart(compiled), (q, q)
+    return tabulate(compiled, *ends, tolerance=tolerance), (float(x[low]), float(x[high]))
 
 
 def _share(compiled: Compiled, q: Array) -> Array:
@@ -122,6 +126,7 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
         poses[link] = float(x), float(y), float(angle)
     for lead in known:
         if lead.compiled.mechanism.drives[0].pair == pair:
+            assert isinstance(lead.curve, Curve)
             table = lead.curve.table
             turns = TURN * np.floor((coordinate - table.low) / TURN) if _rotary(lead.compiled) else 0.0
             place = coordinate if table.periodic else coordinate - turns

@@ -14,7 +14,7 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
 from .curve import TURN, Curve
-from .panels import NODES, Panels, fit_panels
+from .panels import NODES, Panels, fit_where_needed
 
 __all__ = ["EnergyMotion", "by_energy"]
 
@@ -53,17 +53,20 @@ class Leg:
         rate, clock = np.moveaxis(self.clock.coefficients[::-1] * _ALTERNATING, 2, 0)
         clock = -clock
         clock[:, 0] += self.duration
-        panels = Panels(self.clock.low, self.clock.width, np.stack([rate, clock], axis=2), False)
+        assert self.clock.borders is not None
+        panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.borders[::-1])
         return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
 
     def __call__(self, t: Array) -> tuple[Array, Array]:
         """Position and speed (n,) at times (n,) within the leg."""
         edges, count = self.edges, self.clock.count
+        assert self.clock.borders is not None
+        borders = self.clock.borders
         local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
         cell = np.minimum(np.searchsorted(edges[:-1], local, side="right") - 1, count - 1)
         cell = np.maximum(cell, 0)
-        low, high = cell / count, (cell + 1) / count
-        u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) / count
+        low, high = borders[cell], borders[cell + 1]
+        u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) * (high - low)
         for _ in range(40):
             rate, clock = self.clock(u).T
             miss = clock - local
@@ -322,5 +325,5 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
             energy[last] = work.near(start + length, -length * rest[last])
         return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
 
-    panels = fit_panels(rate, 0.0, 1.0, periodic=False, tolerance=tolerance, first=max(2, round(size / width)), most=4096)
-    return panels.with_integral(0) if panels.tail()[0] <= 1e-6 else None
+    panels, left = fit_where_needed(rate, np.linspace(0.0, 1.0, max(2, round(size / width)) + 1), tolerance=tolerance)
+    return panels.with_integral(0) if left <= 1e-6 else None

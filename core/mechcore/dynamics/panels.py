@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-__all__ = ["NODES", "Panels", "fit_panels", "nodes_of"]
+__all__ = ["NODES", "Panels", "fit_panels", "fit_where_needed", "nodes_of"]
 
 Array = NDArray[np.float64]
 NODES = 16  # of a panel
@@ -64,13 +64,14 @@ def _polynomials(z: Array, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on; with ``periodic`` they
-    repeat after all."""
+    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on, or between ``borders``
+    (p + 1,); with ``periodic`` they repeat after all."""
 
     low: float
     width: float
     coefficients: Array
     periodic: bool
+    borders: Array | None = None
 
     @property
     def count(self) -> int:
@@ -78,10 +79,20 @@ class Panels:
 
     @property
     def high(self) -> float:
-        return self.low + self.width * self.count
+        return self.low + self.width * self.count if self.borders is None else float(self.borders[-1])
+
+    @property
+    def widths(self) -> Any:
+        """Widths of the panels (p, 1, 1), or of all of them."""
+        return self.width if self.borders is None else np.diff(self.borders)[:, None, None]
 
     def __call__(self, x: Array) -> Array:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
+        if self.borders is not None:
+            cell = np.clip(np.searchsorted(self.borders, x, side="right") - 1, 0, self.count - 1)
+            z = 2.0 * (x - self.borders[cell]) / (self.borders[cell + 1] - self.borders[cell]) - 1.0
+            basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
+            return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
         u = (x - self.low) / self.width
         if self.periodic:
             k = np.floor(u)
@@ -99,24 +110,24 @@ class Panels:
     def derivative(self) -> Panels:
         """The functions' derivatives by x."""
         inner = _derivative_matrix(self.coefficients.shape[1]) @ self.coefficients
-        return Panels(self.low, self.width, (2.0 / self.width) * inner, self.periodic)
+        return Panels(self.low, self.width, (2.0 / self.widths) * inner, self.periodic, self.borders)
 
     def integral(self) -> Panels:
         """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
-        inner = 0.5 * self.width * (_INT @ self.coefficients)
+        inner = 0.5 * self.widths * (_INT @ self.coefficients)
         gains = inner.sum(axis=1)  # value at the right border: every Chebyshev polynomial is 1 there; 0 at the left
         start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
         inner[:, 0] += start
-        return Panels(self.low, self.width, inner, False)
+        return Panels(self.low, self.width, inner, False, self.borders)
 
     def with_integral(self, k: int) -> Panels:
         """The functions, and beside them the integral of function k from ``low`` on (not periodic)."""
         p, n, c = self.coefficients.shape
         out = np.zeros((p, n + 1, c + 1))
         out[:, :n, :c] = self.coefficients
-        only = Panels(self.low, self.width, self.coefficients[:, :, k : k + 1], False)
+        only = Panels(self.low, self.width, self.coefficients[:, :, k : k + 1], False, self.borders)
         out[:, :, c] = only.integral().coefficients[:, :, 0]
-        return Panels(self.low, self.width, out, False)
+        return Panels(self.low, self.width, out, False, self.borders)
 
     def stacked(self, other: Panels) -> Panels:
         """Functions of both, side by side."""
@@ -163,3 +174,37 @@ def fit_panels(
         if tail <= tolerance or 2 * count > most:
             return panels
         previous, coarser, count = tail, panels, 2 * count
+
+
+def fit_where_needed(
+    function: Callable[[Array], Array], borders: Array, *, tolerance: float, most: int = 4096
+) -> tuple[Panels, float]:
+    """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
+    largest of all, or only rounding; and what the last coefficients are that are left."""
+    edges = np.stack([borders[:-1], borders[1:]], axis=1)
+    before = np.full(len(edges), np.inf)
+    largest: Any = 0.0
+    done: list[tuple[Array, Array, Array]] = []
+    count = 0
+    while True:
+        low, width = edges[:, 0], edges[:, 1] - edges[:, 0]
+        nodes = (low + 0.5 * width)[:, None] + 0.5 * width[:, None] * _X
+        coefficients = _FIT @ function(nodes.ravel()).reshape(len(edges), NODES, -1)
+        sizes = np.abs(coefficients)
+        largest = np.maximum(largest, sizes.max(axis=(0, 1)))
+        tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)
+        fine = (tail <= tolerance) | ((before < NOISE) & (tail > 0.3 * before)) | (width <= 1e-13 * (borders[-1] - borders[0]))
+        count += len(edges)
+        if not np.isfinite(tail).all() or count > most:
+            fine[:] = True
+        if fine.any():
+            done.append((edges[fine, 0], coefficients[fine], tail[fine]))
+        if fine.all():
+            break
+        middle = 0.5 * edges[~fine].sum(axis=1)
+        edges = np.stack([edges[~fine, 0], middle, middle, edges[~fine, 1]], axis=1).reshape(-1, 2)
+        before = np.repeat(tail[~fine], 2)
+    lows, found, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
+    order = np.argsort(lows)
+    panels = Panels(float(borders[0]), np.nan, found[order], False, np.append(lows[order], borders[-1]))
+    return panels, float(tails.max())

@@ -109,6 +109,8 @@ class Progress:
                         "Start on the other side, or move the stop.",
                     )
                 )
+        if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
+            q, v = self._take_over(q, v)
         self._rub(0.0, q, v)
         v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
@@ -218,11 +220,7 @@ class Progress:
             if kind == "stop":
                 v = self._settle(time, q, self._impact(time, q, v, k))
             elif kind == "border":
-                lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
-                if lead not in self.known:
-                    self.known.append(lead)
-                self._lead(lead.compiled, lead.curve, lead.well)
-                q, v = np.array([place]), np.array([rate])
+                q, v = self._take_over(q, v)
             elif kind == "dry":
                 v = self._settle(time, q, v, k)
             elif kind == "cam":
@@ -236,6 +234,14 @@ class Progress:
                 self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
                 ended = ended or watch.ends
         return end, q, v, ended
+
+    def _take_over(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Another pair leads from now on; coordinates and rates in its chart."""
+        lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
+        if lead not in self.known:
+            self.known.append(lead)
+        self._lead(lead.compiled, lead.curve, lead.well)
+        return np.array([place]), np.array([rate])
 
     def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
         """A stretch in which the present stops and contacts hold."""
