@@ -37,12 +37,12 @@ def calls(monkeypatch) -> Counter:
 
     for stage in ("velocities", "accelerations"):
         count(motion, stage, stage)
-    count(statics, "transmit", "reactions")
+    count(statics, "_transmit", "reactions")
     count(run, "solve_forces", "forces")
     for cls in {*effects.EFFECTS.values(), *effects.LOADS.values()}:
         count(cls, "wrenches", cls.__name__)
-        if "sum_into" in vars(cls):  # sums of its own, without the wrenches
-            count(cls, "sum_into", cls.__name__)
+        if "acting" in vars(cls):  # told beforehand, without the wrenches
+            count(cls, "acting", cls.__name__)
         count(cls, "potential", f"{cls.__name__} potential")
     masses = Model.masses.func
     monkeypatch.setattr(Model, "masses", property(lambda self: (counted.update(["masses"]), masses(self))[1]))

@@ -486,11 +486,10 @@ def load_two(m: Mechanism):
 def test_a_scene_without_friction_never_iterates(monkeypatch):
     """Calls are counted, not time: coefficients alone do nothing while the effect is not named."""
     import mechcore.friction.fixedpoint as fixedpoint
-    import mechcore.friction.response as response
     import mechcore.kinetostatics as kinetostatics
 
     calls = {"newton": 0, "transmit": 0}
-    newton, transmit = fixedpoint._newton, kinetostatics.transmit
+    newton, transmit = fixedpoint._newton, kinetostatics._transmit
 
     def count(name, function):
         def counted(*args, **more):
@@ -500,14 +499,13 @@ def test_a_scene_without_friction_never_iterates(monkeypatch):
         return counted
 
     monkeypatch.setattr(fixedpoint, "_newton", count("newton", newton))
-    monkeypatch.setattr(kinetostatics, "transmit", count("transmit", transmit))
-    monkeypatch.setattr(response, "transmit", count("transmit", transmit))
+    monkeypatch.setattr(kinetostatics, "_transmit", count("transmit", transmit))
     m, _ = reference_slider_crank()
     plain = load(replace(m, effects=("inertia", "gravity")), TURN, 40.0)
     assert calls == {"newton": 0, "transmit": 1}
     assert plain.friction is None and np.all(plain.dissipated == 0.0)
     load(m, TURN, 40.0)
-    assert calls["newton"] == 1 and calls["transmit"] == 3  # the loads, and all units of friction at once
+    assert calls["newton"] == 1 and calls["transmit"] == 4  # the loads, all units of friction at once, and both together
 
 
 def test_redundant_constraints_are_refused_where_they_hide_the_normal_load():

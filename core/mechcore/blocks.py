@@ -15,7 +15,7 @@ import numpy as np
 
 from . import closed_forms as cf
 from .accuracy import DEFAULT
-from .frames import added, imaginary
+from .frames import added, imaginary, minus, nothing, plus
 from .model import Block, CurveSum, Model
 from .newton import newton, solve_many
 
@@ -29,7 +29,6 @@ __all__ = [
     "column",
     "columns",
     "condition",
-    "dyad_rates",
     "equations",
     "flatness",
     "gap",
@@ -108,15 +107,17 @@ class Patch:
 
 class Vectors(NamedTuple):
     """A contour's vectors in the world, all known: (spin, Z) of the spins that turn, slides included, (joint, spin, D) of the
-    slides, and those that rest with the frame, as (vector, length): only the contour's sum needs these."""
+    slides; what rests with the frame, and the state, are there for the contour's sum only."""
 
-    arms: tuple[tuple[int, Array], ...]
-    slides: tuple[tuple[int, int, Array], ...]
-    resting: tuple[tuple[Array, Array], ...]
+    arms: list[tuple[int, Array]]
+    slides: Sequence[tuple[int, int, Array]]
+    resting: tuple[Array, tuple[tuple[int, Array], ...]]
+    state: State
 
     def total(self) -> Array:
         """Sum of all vectors: by how much the contour does not close."""
-        return sum((d * s for d, s in self.resting), sum((z for _, z in self.arms), 0j))
+        still, guides = self.resting
+        return sum((d * self.state.slide[j] for j, d in guides), sum((z for _, z in self.arms), still))
 
 
 class Columns(NamedTuple):
@@ -124,14 +125,15 @@ class Columns(NamedTuple):
     its r-th relation.
 
     Where there is one contour and two unknowns (every dyad) ``pair`` and ``dual`` stand for the table: the two columns, both turned
-    back by a right angle, and the dual basis, both times -i: unknown k of ``columns @ x = r`` is ``Re(conj(r) i dual[k])``, and
-    the force that balances the generalised forces q is ``i (q[0] dual[0] + q[1] dual[1])``.
+    back by a right angle, and the dual basis, such that unknown k of ``columns @ x + r = 0`` is ``Im(r dual[k])``; the force that
+    balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``, where ``1 / inverse`` is their cross product.
     """
 
     table: tuple[tuple[Array, ...], ...]
     ties: tuple[tuple[float, ...], ...] = ()
     pair: tuple[Array, Array] | None = None
     dual: tuple[Array, Array] | None = None
+    inverse: Array = None
 
 
 def place(model: Model, block: Block, state: State, mode: Array, start: Array | None = None) -> None:
@@ -309,9 +311,11 @@ def _split(model: Model, block: Block, contour: int, state: State) -> tuple[Arra
     The slides' directions are in the group's axes where the group is unknown, else in the world's.
     """
     rot, found = state.rot, model.splits[contour]
-    target: Array = 0j
+    target: Array = None
     for spin, vector in found.known:
-        target = added(target, vector * rot[spin])
+        target = plus(target, vector * rot[spin])
+    if target is None:
+        target = 0j
     for j, spin, d in found.known_slides:
         if model.angles.spin_group[spin] not in block.angles:
             target = added(target, (d * rot[spin]) * state.slide[j], -1)
@@ -399,32 +403,31 @@ def _place_general(model: Model, block: Block, state: State, start: Array) -> No
 
 def vectors(model: Model, contour: int, state: State) -> Vectors:
     """The vectors of a contour whose positions are known."""
-    c, rot, frame = model.spin_contours[contour], state.rot, model.angles.spin[0]
-    arms: dict[int, Array] = {}
-    slides, resting = [], []
-    for spin, vector in c.arms:
-        if spin == frame:
-            resting.append((vector, 1.0))
-        else:
-            arms[spin] = vector * rot[spin]
-    for j, spin, d in c.slides:
-        if spin == frame:
-            along = d
-            resting.append((d, state.slide[j]))
-        else:
+    found, rot = model.turning[contour], state.rot
+    arms = [(spin, vector * rot[spin]) for spin, vector in found.arms]
+    slides: Sequence[tuple[int, int, Array]] = found.slides
+    if found.carried:
+        slides = list(slides)
+        for i, j, spin, d, place in found.carried:
             along = d * rot[spin]
-            arms[spin] = added(arms.get(spin, 0j), state.slide[j] * along)
-        slides.append((j, spin, along))
-    return Vectors(tuple(arms.items()), tuple(slides), tuple(resting))
+            slides[i] = j, spin, along
+            if place < len(arms):
+                arms[place] = spin, arms[place][1] + state.slide[j] * along
+            else:
+                arms.append((spin, state.slide[j] * along))
+    return Vectors(arms, slides, found.resting, state)
 
 
 def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns:
     """Derivatives of the block's contours by its unknowns."""
     if block.dyad:
         (c,) = block.contours
-        u, v = _turned_back(contours[c], model.splits[c].unknown_places, len(block.angles))
-        over = imaginary(1.0 / (u.conjugate() * v).imag)
-        return Columns((), pair=(u, v), dual=(v * over.conjugate(), u * over))
+        u, v = _turned_back(contours[c], model.splits[c].places, len(block.angles))
+        mirrored = u.conjugate()
+        inverse = 1.0 / (mirrored * v).imag
+        over = imaginary(inverse)
+        first = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a resting guide's is one number
+        return Columns((), pair=(u, v), dual=(first, mirrored * over), inverse=inverse)
     unknowns = block.unknowns
     table = tuple(tuple(column(model, contours[c], x) for x in unknowns) for c in block.contours)
     ties = tuple(tuple(tie_coefficient(model, r, x) for x in unknowns) for r in block.relations)
@@ -452,32 +455,18 @@ def column(model: Model, v: Vectors, unknown: tuple[str, int]) -> Array:
     return None if total is None else 1j * total
 
 
-def _turned_back(v: Vectors, places: Sequence[Sequence[int]], angles: int) -> list[Array]:
+def _turned_back(v: Vectors, places: Sequence[tuple[Sequence[int], Array]], angles: int) -> list[Array]:
     """`column` of every unknown, turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
     out = []
-    for i, where in enumerate(places):
+    for i, ((first, *others), total) in enumerate(places):
         if i < angles:
-            total = v.arms[where[0]][1]
-            for k in where[1:]:
+            total = v.arms[first][1]
+            for k in others:
                 total = total + v.arms[k][1]
-        else:
-            total = -1j * v.slides[where[0]][2]
+        elif total is None:
+            total = -1j * v.slides[first][2]
         out.append(total)
     return out
-
-
-def dyad_rates(cols: Columns, drift: Array) -> list[Array]:
-    """`rates` of a block with one contour and two unknowns, times i."""
-    mirrored = drift.conjugate()
-    found = []
-    for d in cols.dual or ():
-        turn = mirrored * d
-        if isinstance(turn, np.ndarray):
-            turn.real = 0.0
-        else:
-            turn = 1j * turn.imag
-        found.append(turn)
-    return found
 
 
 def rates(block: Block, cols: Columns, drift: list[Array], tie_rhs: Sequence[Array] = ()) -> list[Array]:
@@ -486,7 +475,7 @@ def rates(block: Block, cols: Columns, drift: list[Array], tie_rhs: Sequence[Arr
     if block.kind == "relation":
         return [tie_rhs[0] / cols.ties[0][0]]
     if cols.dual is not None:
-        return [turn.imag for turn in dyad_rates(cols, drift[0])]
+        return [(drift[0] * d).imag for d in cols.dual]
     first = cols.table[0]
     if len(drift) == 1 and len(first) == 1 and not tie_rhs:
         (c,) = first
@@ -506,8 +495,12 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
     """Contour forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
     if block.kind == "relation":
         return [], [q[0] / cols.ties[0][0]]
-    if cols.dual is not None:
-        return [1j * added(q[0] * cols.dual[0], q[1] * cols.dual[1])], []
+    if cols.pair is not None:
+        (u, v), (a, b) = cols.pair, q
+        total = None if nothing(a) else v * (a * cols.inverse)
+        if not nothing(b):
+            total = minus(total, u * (b * cols.inverse))
+        return [0j if total is None else total], []
     first = cols.table[0]
     if len(cols.table) == 1 and len(first) == 1 and not cols.ties:  # one left over: the shortest force that balances
         (c,) = first

@@ -61,7 +61,8 @@ def four_areas(a: Array, b: Array, d: Array) -> Array:
 
 def leg(r: Array, y: Array) -> Array:
     """Other leg of right triangles with hypotenuse r and leg y (...) [m] -> (...) [m]; NaN where |y| > r."""
-    product = (r - y) * (r + y)
+    product = r - y
+    product *= r + y
     if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
         out = product < 0
         product = np.where(out & (abs(y) - r < ROUNDING * r), 0.0, product)

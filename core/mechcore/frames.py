@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 
-__all__ = ["added", "crossed", "imaginary", "lazy", "nothing", "rotation_of"]
+__all__ = ["added", "crossed", "imaginary", "lazy", "minus", "nothing", "plus", "purely_imaginary", "rotation_of", "rows_of"]
 
 Array = Any
 Value = TypeVar("Value")
@@ -47,6 +47,16 @@ def added(a: Array, b: Array, sign: int = 1) -> Array:
     return a + b if sign == 1 else a - b
 
 
+def plus(a: Array, b: Array) -> Array:
+    """a + b; None for ``a`` is nothing."""
+    return b if a is None else a + b
+
+
+def minus(a: Array, b: Array) -> Array:
+    """a - b; None for ``a`` is nothing."""
+    return -b if a is None else a - b
+
+
 def crossed(a: Array, b: Array) -> Array:
     """z component of the cross product of plane vectors, by one complex product (`closed_forms.cross` is exactly 0 for a = b)."""
     return (a.conjugate() * b).imag
@@ -59,6 +69,23 @@ def imaginary(a: Array) -> Array:
     out = np.zeros(a.shape, complex)
     out.imag = a
     return out
+
+
+def rows_of(shape: tuple[int, ...], z: Array, third: Array) -> Array:
+    """Plane vectors and a third number as rows of three (*shape, 3)."""
+    out = np.zeros((*shape, 3))
+    np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
+    if isinstance(third, np.ndarray) or third != 0.0:
+        out[..., 2] = third
+    return out
+
+
+def purely_imaginary(z: Array) -> Array:
+    """i Im z, in place where ``z`` is an array."""
+    if not isinstance(z, np.ndarray):
+        return 1j * z.imag
+    z.real = 0.0
+    return z
 
 
 def rotation_of(angle: Array) -> Array:

@@ -202,8 +202,9 @@ def contours(ends: Sequence[tuple[int, int]], joints: Sequence[Joint], tree: Tre
     return tuple(out)
 
 
-def leaves_first(ends: Sequence[tuple[int, int]], edges: Sequence[int]) -> tuple[tuple[int, int, int], ...]:
-    """(joint, link, other link) for the joints of a forest, each link before the one on the way to the frame's end of its tree.
+def leaves_first(ends: Sequence[tuple[int, int]], edges: Sequence[int]) -> tuple[tuple[int, int, int, bool], ...]:
+    """(joint, link, other link, whether the link is the joint's second) for the joints of a forest, each link before the one on
+    the way to the frame's end of its tree.
 
     So that what is left over at a link can be passed on through its joint, once all that comes from behind has arrived.
     """
@@ -223,7 +224,7 @@ def leaves_first(ends: Sequence[tuple[int, int]], edges: Sequence[int]) -> tuple
         j = left[0]
         done.add(j)
         other = ends[j][0] if ends[j][1] == k else ends[j][1]
-        order.append((j, k, other))
+        order.append((j, k, other, ends[j][1] == k))
         degree[other] -= 1
         degree[k] -= 1
         if degree[other] == 1 and other != 0:

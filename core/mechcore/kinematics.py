@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from . import blocks as bl
 from .blocks import Columns, Vectors
-from .frames import added, imaginary, lazy, nothing
+from .frames import added, imaginary, lazy, purely_imaginary
 from .model import CurveSum, Model
-from .positions import drive_rates
 
 __all__ = ["Rates", "accelerations", "velocities"]
 
@@ -41,11 +42,16 @@ class Rates:
         self.drives = drives
         self.bends: Mapping[int, Array] = bends or {}  # of the relations' curves
         self.before = before  # the first rates, where these are the second
-        self.spin, self.slide = drive_rates(model, drives)
-        self.turns: list[Array] = [None] * len(self.spin)
-        for s, _ in model.driven_spins:
-            if not nothing(self.spin[s]):
-                self.turns[s] = imaginary(self.spin[s])
+        n = len(model.angles.spin_group)
+        self.spin: list[Array] = [0.0] * n
+        self.turns: list[Array] = [None] * n
+        for s, ((first, way), *more) in model.driven_spins:
+            rate = drives[first] if way == 1 else -drives[first]
+            for d, sign in more:
+                rate = rate + sign * drives[d]
+            if isinstance(rate, np.ndarray) or rate:
+                self.spin[s], self.turns[s] = rate, imaginary(rate)
+        self.slide: dict[int, Array] = {j: drives[d] for j, d in model.driven_slides}
         self.group: dict[int, Array] = {}
 
     @lazy
@@ -53,20 +59,31 @@ class Rates:
         """(i omega)^2 of each spin, the centripetal factor; for use when all blocks are settled."""
         return [None if t is None else t * t for t in self.turns]
 
-    def settle(self, model: Model, block: bl.Block, solved: list[Array], turns: Sequence[Array] | None = None) -> None:
-        """Take over a block's solved rates; ``turns``: i times them, where known."""
-        spins_of = model.angles.spins_of
-        for i, group in enumerate(block.angles):
-            rate = self.group[group] = solved[i]
-            for spin in spins_of[group]:
-                if self.turns[spin] is None:
-                    self.spin[spin] = rate
-                    self.turns[spin] = imaginary(rate) if turns is None else turns[i]
-                else:
-                    self.spin[spin] = rate + self.spin[spin]
-                    self.turns[spin] = imaginary(self.spin[spin])
-        for i, j in enumerate(block.slides, len(block.angles)):
-            self.slide[j] = solved[i]
+    def settle(self, model: Model, block: bl.Block, solved: list[Array]) -> None:
+        """Take over a block's solved rates."""
+        for group, rate in zip(block.angles, solved, strict=False):
+            self._turn(model, group, rate, imaginary(rate))
+        for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
+            self.slide[j] = rate
+
+    def solve_dyad(self, model: Model, block: bl.Block, cols: Columns, drift: Array) -> None:
+        """`blocks.rates` of a dyad, taken over; i times the rate of an angle is had by clearing the real parts of a product."""
+        dual: Any = cols.dual
+        for group, d in zip(block.angles, dual, strict=False):
+            turn = drift * d
+            rate = turn.imag
+            self._turn(model, group, rate, purely_imaginary(turn))
+        for j, d in zip(block.slides, dual[len(block.angles) :], strict=True):
+            self.slide[j] = (drift * d).imag
+
+    def _turn(self, model: Model, group: int, rate: Array, turn: Array) -> None:
+        self.group[group] = rate
+        for spin in model.angles.spins_of[group]:
+            if self.turns[spin] is None:
+                self.spin[spin], self.turns[spin] = rate, turn
+            else:
+                self.spin[spin] = rate + self.spin[spin]
+                self.turns[spin] = imaginary(self.spin[spin])
 
     def tied(self, model: Model, block: bl.Block) -> list[Array]:
         """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
@@ -118,7 +135,7 @@ def velocities(
         turns = found.turns
         drift = []
         for i in block.contours:
-            arms, slides, _ = contours[i]
+            arms, slides, _, _ = contours[i]
             total: Array = None
             for spin, z in arms:
                 turn = turns[spin]
@@ -145,13 +162,11 @@ def _solve(
     derivative: int,
 ) -> None:
     """Rates of the unknowns of block number ``k``, those frames replaced at which they are given."""
-    replaced = patches.get(k, ()) if patches else ()
-    if block.dyad and not replaced:
-        turns = bl.dyad_rates(cols, drift[0])
-        found.settle(model, block, [t.imag for t in turns], turns)
+    if cols.dual is not None and not patches:
+        found.solve_dyad(model, block, cols, drift[0])
         return
     solved = bl.rates(block, cols, drift, found.tied(model, block))
-    for patch in replaced:
+    for patch in patches.get(k, ()) if patches else ():
         patch.into(solved, derivative)
     found.settle(model, block, solved)
 
@@ -172,7 +187,7 @@ def accelerations(
         turns, twice = found.turns, speeds.twice
         drift = []
         for i in block.contours:
-            arms, slides, _ = contours[i]
+            arms, slides, _, _ = contours[i]
             total: Array = None
             for spin, z in arms:
                 turn, centripetal = turns[spin], twice[spin]

@@ -21,9 +21,9 @@ from scipy.integrate import cumulative_simpson
 from . import blocks as bl
 from .closed_forms import cross
 from .effects import Wrench, point_of, potential, power_of, sum_up, totals, wrenches
-from .frames import added, crossed, lazy, nothing
+from .frames import added, crossed, lazy, minus, nothing, plus, rows_of
 from .leastnorm import least_norm
-from .motion import Motion
+from .motion import CALM, Motion
 from .spec import braked
 from .statics import Hanging
 
@@ -74,6 +74,7 @@ class Forces:
         self._applied = applied
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
         self._contacts = contacts  # of each relation: place and force on its second link
+        self._shape = (motion.frames,)
 
     @lazy
     def applied(self) -> tuple[Wrench, ...]:
@@ -93,12 +94,13 @@ class Forces:
             if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
                 force = force + self._transmitted[self._joint(pair)][0] - self._drive(self._joint(pair))[0]
             return self._rows(force, 0.0)
-        j = self._joint(pair)
+        model = self.motion.model
+        j = model.joint_index[pair]
         force, couple = self._transmitted[j]
-        if j not in self.motion.model.driven:
-            return self._rows(force, added(couple, self._carried(pair)))
-        if self.motion.model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return self._rows(force, self._carried(pair))
+        if j not in model.driven:
+            return rows_of(self._shape, force, added(couple, self._carried(pair)) if model.relations else couple)
+        if model.joints[j].coordinate == "angle":  # the drive is all of the couple
+            return rows_of(self._shape, force, self._carried(pair) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
         return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
 
@@ -282,16 +284,12 @@ class Forces:
         return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
 
     def _over_frames(self, value: Array) -> Real:
-        if isinstance(value, np.ndarray) and value.shape == (self.motion.frames,):
+        if isinstance(value, np.ndarray) and value.shape == self._shape:
             return value.copy()
-        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), (self.motion.frames,)))
+        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), self._shape))
 
     def _rows(self, force: Array, moment: Array) -> Real:
-        out = np.zeros((self.motion.frames, 3))
-        out[:, 0], out[:, 1] = force.real, force.imag
-        if isinstance(moment, np.ndarray) or moment != 0.0:
-            out[:, 2] = moment
-        return out
+        return rows_of(self._shape, force, moment)
 
 
 def solve_forces(motion: Motion) -> Forces:
@@ -302,8 +300,11 @@ def solve_forces(motion: Motion) -> Forces:
 
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
-    force, moment, formed = totals(motion)
-    return Forces(motion, formed, *transmit(motion, force, moment)[:2])
+    with np.errstate(**CALM):  # one for all, as each costs as much as two sums
+        if model.told.accelerated:
+            motion.accelerate()
+        force, moment, formed = totals(motion)
+        return Forces(motion, formed, *_transmit(motion, force, moment)[:2])
 
 
 def transmit(
@@ -316,111 +317,108 @@ def transmit(
     Returns force and couple on the second link of every joint (drive included), place and force on the second link of every
     relation by name, and the relations' multipliers.
     """
+    with np.errstate(**CALM):
+        return _transmit(motion, [None if nothing(f) else f for f in force], [None if nothing(m) else m for m in moment], flanks)
+
+
+def _transmit(
+    motion: Motion, force: list[Array], moment: list[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """`transmit` with None for loads that are nothing; the lists are used up."""
     model = motion.model
     if model.spread:
-        return least_norm(motion, force, moment, flanks)
-    force, moment = list(force), list(moment)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
-        contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
-        for r, multiplier in ties.items():
-            relation = model.relations[r]
-            place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
-            contacts[relation.name] = (place, multiplier * direction)
-            for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+        return least_norm(motion, [0j if f is None else f for f in force], [0.0 if m is None else m for m in moment], flanks)
+    contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
+    cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
+    for r, multiplier in ties.items():
+        relation = model.relations[r]
+        place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
+        contacts[relation.name] = (place, multiplier * direction)
+        for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+            k = model.index[link]
+            f = sign * contacts[relation.name][1]
+            force[k] = plus(force[k], f)
+            moment[k] = plus(moment[k], crossed(place - motion.origins[k], f))
+        if relation.bearing is not None:
+            couple = relation.bearing.couple(motion, *contacts[relation.name])
+            for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                 k = model.index[link]
-                f = sign * contacts[relation.name][1]
-                force[k] = force[k] + f
-                moment[k] = moment[k] + crossed(place - motion.origins[k], f)
-            if relation.bearing is not None:
-                couple = relation.bearing.couple(motion, *contacts[relation.name])
-                for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
-                    moment[model.index[link]] = moment[model.index[link]] + sign * couple
-        if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
-            cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
-        for c, cut in cuts.items():
-            j = model.contours[c].closing
-            for side, (k, sign) in enumerate(zip(model.ends[j], (-1, 1), strict=True)):
-                if k:
-                    force[k] = added(force[k], cut, sign)
-                    if k in model.passing:
-                        moment[k] = added(moment[k], _moment(motion.arm(k, j, side), cut), sign)
-        hanging, unbalanced = _hang(motion, force, moment, model.hanging)
+                moment[k] = plus(moment[k], sign * couple)
+    if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
+        cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
-        transmitted[model.contours[c].closing] = (cut, 0.0)
-    for k, (j, side, _) in model.steps.items():
-        transmitted[j] = (hanging[k] * -1.0 if side else hanging[k], 0.0)
-    for j, couple in _couples(motion, unbalanced).items():
-        transmitted[j] = (transmitted[j][0], couple)
+        j, on = model.closings[c]
+        transmitted[j] = cut, 0.0
+        for k, put, arm in on:
+            force[k] = put(force[k], cut)
+            if arm is not None:
+                moment[k] = put(moment[k], crossed(_arm(motion, *arm), cut))
+    hanging, unbalanced = _hang(motion, force, moment, model.hanging)
+    for j, k, side in model.carriers:
+        f = hanging[k]
+        if f is not None:
+            transmitted[j] = f * -1.0 if side else f, 0.0
+    for j, k, other, second in model.leaves_first:  # couples: moments passed on from the leaves of each group
+        couple = unbalanced[k]
+        if couple is not None:
+            transmitted[j] = transmitted[j][0], -couple if second else couple
+            if other:
+                unbalanced[other] = plus(unbalanced[other], couple)
     return transmitted, contacts, ties
 
 
 def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array], steps: Hanging) -> tuple[list[Array], list[Array]]:
     """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced (of the links that ``steps`` ask for); not of the frame."""
+    forces alone leave unbalanced (of the links that ``steps`` ask for); not of the frame. None: nothing."""
     hanging, unbalanced = list(force), list(moment)
     for k, p, own, carrying in steps:
         f = hanging[k]
-        if nothing(f):
+        if f is None:
             continue
         if own is not None:
-            unbalanced[k] = added(unbalanced[k], _moment(motion.arm(*own), f), -1)
+            unbalanced[k] = minus(unbalanced[k], crossed(_arm(motion, *own), f))
         if p:
-            hanging[p] = added(hanging[p], f)
+            hanging[p] = plus(hanging[p], f)
             if carrying is not None:
-                unbalanced[p] = added(unbalanced[p], _moment(motion.arm(*carrying), f))
+                unbalanced[p] = plus(unbalanced[p], crossed(_arm(motion, *carrying), f))
     return hanging, unbalanced
 
 
-def _moment(arm: Array, force: Array) -> Array:
-    return 0.0 if nothing(arm) else crossed(arm, force)
+def _arm(motion: Motion, spin: int, vector: Array, sliding: tuple[int, int, int] | None) -> Array:
+    """The arm of a joint's force on a link: a vector that turns with it, or one that also slides along it."""
+    return vector * motion.state.rot[spin] if sliding is None else motion.arm(*sliding)
 
 
 def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> tuple[dict[int, Array], dict[int, Array]]:
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
-    model = motion.model
-    by_group: list[Array] = [0.0] * model.angles.groups
-    for k, g in model.grouped.items():
-        by_group[g] = added(by_group[g], unbalanced[k])
+    model, columns = motion.model, motion.columns
     cuts: dict[int, Array] = {}
     ties: dict[int, Array] = {}
-    for block, cols in zip(reversed(model.blocks), reversed(motion.columns), strict=True):
+    for i, block, balances in model.balances:
+        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
+            cuts.update(dict.fromkeys(block.contours, 0j))
+            ties.update(dict.fromkeys(block.relations, 0.0))
+            continue
         q = []
-        for unknown in block.unknowns:
-            what, i = unknown
-            total: Array = 0.0
-            if what == "angle":
-                total = by_group[i]
-            elif i in model.child:  # a tree joint: what hangs on the child moves along the guide
-                k = model.child[i]
-                total = (motion.guide(i).conjugate() * hanging[k]).real
-                if model.ends[i][model.joints[i].guide] == k:
-                    total = -total
-            contours, relations = model.later[unknown]
+        for unknown, links, child, back, contours, relations in balances:
+            total: Array = None
+            for k in links:
+                if unbalanced[k] is not None:
+                    total = plus(total, unbalanced[k])
+            if child and hanging[child] is not None:
+                guide = motion.guide(unknown[1])
+                total = ((-guide if back else guide).conjugate() * hanging[child]).real
             for c in contours:
                 col = bl.column(model, motion.contours[c], unknown)
                 if col is not None:
-                    total = total - (np.conj(col) * cuts[c]).real
+                    total = minus(total, (np.conj(col) * cuts[c]).real)
             for r in relations:
-                total = total - bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r]
-            q.append(total)
-        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
-            found: list[Array] = [0j] * len(block.contours)
-            tied: list[Array] = [0.0] * len(block.relations)
-        else:
-            found, tied = bl.transposed(block, cols, q)
-        ties.update(zip(block.relations, tied, strict=True))
-        cuts.update(zip(block.contours, found, strict=True))
+                total = minus(total, bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r])
+            q.append(0.0 if total is None else total)
+        found, tied = bl.transposed(block, columns[i], q)
+        for c, cut in zip(block.contours, found, strict=True):
+            cuts[c] = cut
+        for r, tie in zip(block.relations, tied, strict=True):
+            ties[r] = tie
     return cuts, ties
-
-
-def _couples(motion: Motion, unbalanced: Sequence[Array]) -> dict[int, Array]:
-    """Couples on the second links of the joints that fix an angle: moments passed on from the leaves of each group."""
-    left = list(unbalanced)
-    couples: dict[int, Array] = {}
-    for j, k, other in motion.model.leaves_first:
-        couples[j] = -left[k] if motion.model.ends[j][1] == k else left[k]
-        if other:
-            left[other] = added(left[other], left[k])
-    return couples

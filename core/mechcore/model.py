@@ -22,8 +22,8 @@ from .load_checks import load_faults
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
-from .statics import Body, Hanging, bodies_with_mass, hanging, hung, weights
-from .terms import Split, Terms, driven_spins, point_terms, split
+from .statics import Arm, Balance, Hanging, Put, Told, balances, carried, closings, hanging, hung, weights
+from .terms import Split, Terms, Turning, driven_spins, point_terms, split, turning
 
 if TYPE_CHECKING:
     from .effects import Effect
@@ -169,11 +169,6 @@ class Model:
         return weights(self)
 
     @cached_property
-    def moved(self) -> tuple[Body, ...]:
-        """The moving links that have a mass or a moment of inertia."""
-        return bodies_with_mass(self)
-
-    @cached_property
     def applied(self) -> tuple[Effect, ...]:
         """The effects and loads that put wrenches on links without knowing the reactions."""
         from .effects import effects_of  # here: effects work on models
@@ -181,9 +176,21 @@ class Model:
         return tuple(effect for effect in effects_of(self.mechanism) if "reactions" not in effect.needs)
 
     @cached_property
+    def told(self) -> Told:
+        """What effects put on links at points that are known beforehand, and the applied effects that have to be evaluated."""
+        acting = [(effect, effect.acting(self)) for effect in self.applied]
+        known = carried(self, [a for _, own in acting if own is not None for a in own])
+        return Told(known, any(c.mass or c.inertia for c in known), tuple(effect for effect, own in acting if own is None))
+
+    @cached_property
     def splits(self) -> Mapping[int, Split]:
         """Every contour as its block sees it."""
         return {c: split(self, b, c) for b in self.blocks for c in b.contours}
+
+    @cached_property
+    def turning(self) -> tuple[Turning, ...]:
+        """Every contour by what turns in it."""
+        return tuple(turning(self, c) for c in range(len(self.spin_contours)))
 
     @cached_property
     def driven_spins(self) -> tuple[tuple[int, tuple[tuple[int, int], ...]], ...]:
@@ -208,19 +215,24 @@ class Model:
         return {k: (joint[k], 1 if self.ends[joint[k]][1] == k else 0, self.tree.parent[k]) for k in self.tree.order}
 
     @cached_property
+    def carriers(self) -> tuple[tuple[int, int, int], ...]:
+        """The joints of the tree, each with the link that it leads to and that link's side in it."""
+        return tuple((j, k, side) for k, (j, side, _) in self.steps.items())
+
+    @cached_property
     def child(self) -> Mapping[int, int]:
         """The link that each joint of the tree leads to, seen from the frame."""
         return {self.tree.joint[k]: k for k in self.tree.order}
 
     @cached_property
-    def leaves_first(self) -> tuple[tuple[int, int, int], ...]:
-        """The joints that fix an angle, from the leaves inwards: (joint, link, other link)."""
+    def leaves_first(self) -> tuple[tuple[int, int, int, bool], ...]:
+        """The joints that fix an angle, from the leaves inwards: (joint, link, other link, whether the link is its second)."""
         return leaves_first(self.ends, self.angles.edges)
 
     @cached_property
     def passing(self) -> frozenset[int]:
         """Links that pass moments on to others through joints that fix an angle."""
-        return frozenset(k for _, *links in self.leaves_first for k in links if k)
+        return frozenset(k for _, *links, _ in self.leaves_first for k in links if k)
 
     @cached_property
     def grouped(self) -> Mapping[int, int]:
@@ -246,6 +258,16 @@ class Model:
     def hanging(self) -> Hanging:
         """What hangs where, as far as couples and drives need it."""
         return hanging(self, self.passing, self.inwards)
+
+    @cached_property
+    def balances(self) -> tuple[tuple[int, Block, tuple[Balance, ...]], ...]:
+        """What balances at the unknowns of every block, the last block first."""
+        return balances(self)
+
+    @cached_property
+    def closings(self) -> tuple[tuple[int, tuple[tuple[int, Put, Arm | None], ...]], ...]:
+        """Of every contour the joint that closes it, and on which links the force in its cut acts."""
+        return closings(self)
 
     @cached_property
     def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:

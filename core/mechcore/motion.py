@@ -13,7 +13,7 @@ from . import blocks as bl
 from .accuracy import DEFAULT, Accuracy
 from .blocks import Columns, Patch, State, Vectors
 from .changes import Change
-from .frames import added, lazy, nothing
+from .frames import added, lazy, nothing, rows_of
 from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
@@ -179,10 +179,18 @@ class Motion:
         if self.accuracy.differentiation != "exact":
             return self._by_differences(2)
         with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
-            if "speeds" not in self.__dict__:
-                self.speeds = self._speeds()
-            rates = [d[2] for d in self._drives]
-            return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
+            return self._accelerations()
+
+    def _accelerations(self) -> Rates:
+        if "speeds" not in self.__dict__:
+            self.speeds = self._speeds()
+        rates = [d[2] for d in self._drives]
+        return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
+
+    def accelerate(self) -> None:
+        """Work out `accelerations` now, for a caller that has quietened numpy."""
+        if "accelerations" not in self.__dict__ and self.accuracy.differentiation == "exact":
+            self.accelerations = self._accelerations()
 
     def _by_differences(self, derivative: int) -> Rates:
         from .differences import numerical_rates  # here: nobody needs it who does not ask for it
@@ -230,6 +238,10 @@ class Motion:
         key = j, derivative
         if key not in self._slid:
             spin, direction = self.model.guides[j]
+            if spin == self.model.angles.spin[0]:  # the guide rests
+                s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
+                self._slid[key] = direction, s
+                return direction, s
             s, turn = self.state.slide[j], None if derivative == 0 else self.speeds.turns[spin]
             if derivative == 1:
                 s = self.speeds.slide[j] if turn is None else self.speeds.slide[j] + turn * s
@@ -417,9 +429,7 @@ class Motion:
             if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
                 z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
             return (z if fresh else z.copy())[..., None].view(float)
-        out = np.empty((*self.shape, 3))
-        out[..., 0], out[..., 1], out[..., 2] = z.real, z.imag, angle
-        return out
+        return rows_of(self.shape, z, angle)
 
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property

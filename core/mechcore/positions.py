@@ -12,7 +12,7 @@ from .blocks import Patch, State, apply, place
 from .frames import rotation_of
 from .model import Model
 
-__all__ = ["drive_rates", "initial_state", "place_all"]
+__all__ = ["initial_state", "place_all"]
 
 Array = Any
 
@@ -38,7 +38,9 @@ def initial_state(
                 factor[term] = rotation_of(drives[d] if sign == 1 else sign * drives[d])
             total = factor[term] if total is None else total * factor[term]
         delta[spin] = total
-    rot = [r if g == 0 else None for r, g in zip(delta, model.angles.spin_group, strict=True)]
+    rot: list[Array] = [None] * len(delta)
+    for spin in model.angles.spins_of[0]:
+        rot[spin] = delta[spin]
     slide = {j: drives[d] for j, d in model.driven_slides}
     return State(drives=drives, delta=delta, rot=rot, slide=slide, constants=constants, near=near or {}, tolerance=tolerance)
 
@@ -62,12 +64,3 @@ def place_all(
                 for patch in patches.get(i, ()):
                     apply(model, block, state, patch, onto=True)
     return state
-
-
-def drive_rates(model: Model, rates: Sequence[Array]) -> tuple[list[Array], dict[int, Array]]:
-    """What the drives' rates alone decide: extra speed of each spin over its group, and the rates of driven slides."""
-    extra: list[Array] = [0.0] * len(model.angles.spin_group)
-    for spin, terms in model.driven_spins:
-        for d, sign in terms:
-            extra[spin] = extra[spin] + sign * rates[d]
-    return extra, {j: rates[d] for j, d in model.driven_slides}

@@ -49,7 +49,7 @@ class Compiled:
         """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
         return TURN * MOST_TURNS * min(1.0, self.model.size) - max((abs(q) for q in self.start), default=0.0)
 
-    @property
+    @cached_property
     def followed(self) -> bool:
         """Whether groups have to be followed along their course; with gears a turn of the drive need not bring all back."""
         return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
@@ -160,7 +160,10 @@ def solve_motion(
 def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
     """Drives that go on for so many turns that nobody would wait for all the change points and angles on their way."""
     near = compiled.near
-    if all(-near < q[0] < near and -near < q[-1] < near for q in positions):
+    for q in positions:
+        if not (-near < q.item(0) < near and -near < q.item(-1) < near):
+            break
+    else:
         return
     model = compiled.model
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from .model import Block, Model
 
-__all__ = ["Split", "Terms", "driven_spins", "point_terms", "scaled", "split"]
+__all__ = ["Split", "Terms", "Turning", "driven_spins", "point_terms", "scaled", "split", "turning"]
 
 Array = Any
 MOST = 6  # terms of a point: beyond, it is cheaper to go from link to link and share what is common
@@ -27,7 +27,18 @@ class Split(NamedTuple):
     arms: dict[int, Array] | None
     known_slides: tuple[tuple[int, int, Array], ...]  # (joint, spin, d)
     slides: tuple[tuple[int, int, Array], ...]  # of the unknown
-    unknown_places: tuple[tuple[int, ...], ...]  # of each unknown: which of the contour's vectors turn with it, or its slide
+    # of each unknown: which of the contour's vectors turn with it; or its slide, and its column where its guide rests, else None
+    places: tuple[tuple[tuple[int, ...], Array], ...]
+
+
+class Turning(NamedTuple):
+    """A contour by what turns in it: ``arms`` (spin, A) of the spins that turn; ``slides`` (joint, spin, d), of which those in
+    ``carried`` turn, each given as (its number, joint, spin, d, number of the arm that it adds to)."""
+
+    arms: tuple[tuple[int, Array], ...]
+    slides: tuple[tuple[int, int, Array], ...]
+    carried: tuple[tuple[int, int, int, Array, int], ...]
+    resting: tuple[Array, tuple[tuple[int, Array], ...]]  # sum of the arms that rest, and (joint, d) of the guides that do
 
 
 class Terms(NamedTuple):
@@ -46,7 +57,14 @@ def split(model: Model, block: Block, contour: int) -> Split:
     """Sort a contour's vectors by what its block solves."""
     c = model.spin_contours[contour]
     group = model.angles.spin_group
-    unknown = tuple((group[spin], spin, a) for spin, a in c.arms if group[spin] in block.angles)
+    arms_of, slides = c.arms, tuple(s for s in c.slides if s[0] in block.slides)
+    known_slides = tuple(s for s in c.slides if s[0] not in block.slides)
+    if block.kind == "theta_slide" and slides[0][1] == model.angles.spin[0]:  # in the axes of a guide that rests
+        ((j, s, d),) = slides
+        arms_of = tuple((spin, a * d.conjugate()) for spin, a in arms_of)
+        known_slides = tuple((i, spin, other * d.conjugate()) for i, spin, other in known_slides)
+        slides = ((j, s, 1 + 0j),)
+    unknown = tuple((group[spin], spin, a) for spin, a in arms_of if group[spin] in block.angles)
     spins = dict.fromkeys([s for s, _ in c.arms] + [s for _, s, _ in c.slides])  # as `blocks.vectors` puts them
     turning = [s for s in spins if s != model.angles.spin[0]]
     arms: dict[int, Array] | None = {}
@@ -56,15 +74,33 @@ def split(model: Model, block: Block, contour: int) -> Split:
         if model.angles.spin_drives[spin]:
             arms = None
     return Split(
-        known=tuple((spin, -a) for spin, a in c.arms if group[spin] not in block.angles),
+        known=tuple((spin, -a) for spin, a in arms_of if group[spin] not in block.angles),
         unknown=unknown,
         arms=arms,
-        known_slides=tuple(s for s in c.slides if s[0] not in block.slides),
-        slides=tuple(s for s in c.slides if s[0] in block.slides),
-        unknown_places=(
-            *(tuple(i for i, s in enumerate(turning) if group[s] == g) for g in block.angles),
-            *(tuple(i for i, s in enumerate(c.slides) if s[0] == j) for j in block.slides),
+        known_slides=known_slides,
+        slides=slides,
+        places=(
+            *((tuple(i for i, s in enumerate(turning) if group[s] == g), None) for g in block.angles),
+            *(
+                ((i,), -1j * d if spin == model.angles.spin[0] else None)
+                for j in block.slides
+                for i, (k, spin, d) in enumerate(c.slides)
+                if k == j
+            ),
         ),
+    )
+
+
+def turning(model: Model, contour: int) -> Turning:
+    """Sort a contour's vectors by whether they turn."""
+    c, frame = model.spin_contours[contour], model.angles.spin[0]
+    arms = tuple((s, a) for s, a in c.arms if s != frame)
+    spins = list(dict.fromkeys([*(s for s, _ in arms), *(s for _, s, _ in c.slides if s != frame)]))
+    return Turning(
+        arms=arms,
+        slides=c.slides,
+        carried=tuple((i, j, s, d, spins.index(s)) for i, (j, s, d) in enumerate(c.slides) if s != frame),
+        resting=(sum((a for s, a in c.arms if s == frame), 0j), tuple((j, d) for j, s, d in c.slides if s == frame)),
     )
 
 

@@ -71,7 +71,7 @@ def extended(motion: Motion) -> Motion | None:
             if block.kind == "check":
                 continue
             drift = [np.asarray(bl.vectors(model, c, state).total(), complex) for c in block.contours]
-            steps = [t.imag for t in bl.dyad_rates(cols, drift[0])] if block.dyad else bl.rates(block, cols, drift)
+            steps = bl.rates(block, cols, drift)
             for i, g in enumerate(block.angles):
                 step = np.asarray(steps[i], LONG)
                 groups[g] = groups[g] * (np.cos(step) + 1j * np.sin(step))

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from ..frames import crossed, nothing, plus
 from ..loads import (
     BeltTension,
     ConstantPower,
@@ -42,7 +45,7 @@ from .machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
 from .prescribed import AppliedForce, AppliedTorque
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
-from .wrench import Totals, Wrench, point_of, power_of, sum_up
+from .wrench import Wrench, point_of, power_of, sum_up
 
 __all__ = [
     "CAUSES",
@@ -51,7 +54,6 @@ __all__ = [
     "NEEDS",
     "Configuration",
     "Effect",
-    "Totals",
     "Wrench",
     "effects_of",
     "point_of",
@@ -100,18 +102,39 @@ def wrenches(at: Any) -> list[Wrench]:
 
 
 def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
-    """Force on every link and moment about its origin, as `sum_up` of the `wrenches`, and a function that gives these.
+    """Force on every link and moment about its origin, None for nothing, as `sum_up` of the `wrenches`, and a function for these.
 
-    Wrenches that the sums did without (of inertia and gravity) are formed if that function is called.
+    Wrenches that the sums did without (of inertia and constant forces) are formed if that function is called.
     """
     model = at.model
-    total = Totals(len(model.links))
-    found = [(effect, effect.sum_into(at, total)) for effect in model.applied]
+    known, _, others = model.told
+    evaluated = {effect: effect.wrenches(at) for effect in others}
+    force: list[Any] = [None] * len(model.links)
+    moment: list[Any] = [None] * len(model.links)
+    rot = at.state.rot
+    for k, point, arm, f, mass, inertia, spin, opposed in known:
+        if mass:
+            inert = at.summed(opposed, 2) if opposed is not None else -mass * at.of_point(k, point, 2)
+            f = inert + f if f else inert
+        if isinstance(f, np.ndarray) or f:
+            force[k] = f if force[k] is None else force[k] + f
+            if arm is not None:
+                moment[k] = plus(moment[k], crossed(arm * rot[spin], f))
+        if inertia:
+            alpha = at.accelerations.spin[spin]
+            if isinstance(alpha, np.ndarray) or alpha:
+                moment[k] = plus(moment[k], -inertia * alpha)
+    if others:
+        forces_and_moments = sum_up([w for own in evaluated.values() for w in own], len(model.links))
+        for total, found in zip((force, moment), forces_and_moments, strict=True):
+            for k, a in enumerate(found):
+                if not nothing(a):
+                    total[k] = plus(total[k], a)
 
     def formed() -> list[Wrench]:
-        return [w for effect, own in found for w in (effect.wrenches(at) if own is None else own)]
+        return [w for effect in model.applied for w in (evaluated[effect] if effect in evaluated else effect.wrenches(at))]
 
-    return (*total.sums(), formed)
+    return force, moment, formed
 
 
 def potential(at: Configuration) -> Any:

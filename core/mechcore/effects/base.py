@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from ..kinematics import Rates
 from ..model import Model
-from .wrench import Totals, Wrench
+from ..statics import Acting
+from .wrench import Wrench
 
 __all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
 
@@ -79,12 +81,9 @@ class Effect:
         """The wrenches on the links at a `Configuration` (a `Motion` where it needs accelerations)."""
         raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
 
-    def sum_into(self, at: Any, totals: Totals) -> list[Wrench] | None:
-        """Add the wrenches to ``totals``. Returns them, or None where the sums were had without forming them."""
-        found = self.wrenches(at)
-        for w in found:
-            totals.add(w)
-        return found
+    def acting(self, model: Model) -> Sequence[Acting] | None:
+        """The same as the wrenches, where that can be told beforehand, once per model; else None."""
+        return None
 
     @property
     def piecewise(self) -> bool:

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ..model import Model
+from ..statics import Acting
 from .base import Configuration, Effect
-from .wrench import Totals, Wrench
+from .wrench import Wrench
 
 __all__ = ["Gravity"]
 
@@ -33,9 +35,8 @@ class Gravity(Effect):
             for k, weight, centre in at.model.weights
         ]
 
-    def sum_into(self, at: Configuration, totals: Totals) -> None:
-        for k, weight, centre in at.model.weights:
-            totals.put(k, at.offset(k, centre), weight)
+    def acting(self, model: Model) -> list[Acting]:
+        return [Acting(k, centre, force=weight) for k, weight, centre in model.weights]
 
     def potential(self, at: Configuration) -> Array:
         return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.weights), 0.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from ..model import Model
 from ..motion import Motion
+from ..statics import Acting
 from .base import Effect
-from .wrench import Totals, Wrench
+from .wrench import Wrench
 
 __all__ = ["Inertia"]
 
@@ -35,11 +37,5 @@ class Inertia(Effect):
                 )
         return out
 
-    def sum_into(self, at: Motion, totals: Totals) -> None:
-        alpha = at.accelerations.spin
-        for k, mass, centre, inertia, spin, terms in at.model.moved:
-            if mass:
-                force = at.summed(terms, 2) if terms is not None else -mass * at.of_point(k, centre, 2)
-                totals.put(k, at.offset(k, centre), force)
-            if inertia:
-                totals.turn(k, -inertia * alpha[spin])
+    def acting(self, model: Model) -> list[Acting]:
+        return [Acting(k, s, mass=mass, inertia=j) for k, (mass, s, j) in enumerate(model.masses) if k and (mass or j)]

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from ..loads import Force, Torque
+from ..model import Model
+from ..statics import Acting
 from .argument import bends, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
-from .wrench import Totals, Wrench
+from .wrench import Wrench
 
 __all__ = ["AppliedForce", "AppliedTorque"]
 
@@ -42,13 +44,12 @@ class AppliedForce(Effect):
         other = model.index[load.against]
         return [Wrench(load.name, "force", k, vector, 0.0, arm, other=other, other_arm=at.of_point(k, local) - at.origins[other])]
 
-    def sum_into(self, at: Configuration, totals: Totals) -> list[Wrench] | None:
-        load, model = self.load, at.model
+    def acting(self, model: Model) -> list[Acting] | None:
+        load = self.load
         if load.factor is not None or load.axes == "link" or load.against is not None:
-            return super().sum_into(at, totals)
+            return None
         k = model.index[load.link]
-        totals.put(k, at.offset(k, model.points[k][load.point]), complex(*load.vector))
-        return None
+        return [Acting(k, model.points[k][load.point], force=complex(*load.vector))]
 
 
 class AppliedTorque(Effect):

@@ -13,7 +13,7 @@ from ..frames import added, crossed, nothing
 if TYPE_CHECKING:
     from .base import Configuration
 
-__all__ = ["Totals", "Wrench", "point_of", "power_of", "sum_up"]
+__all__ = ["Wrench", "point_of", "power_of", "sum_up"]
 
 Array = Any
 
@@ -64,57 +64,26 @@ def power_of(at: Configuration, wrench: Wrench) -> Array:
     return total
 
 
-class Totals:
-    """Force on every link and moment about every link's origin, summed up as they come.
+def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Array]]:
+    """Force on every link and moment about every link's origin.
 
     Forces at the same arm are summed first, one moment for all, and constants before arrays.
     """
-
-    __slots__ = ("_acting", "_force", "moment")
-
-    def __init__(self, links: int):
-        self.moment: list[Array] = [0.0] * links
-        self._force: list[Array] = [0j] * links
-        self._acting: dict[tuple[int, int], list[Array]] = {}  # (link, arm by identity): link, arm, constant force, force
-
-    def put(self, k: int, arm: Array, force: Array, sign: int = 1) -> None:
-        """A force on link ``k`` at ``arm`` from its origin (``sign`` -1: its opposite)."""
-        key = k, 0 if nothing(arm) else id(arm)
-        at = self._acting.get(key)
-        if at is None:
-            at = self._acting[key] = [k, arm, 0j, 0j]
-        if isinstance(force, np.ndarray):
-            at[3] = added(at[3], force, sign)
-        else:
-            at[2] += force if sign == 1 else -force
-
-    def turn(self, k: int, moment: Array, sign: int = 1) -> None:
-        """A free moment on link ``k``."""
-        self.moment[k] = added(self.moment[k], moment, sign)
-
-    def add(self, w: Wrench) -> None:
-        """A wrench, and its opposite on the other link."""
-        self.turn(w.link, w.moment)
-        self.put(w.link, w.arm, w.force)
-        if w.other is not None:
-            self.turn(w.other, w.moment, -1)
-            self.put(w.other, w.other_arm, w.force, -1)
-
-    def sums(self) -> tuple[list[Array], list[Array]]:
-        """Force on every link and moment about every link's origin."""
-        force, moment = list(self._force), list(self.moment)
-        for k, arm, constant, f in self._acting.values():
-            f = added(f, constant)
-            if not nothing(f):
-                force[k] = added(force[k], f)
-                if not nothing(arm):
-                    moment[k] = added(moment[k], crossed(arm, f))
-        return force, moment
-
-
-def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Array]]:
-    """Force on every link and moment about every link's origin."""
-    total = Totals(links)
+    force: list[Array] = [0j] * links
+    moment: list[Array] = [0.0] * links
+    acting: dict[tuple[int, int], list[Array]] = {}  # (link, arm by identity): link, arm, constant force, force
     for w in wrenches:
-        total.add(w)
-    return total.sums()
+        for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
+            if k is None:
+                continue
+            moment[k] = added(moment[k], w.moment, sign)
+            at = acting.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
+            which = 3 if isinstance(w.force, np.ndarray) else 2
+            at[which] = added(at[which], w.force, sign)
+    for k, arm, constant, f in acting.values():
+        f = added(f, constant)
+        if not nothing(f):
+            force[k] = added(force[k], f)
+            if not nothing(arm):
+                moment[k] = added(moment[k], crossed(arm, f))
+    return force, moment
