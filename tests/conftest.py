@@ -1,8 +1,13 @@
-"""Which tests run in one process: those that share something dear, a recording of a scene, its solids or a browser."""
+"""Which tests run in one process: those that share something dear, a recording, its solids or a browser. No test has a deadline."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
+
+# a busy machine fails no test: examples have no deadline, all else is as hypothesis chooses it (in CI it is another choice)
+settings.register_profile("without a clock", settings.default, deadline=None)
+settings.load_profile("without a clock")
 
 PER_SCENE = {"test_recording", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
 PER_MODULE = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
