@@ -11,24 +11,30 @@ __all__ = ["crisp"]
 _CREASE = np.cos(np.radians(30.0))
 
 
-def crisp(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def crisp(
+    vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, area: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Split a closed mesh along its creases.
 
-    vertices (V, 3) and faces (N, 3) -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of the split mesh. Faces
-    around a vertex that are connected over smooth edges form a fan; a vertex is repeated for every fan around it.
+    vertices (V, 3), faces (N, 3) and what `face_normals` says of them -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of
+    the split mesh. Faces around a vertex that are connected over smooth edges form a fan; a vertex is repeated for every fan
+    around it, in the order of the vertices.
     """
-    normal, area = face_normals(vertices, faces)
-    key = np.stack([faces.ravel(), _fans(faces, normal)], axis=1)
-    pairs, corner = np.unique(key, axis=0, return_inverse=True)
-    corner = corner.reshape(-1)
-    total = np.zeros((len(pairs), 3))
-    np.add.at(total, corner, np.repeat(normal * area[:, None], 3, axis=0))
+    fans = _fans(faces, normal)
+    count = int(fans.max(initial=-1)) + 1
+    vertex_of = np.empty(count, np.int64)
+    vertex_of[fans] = faces.ravel()  # a fan lies about one vertex
+    order = np.argsort(vertex_of, kind="stable")
+    place = np.empty(count, np.int64)
+    place[order] = np.arange(count)
+    corner, shares = place[fans], normal * area[:, None]
+    total = np.stack([np.bincount(corner, np.repeat(share, 3), count) for share in shares.T], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     # A needle of a triangle may have no area of its own: such a corner takes the normal of one of its faces.
     fallback = np.zeros_like(total)
     fallback[corner] = np.repeat(normal, 3, axis=0)
     unit = np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), fallback)
-    return vertices[pairs[:, 0]], corner.reshape(-1, 3), unit
+    return vertices[vertex_of[order]], corner.reshape(-1, 3), unit
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -44,17 +50,18 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
 
 def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """The number of the smooth fan that each corner of each face belongs to (3 N,), corners in the order of the faces."""
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, owner = edges[order], owner[order]
-    same = (edges[1:] == edges[:-1]).all(axis=1)
-    shared, a, b = edges[:-1][same], owner[:-1][same], owner[1:][same]
-    smooth = (normal[a] * normal[b]).sum(axis=1) > _CREASE
-    shared, a, b = shared[smooth], a[smooth], b[smooth]
-    links = [
-        [3 * face + (faces[face] == shared[:, [end]]).argmax(axis=1) for face in (a, b)] for end in (0, 1)
-    ]  # both ends of an edge join a corner of one face to a corner of the other
-    first, second = (np.concatenate([links[0][k], links[1][k]]) for k in (0, 1))
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()  # of the edge at each corner
+    corner = np.arange(faces.size)
+    after = corner.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    forward = start <= end
+    low, high = np.where(forward, corner, after), np.where(forward, after, corner)  # corners of the face at the edge's two vertices
+    vertices = int(faces.max(initial=0)) + 1
+    number = start[low].astype(np.int64) * vertices + start[high]  # of the edge, the same for both of its faces
+    order = np.argsort(number, kind="stable")
+    same = np.flatnonzero(number[order[1:]] == number[order[:-1]])
+    a, b = order[same], order[same + 1]
+    smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE
+    a, b = a[smooth], b[smooth]  # both ends of an edge join a corner of one face to a corner of the other
+    first, second = np.concatenate([low[a], high[a]]), np.concatenate([low[b], high[b]])
     graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(faces.size, faces.size))
     return connected_components(graph, directed=False)[1]

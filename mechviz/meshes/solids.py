@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 import trimesh
-from shapely.geometry import MultiPoint
 
 from mechcore.spec import Mechanism
 
@@ -146,11 +146,13 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
 
 def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int | tuple[int, ...]) -> Solid:
     """Parts of one link put together and scaled to metres."""
-    meshes, arrays = [], []
+    meshes, arrays, flats = [], [], []
     for part in parts:
         shell = part.shell
-        meshes.append(_mesh(shell.vertices * size, shell.faces, face_normals(shell.vertices, shell.faces)[0]))
-        vertices, faces, normals = crisp(shell.vertices, shell.faces)
+        normal, area = face_normals(shell.vertices, shell.faces)
+        flats.append(normal)
+        meshes.append(_mesh(shell.vertices * size, shell.faces, normal))
+        vertices, faces, normals = crisp(shell.vertices, shell.faces, normal, area)
         colors = np.tile(np.array(part.color or color, np.uint8), (len(vertices), 1))
         arrays.append((vertices * size, faces, normals, colors))
     offsets = np.cumsum([0] + [len(a[0]) for a in arrays[:-1]])
@@ -158,7 +160,7 @@ def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int |
     mesh = _mesh(
         np.vstack([m.vertices for m in meshes]),
         np.vstack([m.faces + k for m, k in zip(meshes, shells, strict=True)]),
-        np.vstack([face_normals(p.shell.vertices, p.shell.faces)[0] for p in parts]),
+        np.vstack(flats),
     )
     return Solid(
         name=name,
@@ -202,4 +204,4 @@ def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
 
 def _rim(solid: Solid) -> np.ndarray:
     """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
-    return np.asarray(MultiPoint(np.asarray(solid.mesh.vertices)[:, :2]).convex_hull.exterior.coords)
+    return shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(np.asarray(solid.mesh.vertices)[:, :2])))

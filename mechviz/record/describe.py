@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ TOLERANCE = 1e-12
 """Contour residual that the solver promises, in sizes of the mechanism."""
 
 
+@cache
 def package_version() -> str:
     """The version of mechviz."""
     try:

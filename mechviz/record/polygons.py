@@ -14,6 +14,7 @@ from ..drawings import COLORS, Drawing
 from ..overlays import CHAIN, FIXED, MOVING, chain_pins, chain_strips, polode_pieces, resultants, strings, substitute_scale
 from .paths import entity
 from .streams import Index, Static, Stream
+from .strips import line_strips
 
 if TYPE_CHECKING:
     from ..meshes import Solids
@@ -171,8 +172,11 @@ def polygon_views(run: Run, drawings: dict[str, Drawing], enlarged: float, backg
 
 
 def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
-    z = np.nan_to_num(z, nan=0.0, posinf=0.0, neginf=0.0)
-    return np.column_stack([z.real, z.imag, np.full(len(z), height)]).astype(np.float32)
+    """Places of the plane, complex of any shape -> that shape with x, y, z; a coordinate that is not finite becomes 0."""
+    out = np.full((*z.shape, 3), height, np.float32)
+    for k, part in enumerate((z.real, z.imag)):
+        out[..., k] = np.where(np.isfinite(part), part, 0.0)
+    return out
 
 
 def _points(items: list[Array], height: float) -> Any:
@@ -209,7 +213,7 @@ def _strips(items: list[Array], height: float = 0.0) -> Any:
     import rerun as rr
 
     def columns(frames: Index) -> Any:
-        rows = [_space(strip[f], height) for f in frames for strip in items]
+        rows = line_strips([_space(strip[frames], height) for strip in items])
         return rr.LineStrips3D.columns(strips=rows).partition(np.full(len(frames), len(items)))
 
     return columns

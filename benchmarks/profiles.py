@@ -1,0 +1,138 @@
+"""Where the time of the three slowest paths goes, and what it was at another commit.
+
+    python benchmarks/profiles.py [--against COMMIT]
+
+Scene to solids, run to recording, and the errors of motions under forces, over a sample of the gallery: processor time, the least
+of three runs, and by a profile how much of it is ours, how much that of the libraries underneath. ``--against`` measures the same
+with the sources of another commit afterwards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import json
+import os
+import pstats
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MOVED = (
+    "crank-rocker", "ten-link-forces", "gear-train", "cam-roller", "triad", "slider-crank-engine", "parallel-forces",
+    "sewing-machine",
+)  # fmt: skip
+FREE = ("swinging-double-pendulum", "andrews-squeezer", "toggle-press-stop", "falling-four-bars")
+LIBRARIES = ("numpy", "scipy", "rerun", "shapely", "trimesh", "pyarrow")
+REPEATS = 3
+
+
+def works(folder: str) -> dict[str, Callable[[], object]]:
+    """The three paths, what they start from ready."""
+    from mechviz.accuracy.estimate import integration_error
+    from mechviz.record import write_recording
+    from mechviz.run import run_scene
+    from mechviz.scene import load
+    from mechviz.solids import solids_of
+
+    runs = [run_scene(load(name)) for name in MOVED]
+    solids = [solids_of(run) for run in runs]
+    free = [run_scene(load(name)) for name in FREE]
+
+    def errors() -> list[object]:
+        from mechviz.accuracy import estimate
+
+        estimate._companion.cache_clear()
+        return [integration_error(r.simulation, r.motion.time, r.again) for r in free if r.simulation and r.again]
+
+    return {
+        "solids of a scene": lambda: [solids_of(run) for run in runs],
+        "run to recording": lambda: [
+            write_recording(run, f"{folder}/a.rrd", solids=found) for run, found in zip(runs, solids, strict=True)
+        ],
+        "errors of motions under forces": errors,
+    }
+
+
+def shares(work: Callable[[], object]) -> dict[str, float]:
+    """Parts of the time of a work by package: ``ours`` is the Python of mechviz and mechcore, without what it calls."""
+    profile = cProfile.Profile(time.process_time)
+    profile.runcall(work)
+    found: dict[str, float] = defaultdict(float)
+    rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]  # not in its stubs
+    for (file, _, name), (_, _, own, _, callers) in rows.items():
+        if file == "~":  # built in: to whom it belongs is who calls it, but for the methods of arrays
+            for (caller, _, _), (_, _, part, _) in callers.items():
+                found["numpy" if "numpy" in name else _owner(caller)] += part
+        else:
+            found[_owner(file)] += own
+    total = sum(found.values())
+    return {owner: part / total for owner, part in found.items()}
+
+
+def _owner(file: str) -> str:
+    parts = Path(file).parts
+    return next((name for name in LIBRARIES if name in parts), "ours" if {"mechviz", "mechcore"} & set(parts) else "Python")
+
+
+def measure() -> dict[str, tuple[float, dict[str, float]]]:
+    """Least processor time [s] and shares of each path."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = {}
+        for name, work in works(folder).items():
+            work()
+            times = []
+            for _ in range(REPEATS):
+                start = time.process_time()
+                work()
+                times.append(time.process_time() - start)
+            found[name] = (min(times), shares(work))
+        return found
+
+
+def measured_with(sources: Path) -> dict[str, tuple[float, dict[str, float]]]:
+    """The same in a process of its own, with the sources in a folder."""
+    path = os.pathsep.join([str(sources / "core"), str(sources)])
+    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, __file__, "--json"], env=env, cwd=sources, capture_output=True, text=True, check=True)
+    return {name: (seconds, parts) for name, (seconds, parts) in json.loads(done.stdout).items()}
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", metavar="COMMIT", help="compare with the sources of this commit")
+    parser.add_argument("--json", action="store_true", help="only what was measured, for programs")
+    given = parser.parse_args()
+    if given.json:
+        print(json.dumps(measure()))
+        return
+    now, before = measured_with(ROOT), None
+    if given.against:
+        with tempfile.TemporaryDirectory() as folder:
+            tree = Path(folder) / "tree"
+            subprocess.run(
+                ["git", "-C", str(ROOT), "worktree", "add", "--detach", str(tree), given.against], check=True, capture_output=True
+            )
+            try:
+                before = measured_with(tree)
+            finally:
+                subprocess.run(["git", "-C", str(ROOT), "worktree", "remove", "--force", str(tree)], check=True)
+    owners = ["ours", "Python", *LIBRARIES]
+    print(f"| path | {'before | now | ' if before else ''}ratio | {' | '.join(owners)} |")
+    print("|" + "---|" * (len(owners) + (4 if before else 2)))
+    for name, (seconds, parts) in now.items():
+        cells = [f"{100.0 * parts.get(owner, 0.0):.0f} %" for owner in owners]
+        timed = [f"{1e3 * before[name][0]:.0f} ms", f"{1e3 * seconds:.0f} ms", f"{before[name][0] / seconds:.2f}"] if before else [
+            f"{1e3 * seconds:.0f} ms"
+        ]  # fmt: skip
+        print(f"| {' | '.join([name, *timed, *cells])} |")
+
+
+if __name__ == "__main__":
+    main()
