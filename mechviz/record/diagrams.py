@@ -259,7 +259,7 @@ def diagram_views(diagrams: Sequence[Diagram], background: tuple[int, ...]) -> l
             origin=entity("diagrams", d.name),
             name=d.title,
             background=list(background),
-            visual_bounds=rrb.VisualBounds2D(x_range=[-0.2, WIDTH + 0.08], y_range=[-HEIGHT - 0.2, 0.2]),
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.2, WIDTH + 0.08], y_range=[-HEIGHT - 0.2, 0.3]),
         )
         for d in diagrams
     ]

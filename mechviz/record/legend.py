@@ -21,7 +21,8 @@ __all__ = ["legend_shapes"]
 MOTION = ("velocity", "acceleration")
 LENGTH = 0.14  # longest arrow of the legend, in sizes of the mechanism
 COLUMN = 0.26  # distance of the arrows, in sizes of the mechanism
-LABEL = 0.19  # room of a label, in widths of the picture
+LABEL = (0.19, 0.22)  # room of a label at least and at most, in widths of the picture
+ROW = 0.9  # of all labels together, where the least allows it
 ASPECT = 1.5  # width of the picture over its height, about
 
 
@@ -39,8 +40,9 @@ def legend_shapes(
         drawn = [a for a in arrows if (a.vector.family in MOTION) == (view == "motion")]
         low, high = extent(drawn, scales, solids.bounds, solids.size)[:, :2]
         bottom = min(low[1], around[0, 1] - LEGEND_ROOM * solids.size) + 0.25 * LEGEND_ROOM * solids.size
-        column = max(COLUMN * solids.size, LABEL * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
         families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
+        room = float(np.clip(ROW / max(len(families), 1), *LABEL))
+        column = max(COLUMN * solids.size, room * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
         for k, family in enumerate(families):
             per_metre = scales.per_metre(family)
             words, length = FAMILIES[family].label, LENGTH * solids.size
