@@ -37,6 +37,8 @@ class Outline:
     runs: tuple[tuple[Complex, Complex, Real, Real], ...]
     centre: complex  # the cam's axis [mm]
     outside: int  # 1: the material lies to the left of the way, -1: to its right (outer flank of a groove)
+    cylinder: float | None = None  # radius [mm] of the cylinder that it is unrolled from: it has no centre
+    centre_line: bool = False  # the roller's path, not an edge
 
     @property
     def points(self) -> Complex:
@@ -46,12 +48,20 @@ class Outline:
 
 
 def cam_outlines(run: Run) -> list[Outline]:
-    """Profiles of all cams of a run, of a groove both flanks. Raises `OutputError` where a profile crosses itself."""
+    """Profiles of all cams of a run, of a groove both flanks, of barrel, rib and end cams their developments.
+
+    Raises `OutputError` where a profile crosses itself.
+    """
     from mechcore.cams.happenings import placed_cams
     from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placed_spatial import PlacedSpatial
 
-    found = []
+    from .cam_development import developed
+
+    found: list[Outline] = []
     for cam in placed_cams(run.motion):
+        if isinstance(cam, PlacedSpatial):
+            found += developed(cam)
         if not isinstance(cam, PlacedCam):
             continue
         found.append(_profile(cam))
@@ -178,11 +188,15 @@ def dxf_text(outlines: Iterable[Outline]) -> str:
     for outline in outlines:
         z, bulges = _chain(outline)
         flags = "1" if outline.closed else "0"
-        rows += [(0, "POLYLINE"), (8, "PROFILE"), (66, "1"), (10, "0.0"), (20, "0.0"), (30, "0.0"), (70, flags)]
+        layer = "CENTRE" if outline.centre_line else "PROFILE"
+        if outline.cylinder is not None:
+            name = outline.name.encode("ascii", "replace").decode()
+            rows.append((999, f"{name}: unrolled from a cylinder of radius {_text(outline.cylinder)} mm"))
+        rows += [(0, "POLYLINE"), (8, layer), (66, "1"), (10, "0.0"), (20, "0.0"), (30, "0.0"), (70, flags)]
         for w, bulge in zip(z.tolist(), bulges.tolist(), strict=True):
-            rows += [(0, "VERTEX"), (8, "PROFILE"), (10, _text(w.real)), (20, _text(w.imag)), (30, "0.0"), (42, _text(bulge))]
-        rows += [(0, "SEQEND"), (8, "PROFILE")]
-        if all(abs(outline.centre - c) > ON_CENTRE for c in centres):
+            rows += [(0, "VERTEX"), (8, layer), (10, _text(w.real)), (20, _text(w.imag)), (30, "0.0"), (42, _text(bulge))]
+        rows += [(0, "SEQEND"), (8, layer)]
+        if outline.cylinder is None and all(abs(outline.centre - c) > ON_CENTRE for c in centres):
             centres.append(outline.centre)
     for c in centres:
         rows += [(0, "POINT"), (8, "CENTRE"), (10, _text(c.real)), (20, _text(c.imag)), (30, "0.0")]
@@ -197,7 +211,7 @@ def _text(value: float) -> str:
 def svg_text(outlines: Iterable[Outline]) -> str:
     """A drawing (SVG) true to scale in millimetres, y upwards, of arcs."""
     outlines = list(outlines)
-    z = np.concatenate([o.points for o in outlines] + [np.array([o.centre for o in outlines])])
+    z = np.concatenate([o.points for o in outlines] + [np.array([o.centre for o in outlines if o.cylinder is None])])
     x0, x1, y0, y1 = z.real.min() - 5.0, z.real.max() + 5.0, z.imag.min() - 5.0, z.imag.max() + 5.0
     parts = []
     for o in outlines:
@@ -211,7 +225,10 @@ def svg_text(outlines: Iterable[Outline]) -> str:
                 r = abs(b - a) * (1.0 + bulge * bulge) / (4.0 * abs(bulge))
                 sweep = 0 if bulge > 0.0 else 1  # the picture's y points down
                 path.append(f"A {_text(r)} {_text(r)} 0 {int(abs(bulge) > 1.0)} {sweep} {_text(b.real)} {_text(-b.imag)}")
-        parts.append(f'<path d="{" ".join(path)}{" Z" if o.closed else ""}"/>')
+        dashes = ' stroke-dasharray="4 1 1 1"' if o.centre_line else ""
+        parts.append(f'<path d="{" ".join(path)}{" Z" if o.closed else ""}"{dashes}/>')
+        if o.cylinder is not None:
+            continue
         c = o.centre
         parts.append(f'<path d="M {_text(c.real - 2.0)} {_text(-c.imag)} h 4 m -2 -2 v 4"/>')
     wide, tall = _text(x1 - x0), _text(y1 - y0)
@@ -245,6 +262,11 @@ def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str],
     ``tell`` hears where a profile is not the one that was asked for, but what the cutter leaves of it.
     """
     outlines = cam_outlines(run)
+    if not outlines and any(r.geometry is not None for r in run.motion.model.relations):
+        raise OutputError(
+            f"The cams of '{run.scene.name}' have no profile in a plane: globoids cannot be developed, slots are in their links.",
+            "Write their solids: --3mf FILE or --stl FOLDER.",
+        )
     if not outlines:
         raise OutputError(
             f"The scene '{run.scene.name}' has no cam, so there is no profile to write.", "Choose a scene with a cam."

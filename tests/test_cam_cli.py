@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ import trimesh
 from typer.testing import CliRunner
 
 import mechviz
+from mechcore.cams.happenings import placed_cams
+from mechviz.cam_export import cam_outlines
 from mechviz.cli import app
+from mechviz.run import run_scene
 from mechviz.scene.cam_files import read_dxf
 from mechviz.solids import solids_of
 
@@ -37,6 +41,69 @@ def test_profiles_from_the_command_line(tmp_path):
     assert root.get("width").endswith("mm") and float(root.get("width")[:-2]) == pytest.approx(np.ptp(z.real) + 10.0, abs=0.1)
     head, *rows = files["csv"].read_text().splitlines()
     assert head.startswith("curve,cam [rad or m],x [mm],y [mm],nx,ny") and len(rows) > 360
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("cam-barrel", ["roller path", "lower flank", "upper flank"]),
+        ("cam-barrel-rib", ["lower flank", "upper flank"]),
+        ("cam-barrel-arm", ["roller path", "lower flank", "upper flank"]),
+        ("cam-end", ["outer edge", "inner edge"]),
+    ],
+)
+def test_developments_rolled_up_again_touch_the_roller(name, lines):
+    """Each point, put back on its cylinder: as far from the roller's axis as its radius at its own angle, nowhere nearer."""
+    motion = run_scene(mechviz.load(name), frames=12).motion
+    (cam,) = placed_cams(motion)
+    outlines = cam_outlines(SimpleNamespace(motion=motion))
+    assert [o.name for o in outlines] == [f"K {line}" for line in lines]
+    own, radius = cam.cam, cam.cam.radius
+    all_angles = own.law.start + own.law.length * np.linspace(0.0, 1.0, 721)
+    for o in outlines:
+        points, tangents, theta = (np.concatenate([run[k] for run in o.runs]) for k in (0, 1, 3))
+        if "path" in o.name:
+            at = own.flank(theta, [0.0], 1).axis_point[:, 0]
+            np.testing.assert_allclose(points.imag, 1e3 * at[:, 2], atol=1e-9)
+            assert o.centre_line
+            continue
+        assert np.ptp(points.real) == pytest.approx(2.0 * np.pi * o.cylinder, abs=1e-6)
+        azimuth = points.real / o.cylinder
+        p = 1e-3 * np.column_stack([o.cylinder * np.cos(azimuth), o.cylinder * np.sin(azimuth), points.imag])
+        shift = {"lower": -1.0, "upper": 1.0}.get(o.name.split()[1], 0.0) if "rib" in name else 0.0
+        shift *= 0.5 * cam.blank.thickness + radius
+
+        def to_axis(angle, p=p, shift=shift):
+            a, b = own.flank(angle, [0.0, 1.0], 1).axis_point.transpose(1, 0, 2)
+            away = p[:, None] - a - [0.0, 0.0, shift]
+            along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+            beyond = (away * along).sum(axis=2) < 0.0  # behind the cam's axis
+            return np.where(beyond, np.inf, np.linalg.norm(np.cross(away, along), axis=2))
+
+        np.testing.assert_allclose(np.diag(to_axis(theta)), radius, rtol=1e-9)
+        assert to_axis(all_angles).min() > radius * (1.0 - 1e-9)
+        for z, t, rho, _ in o.runs:  # curvature by circles through three neighbours, in the middle of each smooth part
+            k = len(z) // 3
+            a, b, c = z[k - 1 : k + 2]
+            circle = 2.0 * np.imag(np.conj(b - a) * (c - a)) / (abs(a - b) * abs(b - c) * abs(c - a))
+            assert 1.0 / rho[k] == pytest.approx(circle, rel=0.02, abs=1e-9)
+            assert abs(np.angle((c - a) / t[k])) < 1e-3
+        assert np.abs(tangents) == pytest.approx(np.ones(len(tangents)))
+        below = "lower" in o.name or "edge" in o.name
+        if "rib" in name:
+            below = not below  # the rib's material lies between its flanks
+        assert (points[-1].real < points[0].real) == below, "material to the left"
+
+
+def test_developments_as_files(tmp_path):
+    done = run("cam-barrel", "--dxf", str(tmp_path / "d.dxf"), "--svg", str(tmp_path / "d.svg"), "--frames", "12")
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "d.dxf").read_text()
+    assert text.count("POLYLINE") == 3 and "unrolled from a cylinder of radius 45 mm" in text and "\nPOINT\n" not in text
+    width = ET.fromstring((tmp_path / "d.svg").read_text()).get("width")
+    assert float(width[:-2]) == pytest.approx(2.0 * np.pi * 45.0 + 10.0, abs=0.2)
+    done = run("cam-globoid", "--dxf", str(tmp_path / "g.dxf"), "--frames", "12")
+    assert done.exit_code == 1 and "globoids cannot be developed" in done.stderr
 
 
 def test_what_the_cutter_leaves_is_told(tmp_path):
