@@ -179,7 +179,7 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
         if ends == (True, True):
             legs.append(leg.back)
             return EnergyMotion(curve, tuple(legs), 2.0 * leg.duration, 0.0)
-        t = leg.time + leg.duration
+        t, q_next = leg.time + leg.duration, q + sign * way
         if turning:
             sign, kinetic = -sign, 0.0
         elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
@@ -188,7 +188,7 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
             kinetic += float(work.gain(q, np.array([sign * way]))[0])
             if not from_rest:
                 reach = min(2.0 * reach, 64.0 * TURN)
-        q, from_rest, before = q + sign * way, bool(turning), 0.0
+        q, from_rest, before = q_next, bool(turning), 0.0
     return EnergyMotion(curve, tuple(legs), None, 0.0)
 
 
