@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import mechviz
+from mechcore import loads
 from mechcore.dynamics import simulate
+from mechcore.dynamics.accounts import ledger
+from mechcore.effects import LOADS, effects_of, power_of
+from mechcore.kinetostatics import LOSSES
 
 FOUR_BAR = """
 units = { length = "mm", angle = "deg" }
 effects = ["inertia", "gravity"]
-run = { duration = "0.3 s", tolerance = 1e-8 }
+run = { duration = "0.12 s", tolerance = 1e-8 }
 [links]
 frame = { points = { A = [0, 0], D = [200, 0], H = [40, 160] } }
 crank = { points = { A = [0, 0], B = [60, 0] }, mass = "1.4 kg", centre = [20, 5], inertia = "0.004 kg m^2" }
@@ -37,3 +43,204 @@ def test_a_motion_that_turns_back_once_goes_on_the_other_way(moment: float):
     assert np.abs(found(t)[0]).max() > 2 * np.pi
     for ours, theirs in zip(found(t)[:2], steps(t)[:2], strict=True):
         assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-9)
+
+
+SLIDER = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+run = { duration = "0.2 s", tolerance = 1e-8 }
+[links]
+frame = { points = { A = [0, 0], H = [60, 140], W = [-200, 0] } }
+crank = { points = { A = [0, 0], B = [40, 0] }, mass = "3 kg", centre = [10, 0], inertia = "0.05 kg m^2" }
+coupler = { points = { B = [0, 0], C = [150, 0], E = [70, 30] }, mass = "0.6 kg", centre = [60, 0], inertia = "0.003 kg m^2" }
+piston = { points = { C = [0, 0] }, mass = "0.9 kg" }
+fan = { points = { W = [0, 0] }, mass = "1 kg", inertia = "0.01 kg m^2" }
+[pairs]
+A = { revolute = ["frame", "crank"], free = { position = 40, speed = "200 rpm" } }
+B = { revolute = ["crank", "coupler"] }
+C = { revolute = ["coupler", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["A", "C"], branch = "ahead" }
+W = { revolute = ["frame", "fan"] }
+V = { belt = ["crank", "fan"], radii = ["60 mm", "30 mm"] }
+[loads]
+belt = { belt_tension = "V", slack = "90 N", coefficient = 0.3 }
+windage = { viscous = "V", linear = "0.8 N s/m" }
+fan = { drag = "fan", quadratic = "0.0004 N m s^2/rad^2" }
+oil = { viscous = "S", linear = "15 N s/m" }
+"""
+
+CHAIN = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+run = { duration = "0.15 s", tolerance = 1e-8 }
+[links]
+frame = { points = { A = [0, 0], H = [300, 250] } }
+crank = { points = { A = [0, 0], B = [260, 0] }, mass = "1.4 kg", centre = [120, 5], inertia = "0.04 kg m^2" }
+coupler = { points = { B = [0, 0], C = [180, 0], E = [90, 70] }, mass = "0.8 kg", centre = [90, 20], inertia = "0.013 kg m^2" }
+[pairs]
+A = { revolute = ["frame", "crank"], LEAD }
+B = { revolute = ["crank", "coupler"], free = { position = 50, speed = "-20 rpm" }STOPS }
+[loads]
+"""
+STOPS = ', stops = [{ at = 42, side = "lower", restitution = 0.5 }, { at = 70, side = "upper" }]'
+FREE, DRIVEN = (
+    'free = { position = 20, speed = "30 rpm" }',
+    'drive = { oscillation = { centre = 20, amplitude = 25, period = "0.3 s" } }',
+)
+
+GASES = (
+    'compressor = { suction = "1 bar", delivery = "3 bar" }',
+    "four_stroke = { ratio = 8, rise = 2.5 }",
+    'diagram = { displacement = [0, 30, 80], outward = ["3 bar", "1.5 bar", "1 bar"], inward = ["4 bar", "2 bar", "1 bar"] }',
+)
+TABLES = {  # argument of a factor -> where its table has points
+    "position": ("deg", 120.0, ""),
+    "velocity": ("rpm", 300.0, ""),
+    "time": ("s", 0.5, ""),
+    "x": ("mm", 400.0, ', point = "coupler.E"'),
+    "y": ("mm", 400.0, ', point = "coupler.E"'),
+    "vx": ("m/s", 2.0, ', point = "coupler.E"'),
+    "vy": ("m/s", 2.0, ', point = "coupler.E"'),
+    "speed": ("m/s", 2.0, ', point = "coupler.E"'),
+}
+
+
+def random_loads(rng: np.random.Generator) -> dict[str, str]:
+    """A load of every kind that goes with any mechanism of crank and coupler, with random parameters."""
+
+    def some(low: float, high: float) -> str:
+        return f"{rng.uniform(low, high):.6g}"
+
+    found = {
+        "force": f"force = [{some(-9, 9)}, {some(-9, 9)}], on = 'coupler', at = 'E', axes = 'link'",
+        "between": f"force = [{some(-9, 9)}, 3], on = 'coupler', at = 'B', against = 'crank'",
+        "torque": f"torque = '{some(-1, 1)} N m', on = 'coupler', against = 'crank'",
+        "spring": f"spring = ['frame.H', 'coupler.E'], stiffness = '{some(0.1, 0.6)} N/mm', free_length = {some(50, 200)}",
+        "damper": f"damper = ['frame.H', 'coupler.E'], linear = '{some(1, 8)} N s/m', quadratic = '2 N s^2/m^2'",
+        "gas": f"gas_spring = ['frame.H', 'coupler.E'], thrust = '{some(5, 20)} N', extended = 900, gas_length = 1100",
+        "twist": f"torsion_spring = ['crank', 'coupler'], stiffness = '{some(0.2, 1)} N m/rad', free_angle = {some(-40, 40)}",
+        "film": f"torsion_damper = ['crank', 'coupler'], linear = '{some(0.01, 0.05)} N m s/rad'",
+        "air": f"drag = 'coupler.E', linear = '{some(0.5, 3)} N s/m', quadratic = '{some(0.5, 3)} N s^2/m^2'",
+        "water": f"drag = 'coupler', linear = '{some(0.005, 0.02)} N m s/rad', quadratic = '{some(0, 0.003)} N m s^2/rad^2'",
+        "grease": f"viscous = 'B', linear = '{some(0.01, 0.04)} N m s/rad'",
+        "dc": f"dc_motor = 'A', stall_torque = '{some(1, 4)} N m', no_load_speed = '300 rpm'",
+        "mains": "induction_motor = 'A', breakdown_torque = '2 N m', breakdown_slip = 0.3, synchronous_speed = "
+        f"'{some(60, 250)} rpm'",
+        "power": f"constant_power = 'A', power = '{some(5, 20)} W', torque_limit = '2 N m'",
+        "governor": f"governor = 'coupler', set_speed = '100 rpm', gain = '{some(0.02, 0.1)} N m s/rad', limits = [-1, 2]",
+    }
+    for of, (unit, wide, more) in TABLES.items():
+        at = [f"'{x:.6g} {unit}'" for x in np.linspace(-wide, wide, 7) + rng.uniform(-0.1, 0.1, 7) * wide]
+        factors = [float(some(-1, 1)) for _ in range(7)]
+        load = (
+            "torque = '0.6 N m', on = 'coupler'" if of in ("position", "velocity") else "force = [3, 2], on = 'coupler', at = 'C'"
+        )
+        pair = ", pair = 'B'" if of in ("position", "velocity") and rng.random() < 0.5 else ""
+        found[f"table {of}"] = f"{load}, table = {{ {of} = [{', '.join(at)}], factor = {factors}, smooth = false{more}{pair} }}"
+        per = f"'{wide:g} {unit}'"
+        found[f"polynomial {of}"] = (
+            f"{load}, polynomial = {{ of = '{of}', coefficients = [{some(-1, 1)}, {some(-1, 0)}], per = {per}{more}{pair} }}"
+        )
+    return found
+
+
+def written(some: dict[str, str]) -> str:
+    return "".join(f"'{name}' = {{ {text} }}\n" for name, text in some.items())
+
+
+KINDS = tuple(random_loads(np.random.default_rng(0)))
+CASES = {
+    "one freedom": FOUR_BAR,
+    "two freedoms": CHAIN.replace("LEAD", FREE).replace("STOPS", ""),
+    "stops": CHAIN.replace("LEAD", FREE).replace("STOPS", STOPS),
+    "driven": CHAIN.replace("LEAD", DRIVEN).replace("STOPS", STOPS),
+}
+
+
+def checked(text: str) -> Any:
+    """The motion under the forces of a scene, with the work of each: it lowers that force's potential or is lost; all together
+    they are the change of kinetic energy, less what impacts take."""
+    scene = mechviz.loads(text)
+    assert mechviz.loads(scene.to_toml()) == scene and scene.simulation is not None
+    mechanism, end = scene.mechanism, scene.simulation.duration
+    found = simulate(mechanism, end, tolerance=1e-8, stops=scene.simulation.stops)
+    wanted = [e for e in effects_of(mechanism) if "accelerations" not in e.needs]
+
+    def powers(t: np.ndarray) -> np.ndarray:
+        view = found.view(t)
+        parts = [
+            (rows, [sum((power_of(m, w) for w in e.wrenches(m)), np.zeros(len(rows))) for e in wanted]) for rows, m in view.parts
+        ]
+        out = np.zeros((len(t), len(wanted) + 1))
+        for rows, values in parts:
+            out[rows, :-1] = np.stack(values, axis=1)
+        drives = [d.pair for d in view.mechanism.drives]
+        if drives:
+            out[:, -1] = found.forces(view).power(drives[0])
+        return out
+
+    edges = np.unique(np.concatenate([found._borders(), [0.0, end]]))
+    t = np.linspace(0.0, end, 41)
+    works = ledger(powers, edges)(t)
+    kinetic = found.kinetic_energy(t)
+    lost = np.array([sum(e for at, e in found.lost if at < x) - sum(e for at, e in found.pushed if at < x) for x in t])
+    size = max(np.abs(works).max(), np.ptp(kinetic))
+    assert kinetic - kinetic[0] == pytest.approx(works.sum(axis=1) - lost, abs=1e-6 * size)
+    for e, work in zip(wanted, works.T, strict=False):
+        if e.stores:
+            view = found.view(t)
+            stored = np.empty(len(t))
+            for rows, m in view.parts:
+                stored[rows] = e.potential(m)
+            assert work == pytest.approx(stored[0] - stored, abs=1e-8 * size), e.name
+        elif e.cause in LOSSES:
+            assert np.all(np.diff(work) <= 1e-12 * size) and work[-1] < 0.0, e.name
+    view = found.view(t)
+    assert np.abs(found.forces(view).power_balance).max() < 1e-9
+    return found
+
+
+@pytest.mark.parametrize("half", [0, 1])
+@pytest.mark.parametrize("case", list(CASES))
+def test_the_work_of_every_load_is_accounted_for(case: str, half: int):
+    drawn = random_loads(np.random.default_rng([half, len(case)]))
+    found = checked(CASES[case] + written({kind: drawn[kind] for kind in KINDS[half::2]}))
+    assert any(h.kind == "impact" for h in found.happenings) == (case in ("stops", "driven"))
+
+
+@pytest.mark.parametrize("gas", GASES)
+def test_gas_belts_and_their_losses_are_accounted_for(gas: str):
+    checked(SLIDER + f'gas = {{ gas = "S", bore = 40, top = 190, stroke = 80, {gas} }}\n')
+
+
+def test_no_kind_of_load_is_left_out():
+    """Journals are in the tests of clearance."""
+    texts = [
+        FOUR_BAR + written(random_loads(np.random.default_rng(1))),
+        SLIDER + f'g = {{ gas = "S", bore = 40, top = 190, stroke = 80, {GASES[0]} }}',
+    ]
+    seen = {type(load) for text in texts for load in mechviz.loads(text).mechanism.loads}
+    assert seen | {loads.JournalContact, loads.JournalLoss} == set(LOADS)
+
+
+@pytest.mark.parametrize("of", list(TABLES))
+def test_a_load_by_table_is_read_where_the_mechanism_is(of: str):
+    """Along the motion that it makes, the recorded load is the table at the recorded argument."""
+    text = random_loads(np.random.default_rng(7))[f"table {of}"]
+    scene = mechviz.loads(CHAIN.replace("LEAD", FREE).replace("STOPS", "") + f"'by table' = {{ {text} }}")
+    found = simulate(scene.mechanism, 0.4, tolerance=1e-8)
+    view = found.view(np.linspace(0.0, 0.4, 60))
+    (load,) = scene.mechanism.loads
+    pair = load.factor.pair or "A"
+    e, v = view.point("coupler", "E"), view.point("coupler", "E", 1)
+    q = view.coordinate(pair)
+    argument = {
+        "position": q[:, 0], "velocity": q[:, 1], "time": view.time, "x": e[:, 0], "y": e[:, 1], "vx": v[:, 0], "vy": v[:, 1],
+        "speed": np.hypot(*v.T),
+    }[of]  # fmt: skip
+    table = load.factor.function
+    factor = np.interp(argument, table.x, table.y)
+    values = found.forces(view).loads["by table"].values
+    whole = 0.6 * factor if of in ("position", "velocity") else 3.0 * factor
+    assert values[:, 2 if of in ("position", "velocity") else 0] == pytest.approx(whole, rel=1e-9, abs=1e-12)
+    assert np.ptp(factor) > 1e-3
