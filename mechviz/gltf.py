@@ -80,7 +80,7 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
     numbers = {node["name"]: k for k, node in enumerate(nodes)}
     for mark in find_rollers(run, solids):  # they turn below the links that carry the rollers
         shape = out.mesh(f"roller {mark.name}", [_primitive(out, mark.vertices, mark.normals, mark.faces, ROLLER)])
-        for path, values in (("rotation", _rotations(mark.angle)),) if len(mark.angle) > 1 else ():
+        for path, values in (("rotation", mark.turns()),) if len(mark.angle) > 1 else ():
             channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
             samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
         nodes[numbers[mark.link]].setdefault("children", []).append(len(nodes))

@@ -27,7 +27,8 @@ THICK = 0.012  # of a mark, in radii
 
 @dataclass(frozen=True, eq=False)
 class RollerMark:
-    """``centre`` (x, y, z) [m] in the follower's axes, on the roller's face; ``angle`` (F) [rad] against it; the mesh about it."""
+    """``centre`` (x, y, z) [m] in the follower's axes, on the roller's face; ``angle`` (F) [rad] against it, about z or about the
+    direction ``axis`` in the plane; the mesh about that place."""
 
     name: str
     link: str
@@ -36,13 +37,17 @@ class RollerMark:
     vertices: NDArray[np.float32]  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
     normals: NDArray[np.float32]  # (V, 3)
+    axis: tuple[float, float] | None = None
+
+    def turns(self) -> Real:
+        """Quaternions x, y, z, w (F, 4)."""
+        c, s = np.cos(0.5 * self.angle), np.sin(0.5 * self.angle)
+        x, y, z = (0.0, 0.0, 1.0) if self.axis is None else (*self.axis, 0.0)
+        return np.column_stack([x * s, y * s, z * s, c])
 
 
 def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
-    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
-
-    Those of globoidal cams have none: their axes lie in the plane.
-    """
+    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion."""
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
     from mechcore.cams import Roller
@@ -64,7 +69,7 @@ def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
         link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
         at = links[link].points.get(pair.point, (0.0, 0.0))
         if isinstance(cam, PlacedSpatial):
-            found += _beside(run, solids, cam, link, at, force) if cam.blank.kind != "globoid" else []
+            found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
             continue
         wanted = [(cam.name, cam, at, force)]
         if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:
@@ -96,6 +101,29 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
         name = {0: cam.name, 1: f"{cam.name} upper", -1: f"{cam.name} lower"}[above]
         turned = roller_angle(run.motion, cam, force, above)
         yield RollerMark(name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
+
+
+def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[RollerMark]:
+    """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
+    from mechcore.cams.rolling import roller_angle
+
+    assert cam.pivot is not None
+    solid, radius = solids.links[link], cam.face.radius
+    part = next(p for k, p in zip(solid.kinds, solid.parts, strict=True) if k == "roller")
+    base, arm = run.motion.pose(cam.carrier)[0], run.motion.pose(link)[0]
+    place = complex(base[0], base[1]) + cam.pivot * np.exp(1j * base[2]) - complex(arm[0], arm[1])
+    hinge = place * np.exp(-1j * arm[2])
+    way = (complex(*at) - hinge) / abs(complex(*at) - hinge)
+    axis = np.array([way.real, way.imag, 0.0])
+    start = np.array([hinge.real, hinge.imag, 0.5 * (part.vertices[:, 2].min() + part.vertices[:, 2].max())])
+    own = (part.vertices - start) @ axis
+    wide = np.linalg.norm(part.vertices - start - own[:, None] * axis, axis=1) > 0.99 * radius
+    low, high = float(own[wide].min()), float(own[wide].max())
+    vertices, faces, normals = _stripes(radius, high - low)
+    frame = np.array([[-way.imag, way.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
+    x, y, z = (start + low * axis).tolist()
+    shape = (vertices @ frame).astype(np.float32), faces, (normals @ frame).astype(np.float32)
+    yield RollerMark(cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:

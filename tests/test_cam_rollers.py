@@ -95,6 +95,41 @@ def test_every_roller_of_a_cam_is_marked_and_rolls_off_its_flank(name):
         assert rate[i] == pytest.approx(np.imag(np.conj(out) * slip) / abs(out) ** 2, rel=2e-3)
 
 
+def test_the_roller_of_a_globoid_rolls_about_its_arm():
+    """Spin from velocities in space: the surfaces of roller and flank move alike across the roller's axis where they touch."""
+    run = run_scene(mechviz.load("cam-globoid"))
+    (cam,) = placed_cams(run.motion)
+    (mark,) = find_rollers(run, solids_of(run))
+    force = contact_force(run.forces, cam)
+    rate = roller_speed(run.motion, cam, force)
+    theta, turn, h = cam.argument(run.motion), cam.cam.turn, 1e-5
+    speed = cam.sense * run.motion.coordinate("O")[:, 1]
+    side = np.where(force < 0.0, -1, 1)
+
+    def of_ground(values, angle):
+        c, s = np.cos(angle), turn * np.sin(angle)
+        return np.stack([c * values[:, 0] - s * values[:, 1], s * values[:, 0] + c * values[:, 1], values[:, 2]], axis=1)
+
+    def axis(angle):
+        ends = of_ground(cam.cam.flank(angle, [cam.middle], 1).axis_point[:, 0], angle)
+        tips = of_ground(cam.cam.flank(angle, [cam.middle + 0.01], 1).axis_point[:, 0], angle)
+        return ends, (tips - ends) / 0.01
+
+    centre, along = axis(theta)
+    moved = (axis(theta + h)[0] - axis(theta - h)[0]) / (2.0 * h) * speed[:, None]
+    flanks = {k: cam.cam.flank(theta, [cam.middle], k) for k in (1, -1)}
+    normal = of_ground(np.where(side[:, None] > 0, flanks[1].normal[:, 0], flanks[-1].normal[:, 0]), theta)
+    touch = centre - cam.face.radius * normal
+    material = turn * speed[:, None] * np.column_stack([-touch[:, 1], touch[:, 0], np.zeros(len(touch))])
+    across = np.cross(along, normal)
+    wanted = -((material - moved) * across).sum(axis=1) / cam.face.radius
+    np.testing.assert_allclose(rate, wanted, rtol=1e-6, atol=1e-6 * np.abs(wanted).max())
+    assert mark.axis is not None and np.hypot(*mark.axis) == pytest.approx(1.0)
+    own = mark.vertices @ [*mark.axis, 0.0]
+    rho = np.linalg.norm(mark.vertices - own[:, None] * np.float32([*mark.axis, 0.0]), axis=1)
+    assert rho.max() == pytest.approx(1.012 * cam.face.radius, rel=1e-3) and own.min() > 0.0
+
+
 def test_scenes_without_rollers_have_no_marks():
     for name in ("crank-rocker", "cam-flat"):
         run = run_scene(mechviz.load(name), frames=24)

@@ -19,12 +19,12 @@ def roller_streams(marks: list[RollerMark]) -> Iterator[Stream]:
     import rerun as rr
 
     for mark in marks:
+        turns = mark.turns()
 
-        def turn(frames: Index, mark: RollerMark = mark, angle: Real = mark.angle) -> Any:
-            half, nothing = 0.5 * angle[frames], np.zeros(len(frames))
+        def turn(frames: Index, mark: RollerMark = mark, turns: Real = turns) -> Any:
             return rr.Transform3D.columns(
                 translation=np.tile(np.array(mark.centre, np.float32), (len(frames), 1)),
-                quaternion=np.column_stack([nothing, nothing, np.sin(half), np.cos(half)]).astype(np.float32),
+                quaternion=turns[frames].astype(np.float32),
             )
 
         yield Stream(entity("mechanism", "links", mark.link, f"roller {mark.name}"), turn)

@@ -59,14 +59,20 @@ def find_bodies(recording: Recording, frames: Frames, pack: Pack) -> list[dict[s
             continue
         at, turns = (np.array([row.reshape(-1) for row in part], float) for part in rows)
         pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
+        height = float(np.nanmean(at[:, 2]))
+        spin: dict[str, Any] = {}
         if link is not None:  # below its link
             own = rows_at(recording, frames, _path("data", "links", link, "pose"), "Scalars:scalars")
             assert own is not None
             x, y, angle = np.array(own[0], float).T
             c, s = np.cos(angle), np.sin(angle)
-            pose = np.column_stack([x + c * at[:, 0] - s * at[:, 1], y + s * at[:, 0] + c * at[:, 1], angle + pose[:, 2]])
-        vertices = mesh[0] + [0.0, 0.0, float(np.nanmean(at[:, 2]))]
-        body: dict[str, Any] = {"name": name, "group": group, "pose": pack.floats(pose), "moves": True, "box": None}
+            if np.abs(turns[:, :2]).max(initial=0.0) > 1e-3:  # about an axis in the plane
+                moved = _spin_of([at, turns])
+                spin, height, pose = {"spin": pack.floats(moved)}, 0.0, np.column_stack([x, y, angle])
+            else:
+                pose = np.column_stack([x + c * at[:, 0] - s * at[:, 1], y + s * at[:, 0] + c * at[:, 1], angle + pose[:, 2]])
+        vertices = mesh[0] + [0.0, 0.0, height]
+        body: dict[str, Any] = {"name": name, "group": group, "pose": pack.floats(pose), "moves": True, "box": None, **spin}
         scales = rows_at(recording, frames, path, "Transform3D:scale")
         if scales is not None:
             stretch = np.array([row.reshape(-1)[0] for row in scales[0]], float)
@@ -97,7 +103,12 @@ def _spin(recording: Recording, frames: Frames, name: str) -> Real | None:
     rows = rows_at(recording, frames, path, "Transform3D:translation", "Transform3D:quaternion")
     if rows is None:
         return None
-    shifts, turns = (np.array([row.reshape(-1) for row in part], float) for part in rows)
+    return _spin_of([np.array([row.reshape(-1) for row in part], float) for part in rows])
+
+
+def _spin_of(rows: list[Real]) -> Real:
+    """Shifts (frames, 3) and quaternions (frames, 4) side by side."""
+    shifts, turns = rows[0], rows[1].copy()
     signs = np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))
     turns[1:] *= signs[:, None]  # neighbours on one side, so that the page can go straight from one to the next
     return np.column_stack([shifts, turns])

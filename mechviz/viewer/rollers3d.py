@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..rollers import COLOR, RollerMark
 from .show import Show
-from .solids3d import link_path, quaternions
+from .solids3d import link_path
 
 __all__ = ["RollerNodes"]
 
@@ -37,7 +37,7 @@ class RollerNodes:
                 f"{path}/mark", mark.vertices, mark.faces, color=COLOR, side="double", cast_shadow=False, receive_shadow=False
             )
             self._nodes.append(node)
-            self._turns.append(quaternions(mark.angle))
+            self._turns.append(np.roll(mark.turns(), 1, axis=1))  # w first
 
     def show(self, frame: int) -> None:
         for node, turn in zip(self._nodes, self._turns, strict=True):

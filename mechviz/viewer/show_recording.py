@@ -235,8 +235,11 @@ class _Reader:
                 mesh = self.solid(path) if path.startswith(start) and _last(path).startswith("roller ") else None
                 if mesh is not None:
                     vertices, faces, normals, _, at, turn = mesh
-                    angle = np.unwrap(2.0 * np.arctan2(turn[:, 2], turn[:, 3]))
-                    yield RollerMark(_last(path)[7:], link, (at[0, 0], at[0, 1], at[0, 2]), angle, vertices, faces, normals)
+                    way = turn[int(np.argmax(np.hypot(turn[:, 0], turn[:, 1]))), :2]  # of an axis in the plane
+                    flat = float(np.hypot(*way)) > 1e-3
+                    axis = (float(way[0] / np.hypot(*way)), float(way[1] / np.hypot(*way))) if flat else None
+                    angle = np.unwrap(2.0 * np.arctan2(turn[:, :2] @ axis if axis else turn[:, 2], turn[:, 3]))
+                    yield RollerMark(_last(path)[7:], link, (at[0, 0], at[0, 1], at[0, 2]), angle, vertices, faces, normals, axis)
 
     def solid(self, path: str) -> tuple[Any, ...] | None:
         """Vertices, faces and normals of a mesh that moves by itself, and at every frame: its row, its place, its turn; None where

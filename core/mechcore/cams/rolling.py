@@ -26,15 +26,15 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns the other way.
     Of a conjugate pair: the first roller; that of its second cam is the roller of ``cam.mate``. Of an inverse cam the roller on
     the crank. Of barrel, rib and end cams: about the axis towards the viewer, half way along the roller; ``above`` 1 or -1 says
-    on which side of a rib it lies, along the axis. Raises ``ValueError`` for a face that is none, and for a globoid, whose
-    roller's axis lies in the plane.
+    on which side of a rib it lies, along the axis. Of a globoid: against the arm, about the direction from its pivot to the
+    roller. Raises ``ValueError`` for a face that is none.
     """
     if not isinstance(cam.face, Roller):
         raise ValueError(f"'{cam.name}' has no roller")
     if isinstance(cam, PlacedInverse):
         return _in_slot(motion, cam, force)
     if isinstance(cam, PlacedSpatial):
-        return _on_barrel(motion, cam, force, above)
+        return _on_globoid(motion, cam, force) if cam.blank.kind == "globoid" else _on_barrel(motion, cam, force, above)
     radius = cam.face.radius
     s = cam.at(motion)
     world = cam.axes * motion.rotation(motion.model.index[cam.carrier])
@@ -70,8 +70,6 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
 
 def _on_barrel(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
     """The cam's surface passes below the roller across its own axis, which the roller moves along."""
-    if cam.blank.kind == "globoid":
-        raise ValueError(f"the axis of the roller of '{cam.name}' lies in the plane")
     k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
     spin = motion.model.angles.spin
     turn = motion.speeds.spin[spin[k]] - motion.speeds.spin[spin[c]]
@@ -84,10 +82,28 @@ def _on_barrel(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Re
     return np.array(np.broadcast_to(motion.speeds.spin[spin[c]] - side * np.abs(slip) / cam.face.radius, (motion.frames,)))
 
 
+def _on_globoid(motion: Motion, cam: PlacedSpatial, force: Any) -> Real:
+    """Of the way v of the roller's axis against the cam, per angle of the cam, the part across the axis a is rolled off; and the
+    cam turns about that axis, too."""
+    x = cam.argument(motion)
+    point, axis = cam.cam.mount.axis(cam.cam.law(np.where(np.isfinite(x), x, cam.cam.law.start), 2))
+    a, at = axis[0], point[0] + cam.middle * axis[0]
+    v = point[1] + cam.middle * axis[1] - cam.cam.turn * np.column_stack([-at[:, 1], at[:, 0], np.zeros(len(at))])
+    across = np.linalg.norm(np.cross(v, a), axis=1)
+    k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
+    spin = motion.model.angles.spin
+    rate = cam.sense * (motion.speeds.spin[spin[k]] - motion.speeds.spin[spin[c]])
+    # the normal of the lifting flank points along -turn v x a
+    flank = cam.cam.turn * np.where(np.asarray(force) < 0.0, 1.0, -1.0)
+    return np.array(np.broadcast_to(rate * (flank * across / cam.face.radius + cam.cam.turn * a[:, 2]), (motion.frames,)))
+
+
 def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
     """How far the roller has turned against the link that carries it since the first frame (F) [rad]: trapezoids between frames."""
     link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
     own = np.broadcast_to(np.asarray(motion.velocity(link)[:, 2], float), (motion.frames,))
+    if isinstance(cam, PlacedSpatial) and cam.blank.kind == "globoid":
+        own = np.zeros(motion.frames)  # the arm turns about another axis
     rate = roller_speed(motion, cam, force, above) - own
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(motion.time)
     return np.concatenate([[0.0], np.cumsum(steps)])
