@@ -95,7 +95,9 @@ def _cut(model: Model, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | 
     if not left or left[0].area < 0.3 * plates[second].area:
         return None
     whole = left[0]
-    if all(whole.contains(Point(axle.centres[second]).buffer(axle.hole)) for axle in model.axles if second in axle.centres):
+    if all(
+        whole.contains(Point(axle.centres[second]).buffer(axle.hole_in(second))) for axle in model.axles if second in axle.centres
+    ):
         return whole
     return None
 

@@ -77,11 +77,16 @@ class Axle:
     owner: str  # the link that the pin belongs to
     pin: float
     boss: float
+    play: Mapping[str, float] = field(default_factory=dict)  # how far the pin goes from the axis in links with clearance
     key: Vec2 | None = None  # a camshaft: the pin turns with its owner, keyed to it in this direction of the owner's frame
 
     @property
     def hole(self) -> float:
         return 1.04 * self.pin
+
+    def hole_in(self, link: str) -> float:
+        """Radius of the hole in a link: wider by the play of a pair with clearance, so that the pin stays inside."""
+        return self.hole + self.play.get(link, 0.0)
 
     @property
     def sleeve(self) -> float:
@@ -179,6 +184,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     telescopes = find_telescopes(mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.r)
     marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
     axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, mechanism.frame, proportions.r) for c in clusters)
+    axles = tuple(replace(axle, play=_play(axle, scaled)) for axle in axles)
     guides = [j for j in others if j.name not in {t.pair for t in telescopes}]
     return Model(
         frame=mechanism.frame,
@@ -351,6 +357,20 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
         room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less room than a pin
     room = max(room, 10.0 * _SAME)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
+
+
+def _play(axle: Axle, poses: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """How far an axle's pin goes from the axis in links whose pairs with it have clearance, over the run."""
+    if axle.owner not in poses:
+        return {}
+    pin = place(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
+    found = {}
+    for link, centre in axle.centres.items():
+        if link != axle.owner and link in poses:
+            away = float(np.hypot(*(place(np.array([centre]), poses[link])[:, 0] - pin).T).max())
+            if away > _SAME:
+                found[link] = away
+    return found
 
 
 def _keyed(axle: Axle, cams: Sequence[CamDrawing], frame: str, r: float) -> Axle:

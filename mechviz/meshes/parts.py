@@ -83,27 +83,27 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
     for k, axle in enumerate(model.axles):
         if piece.link not in axle.centres or piece.link == model.frame:
             continue
-        centre = axle.centres[piece.link]
+        centre, radius = axle.centres[piece.link], axle.hole_in(piece.link)
         # Beside the bevel and a margin, what is left around the axis is there for the boss.
         room = shape.exterior.distance(Point(centre)) if shape.contains(Point(centre)) else 0.0
         room = min([room, *(ring.distance(Point(centre)) for ring in shape.interiors)]) - 1.3 * size.bevel
-        if room <= 1.02 * axle.hole:
+        if room <= 1.02 * radius:
             continue
-        hole = disc(centre, axle.hole, model.segments)
+        hole = disc(centre, radius, model.segments)
         boss = min(axle.boss, room)
         bore = None
         if axle.key is not None and axle.owner == piece.link and boss > keyway_reach(axle.pin):
             bore = hole = keyed_bore(centre, axle.pin, axle.hole, axle.key, model.segments)
         holes.append(hole)
-        if piece.kind not in ("plate", "wheel") or boss < 1.1 * axle.hole:
-            turned.append(Turned(centre, ((axle.hole, high),), ((axle.hole, low),), bore))
+        if piece.kind not in ("plate", "wheel") or boss < 1.1 * radius:
+            turned.append(Turned(centre, ((radius, high),), ((radius, low),), bore))
             keys += [_key(axle, (low, high), model)] if bore else []
             continue
         above, below = _boss_heights(model, levels, k, layer)
         hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
         above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
-        upper = _boss(boss, axle.hole, high, above, size.bevel)
-        lower = _boss(boss, axle.hole, low, -below, size.bevel)
+        upper = _boss(boss, radius, high, above, size.bevel)
+        lower = _boss(boss, radius, low, -below, size.bevel)
         turned.append(Turned(centre, upper, lower, bore))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
         keys += [_key(axle, (low - below, high + above), model)] if bore else []
@@ -201,9 +201,9 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
         low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
         high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
         holes = [  # a little wider than those of the plates: no two parts share a corner
-            disc(axle.centres[neck.link], 1.03 * axle.hole, model.segments)
+            disc(axle.centres[neck.link], 1.03 * axle.hole_in(neck.link), model.segments)
             for axle in model.axles
-            if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole
+            if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole_in(neck.link)
         ]
         for shape in polygons(neck.outline.difference(unary_union(holes))):
             parts.append(Part(neck.link, "neck", plate(shape, (low, high), 0.0), None, (Prism(shape, low, high),)))
