@@ -53,15 +53,18 @@ def _facts(run: Run, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterat
     unit = "m/rad²" if cam.arm == 0.0 else "1/rad"
     if cam.bed is not None:
         unit = "1/m" if cam.arm == 0.0 else "rad/m²"
-    lift = f"{1e3 * np.nanmax(rows.lift):.6g} mm" if cam.arm == 0.0 else f"{np.degrees(np.nanmax(rows.lift)):.6g} deg"
+    way = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
+    lift = f"{1e3 * way:.6g} mm" if cam.arm == 0.0 else f"{np.degrees(way):.6g} deg"
     yield "lift", f"{lift}, largest s'' {np.nanmax(np.abs(cam.law(x)[2])):.5g} {unit}"
     steep = np.abs(rows.pressure_angle)
-    if np.isfinite(steep).any():
+    exact = list(_limits(cam))
+    yield from exact
+    if np.isfinite(steep).any() and not exact:  # of a given profile: what the run meets
         k = int(np.nanargmax(steep))
         judged = _judged(steep[k], cam.pressure_limit, lambda v: f"{np.degrees(v):.4g} deg")
         yield "pressure angle", f"up to {np.degrees(steep[k]):.5g} deg at {_place(cam, x[k])}{judged}"
     sharp = np.where(rows.radius > 0.0, rows.radius, np.inf)
-    if np.isfinite(sharp).any():
+    if np.isfinite(sharp).any() and not exact and not pair.inverse:
         k = int(np.argmin(sharp))
         yield "curvature", f"least radius of the convex profile {1e3 * sharp[k]:.5g} mm at {_place(cam, x[k])}"
     if force is not None and forces is not None and np.isfinite(force).any():
@@ -86,6 +89,44 @@ def _facts(run: Run, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterat
         yield "graphical method", _drawn_words(cam, pair.drawn, drawn_lift(cam, pair.drawn).largest)
 
 
+def _limits(cam: AnyCam) -> Iterator[tuple[str, str]]:
+    """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
+    from mechcore.cams import Flat, find_limits, spatial_limits
+    from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placed_spatial import PlacedSpatial
+
+    def degrees(value: float) -> str:
+        return f"{np.degrees(value):.4g} deg"
+
+    if isinstance(cam, PlacedSpatial):
+        s = spatial_limits(cam.cam, (1, -1) if cam.form else (1,))
+        judged = _judged(s.pressure.value, cam.pressure_limit, degrees)
+        yield "pressure angle", f"up to {np.degrees(s.pressure.value):.5g} deg at {_place(cam, s.pressure.angle)}{judged}"
+        yield "undercut", f"{_verdict(not s.undercut)}; rollers up to {1e3 * s.greatest_roller.value:.5g} mm"
+    if not isinstance(cam, PlacedCam) or cam.given is not None:
+        return
+    found = find_limits(cam.cam)
+    ends = [
+        f"{word} up to {np.degrees(abs(reached.value)):.5g} deg at {_place(cam, reached.angle)}"
+        for word, reached in (("rise", found.rise), ("return", found.fall))
+    ]
+    worst = max(found.rise.value, found.fall.value)
+    yield "pressure angle", f"{', '.join(ends)}{_judged(worst, cam.pressure_limit, degrees)}"
+    radius = (
+        [] if found.convex is None else [f"least radius {1e3 * found.convex.value:.5g} mm at {_place(cam, found.convex.angle)}"]
+    )
+    if found.greatest_roller is not None and np.isfinite(found.greatest_roller.value):
+        radius.append(f"radii of the follower up to {1e3 * found.greatest_roller.value:.5g} mm")
+    yield "undercut", "; ".join([_verdict(not found.undercut), *radius])
+    if isinstance(cam.face, Flat) and found.distance_left is not None and found.distance_right is not None:
+        left, right = abs(found.distance_left.value), abs(found.distance_right.value)
+        judged = ""
+        if np.isfinite([cam.face.left, cam.face.right]).any():
+            judged = f"; face {1e3 * cam.face.left:.5g} and {1e3 * cam.face.right:.5g} mm: "
+            judged += _verdict(left <= cam.face.left and right <= cam.face.right)
+        yield "face", f"the contact goes {1e3 * left:.5g} mm to the left and {1e3 * right:.5g} mm to the right{judged}"
+
+
 def _verdict(passed: bool) -> str:
     return "pass" if passed else "FAIL"
 
@@ -105,6 +146,7 @@ def _springs(run: Run, cam: AnyCam, need: float) -> Iterator[tuple[str, str]]:
     from mechcore.cams.rating import least_springs
 
     assert run.forces is not None
+    x = cam.argument(run.motion)
     try:
         found = least_springs(run.forces, cam, need)
     except MechanismError as error:
@@ -119,7 +161,7 @@ def _springs(run: Run, cam: AnyCam, need: float) -> Iterator[tuple[str, str]]:
         if spring.free_length is not None:
             ways.append(f"a free length of {1e3 * spring.free_length:.5g} mm with its stiffness")
         words = " or ".join(ways) if ways else "none: this spring is slack, or pulls, where it is needed"
-        yield "least spring", f"{spring.spring}: {words}, to keep {need:.5g} N (decided at {spring.times[0]:.5g} s)"
+        yield "least spring", f"{spring.spring}: {words}, to keep {need:.5g} N (decided at {_place(cam, x[spring.frames[0]])})"
 
 
 def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:

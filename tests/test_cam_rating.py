@@ -211,6 +211,8 @@ def test_the_command_tells_limits_springs_and_the_drawing():
         "pressure angle",
     ):
         assert words in run.output
+    assert "undercut           pass; least radius 2.308" in run.output, "from the law, not from the frames"
+    assert "face 16 and 16 mm: pass" in run.output
     table = [line.split() for line in run.output.splitlines() if line.strip()[:1].isdigit()]
     assert len(table) == 12 and float(table[4][0]) == 120.0
     for arguments, words in (

@@ -96,7 +96,7 @@ class LeastSpring:
     """The least spring that keeps a margin [N] of contact force: ``stiffness`` [N/m] with the free length kept, or
     ``free_length`` [m] with the stiffness kept, None where no such spring does; ``force`` [N]: the least contact force now.
 
-    ``times``: of the frames that decide each [s].
+    ``frames``: those that decide each.
     """
 
     spring: str
@@ -104,7 +104,7 @@ class LeastSpring:
     force: float
     stiffness: float | None
     free_length: float | None
-    times: tuple[float, float]
+    frames: tuple[int, int]
 
 
 def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSpring]:
@@ -145,8 +145,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
         if load.stiffness == 0.0:
             slack = None
         rate, free = (None if x is None else max(x, 0.0) for x in (stiff, slack))
-        times = (float(motion.time[first]), float(motion.time[second]))
-        found.append(LeastSpring(load.name, margin, float(now.min()), rate, free, times))
+        found.append(LeastSpring(load.name, margin, float(now.min()), rate, free, (first, second)))
     return found
 
 
