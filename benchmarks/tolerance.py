@@ -15,10 +15,11 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests")]
 
 import numpy as np
-from dynamic_mechanisms import bars, double_pendulum, slider_crank, squeezer, swinging_five_bar
+from dynamic_mechanisms import double_pendulum, slider_crank, squeezer, swinging_five_bar
 
 from mechcore import compile_mechanism
 from mechcore.dynamics import simulate
+from mechviz.hard.mechanisms import bars
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)
 WIDTH, HEIGHT, EDGE = 560, 420, 60

@@ -8,11 +8,9 @@ import numpy as np
 
 from mechcore.dynamics import Free
 from mechcore.loads import Factor, Force, Load, Spring, Torque, TorsionSpring, Viscous
-from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
-
-
-def _pin(name: str, first: str, second: str, at: str | None = None) -> Revolute:
-    return Revolute(name=name, links=(first, second), points=(at or name, at or name))
+from mechcore.spec import Drive, Link, Mechanism, Prismatic
+from mechviz.hard.mechanisms import chain as driven_chain
+from mechviz.hard.mechanisms import pin
 
 
 def pendulum(
@@ -24,7 +22,7 @@ def pendulum(
         name="pendulum",
         frame="frame",
         links=(Link(name="frame", points={"O": (0.0, 0.0)}), body),
-        pairs=(_pin("O", "frame", "body"),),
+        pairs=(pin("O", "frame", "body"),),
         drives=(Drive(pair="O", law=Free(angle - np.pi / 2, speed)),),
         effects=("inertia", "gravity"),
         gravity=(0.0, -g),
@@ -47,7 +45,7 @@ def double_pendulum(i: dict[str, Any]) -> Mechanism:
         name="double pendulum",
         frame="frame",
         links=links,
-        pairs=(_pin("O", "frame", "upper"), _pin("J", "upper", "lower")),
+        pairs=(pin("O", "frame", "upper"), pin("J", "upper", "lower")),
         drives=free,
         effects=("inertia", "gravity"),
     )
@@ -73,9 +71,9 @@ def slider_crank(i: dict[str, Any]) -> Mechanism:
             Link(name="slider", points={"C": (0.0, 0.0)}, mass=i["m3"]),
         ),
         pairs=(
-            _pin("O", "frame", "crank"),
-            _pin("B", "crank", "rod"),
-            _pin("C", "rod", "slider"),
+            pin("O", "frame", "crank"),
+            pin("B", "crank", "rod"),
+            pin("C", "rod", "slider"),
             Prismatic(name="guide", links=("frame", "slider"), points=("G", "C")),
         ),
         drives=(Drive(pair="O", law=Free(i["theta_1_0"], i["omega_1_0"])),),
@@ -98,10 +96,10 @@ def free_four_bar(i: dict[str, Any]) -> Mechanism:
         frame="frame",
         links=links,
         pairs=(
-            _pin("A", "frame", "crank"),
-            _pin("B", "crank", "coupler"),
-            _pin("D", "coupler", "rocker"),
-            _pin("E", "rocker", "frame"),
+            pin("A", "frame", "crank"),
+            pin("B", "crank", "coupler"),
+            pin("D", "coupler", "rocker"),
+            pin("E", "rocker", "frame"),
         ),
         drives=(Drive(pair="A", law=Free(i["theta_1_0"], i["omega_1_0"])),),
         effects=("inertia", "gravity"),
@@ -111,28 +109,7 @@ def free_four_bar(i: dict[str, Any]) -> Mechanism:
 
 def chain(n: int) -> Mechanism:
     """N-four-bar chain of the multibody benchmark: started upright with 1 m/s at the top of the first upright, to the right."""
-    bar = {"mass": 1.0, "centre": (0.5, 0.0), "inertia": 1.0 / 12.0}
-    links = [Link(name="frame", points={f"A{k}": (float(k), 0.0) for k in range(n + 1)})]
-    pairs: list[Revolute] = []
-    sketch = {}
-    for k in range(n + 1):
-        links.append(Link(name=f"upright{k}", points={f"A{k}": (0.0, 0.0), f"B{k}": (1.0, 0.0)}, **bar))
-        pairs.append(_pin(f"A{k}", "frame", f"upright{k}"))
-        sketch[f"upright{k}"] = (float(k), 0.0, np.pi / 2)
-    for k in range(n):
-        links.append(Link(name=f"bar{k}", points={f"B{k}": (0.0, 0.0), f"B{k + 1}": (1.0, 0.0)}, **bar))
-        pairs.append(_pin(f"B{k}", f"upright{k}", f"bar{k}"))
-        pairs.append(_pin(f"C{k}", f"bar{k}", f"upright{k + 1}", at=f"B{k + 1}"))
-        sketch[f"bar{k}"] = (float(k), 1.0, 0.0)
-    return Mechanism(
-        name="chain",
-        frame="frame",
-        links=tuple(links),
-        pairs=tuple(pairs),
-        drives=(Drive(pair="A0", law=Free(np.pi / 2, -1.0)),),
-        effects=("inertia", "gravity"),
-        sketch=sketch,
-    )
+    return driven_chain(n, Free(np.pi / 2, -1.0))
 
 
 def squeezer(i: dict[str, Any]) -> Mechanism:
@@ -157,16 +134,16 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
         Link(name="K7", points={"A": (0, 0), "H": (0, -i["u"])}, mass=i["m7"], centre=(i["ub"], -i["ua"]), inertia=i["I7"]),
     )
     pairs = (
-        _pin("O", "frame", "K1"),
-        _pin("P", "K1", "K2"),
-        _pin("F3", "K2", "K3", at="F"),
-        _pin("B", "frame", "K3"),
-        _pin("F4", "K2", "K4", at="F"),
-        _pin("E", "K4", "K5"),
-        _pin("A5", "frame", "K5", at="A"),
-        _pin("F6", "K2", "K6", at="F"),
-        _pin("H", "K6", "K7"),
-        _pin("A7", "frame", "K7", at="A"),
+        pin("O", "frame", "K1"),
+        pin("P", "K1", "K2"),
+        pin("F3", "K2", "K3", at="F"),
+        pin("B", "frame", "K3"),
+        pin("F4", "K2", "K4", at="F"),
+        pin("E", "K4", "K5"),
+        pin("A5", "frame", "K5", at="A"),
+        pin("F6", "K2", "K6", at="F"),
+        pin("H", "K6", "K7"),
+        pin("A7", "frame", "K7", at="A"),
     )
     sketch = {
         "K1": (0.0, 0.0, b),
@@ -193,34 +170,6 @@ def squeezer(i: dict[str, Any]) -> Mechanism:
     )
 
 
-def bars(*, frame: float, crank: float, coupler: float, rocker: float, angle: float, speed: float) -> Mechanism:
-    """A four-bar of uniform bars (1 kg per m) under gravity, free at A; the rocker's side is left of the coupler's diagonal."""
-
-    def bar(name: str, first: str, second: str, length: float) -> Link:
-        points = {first: (0.0, 0.0), second: (length, 0.0)}
-        return Link(name=name, points=points, mass=length, centre=(length / 2, 0.0), inertia=length**3 / 12)
-
-    return Mechanism(
-        name="bars",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"A": (0.0, 0.0), "E": (frame, 0.0)}),
-            bar("crank", "A", "B", crank),
-            bar("coupler", "B", "D", coupler),
-            bar("rocker", "E", "D", rocker),
-        ),
-        pairs=(
-            _pin("A", "frame", "crank"),
-            _pin("B", "crank", "coupler"),
-            _pin("D", "coupler", "rocker"),
-            _pin("E", "frame", "rocker"),
-        ),
-        drives=(Drive(pair="A", law=Free(angle, speed)),),
-        effects=("inertia", "gravity"),
-        modes={"D": "left"},
-    )
-
-
 def swinging_five_bar(*, stiffness: float = 0.3, speeds: tuple[float, float] = (8.0, 5.0)) -> Mechanism:
     """A five-bar of uniform bars (1 kg per m) under gravity, both arms held by torsion springs, so that it stays put together."""
 
@@ -239,11 +188,11 @@ def swinging_five_bar(*, stiffness: float = 0.3, speeds: tuple[float, float] = (
             bar("right", "E", "D", 0.14),
         ),
         pairs=(
-            _pin("A", "frame", "left"),
-            _pin("B", "left", "left rod"),
-            _pin("C", "left rod", "right rod"),
-            _pin("D", "right", "right rod"),
-            _pin("E", "frame", "right"),
+            pin("A", "frame", "left"),
+            pin("B", "left", "left rod"),
+            pin("C", "left rod", "right rod"),
+            pin("D", "right", "right rod"),
+            pin("E", "frame", "right"),
         ),
         drives=(Drive(pair="A", law=Free(2.2, speeds[0])), Drive(pair="E", law=Free(0.9, speeds[1]))),
         effects=("inertia", "gravity"),

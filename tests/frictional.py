@@ -56,59 +56,6 @@ def reference_four_bar() -> tuple[Mechanism, dict[str, Any]]:
     return rub(m, A=journal, B=journal, D=journal, E=journal), c
 
 
-def incline(alpha: float, mu: float, *, mass: float = 2.0, speed: float = 0.1) -> Mechanism:
-    """A block on an incline, pushed by a vertical slot on a slider that moves along x (drive H)."""
-    return Mechanism(
-        name="incline",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"O": (0.0, 0.0)}),
-            Link(name="block", points={"P": (0.0, 0.0)}, mass=mass),
-            Link(name="pusher", points={"Q": (0.0, 0.0)}),
-        ),
-        pairs=(
-            Prismatic(
-                name="P",
-                links=("frame", "block"),
-                points=("O", "P"),
-                along=(np.cos(alpha), np.sin(alpha)),
-                friction=Friction(coefficient=mu) if mu else None,
-            ),
-            Prismatic(name="H", links=("frame", "pusher"), points=("O", "Q")),
-            PinSlot(name="T", links=("pusher", "block"), points=("Q", "P"), along=(0.0, 1.0)),
-        ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.2, speed)),),
-        effects=("gravity", "friction"),
-    )
-
-
-def sleeve(x: float, b: float, mu: float, *, weight: float = 30.0, **more: Any) -> Mechanism:
-    """A sleeve of length b on a column, its weight on the axis, lifted at a distance x from it (drive H)."""
-    return Mechanism(
-        name="sleeve",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"O": (0.0, 0.0), "X": (x, 0.0)}),
-            Link(name="sleeve", points={"S": (0.0, 0.0), "L": (x, 0.0)}),
-            Link(name="lift", points={"X": (0.0, 0.0)}),
-        ),
-        pairs=(
-            Prismatic(
-                name="S",
-                links=("frame", "sleeve"),
-                points=("O", "S"),
-                along=(0.0, 1.0),
-                friction=Friction(coefficient=mu, length=b, **more),
-            ),
-            Prismatic(name="H", links=("frame", "lift"), points=("X", "X"), along=(0.0, 1.0)),
-            PinSlot(name="T", links=("lift", "sleeve"), points=("X", "L")),
-        ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
-        loads=(Force(name="W", link="sleeve", point="S", vector=(0.0, -weight)),),
-        effects=("friction",),
-    )
-
-
 def follower(alpha: float, a: float, b: float, mu: float, load: float) -> Mechanism:
     """A follower that a face at the pressure angle alpha lifts at the overhang a below its guide of length b (drive H)."""
     tip = -(a + b / 2)

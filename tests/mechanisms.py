@@ -13,6 +13,7 @@ import numpy as np
 from mechcore import Forces, Motion, compile_mechanism, solve_forces, solve_motion
 from mechcore.laws import ConstantSpeed, Law
 from mechcore.spec import Drive, Force, Link, Load, Mechanism, Pair, Prismatic, Revolute
+from mechviz.hard.mechanisms import pin
 
 REFERENCE = Path(__file__).parent / "reference"
 
@@ -20,10 +21,6 @@ REFERENCE = Path(__file__).parent / "reference"
 def case(file: str, name: str) -> dict[str, Any]:
     """A reference case by file and id."""
     return next(c for c in json.loads((REFERENCE / f"{file}.json").read_text())["cases"] if c["id"] == name)
-
-
-def pin(name: str, first: str, second: str, *, at: str | None = None) -> Revolute:
-    return Revolute(name=name, links=(first, second), points=(at or name, at or name))
 
 
 def four_bar(

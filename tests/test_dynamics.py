@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import bars, chain, double_pendulum, free_four_bar, pendulum, slider_crank, squeezer
+from dynamic_mechanisms import chain, double_pendulum, free_four_bar, pendulum, slider_crank, squeezer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
@@ -22,6 +22,7 @@ from mechcore.dynamics.panels import fit_panels
 from mechcore.dynamics.reduced import reduce
 from mechcore.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec import Drive
+from mechviz.hard.mechanisms import bars
 
 
 def test_squeezer_to_all_published_digits():

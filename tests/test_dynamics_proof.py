@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import bars, chain, double_pendulum, pendulum, slider_crank, swinging_five_bar
+from dynamic_mechanisms import chain, double_pendulum, pendulum, slider_crank, swinging_five_bar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
@@ -20,6 +20,7 @@ from mechcore.dynamics.collocation import Window, gauss, radau, solve_window
 from mechcore.errors import MechanismError
 from mechcore.loads import Factor, Force, Torque
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
+from mechviz.hard.mechanisms import bars
 from mechviz.run import run_scene
 
 # --- order of the method ----------------------------------------------------------------------------------------------

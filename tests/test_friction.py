@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frictional import follower, incline, law_of_friction, reference_four_bar, reference_slider_crank, rub, sleeve
+from frictional import follower, law_of_friction, reference_four_bar, reference_slider_crank, rub
 from mechanisms import case, load, slider_crank
 from test_properties import balance_of_links
 from test_reference_linkages import close, column
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.laws import ConstantSpeed
-from mechcore.spec import Drive, Force, Friction, Gear, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling, Torque
+from mechcore.spec import Drive, Force, Friction, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling
+from mechviz.hard.rubbing import gears, incline, sleeve
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 181)
 
@@ -256,28 +257,6 @@ def test_rolling_resistance_needs_the_torque_of_the_lever():
         np.testing.assert_allclose(forces.effort("R"), np.sign(speed) * mass * 9.81 * lever / radius, rtol=1e-13)
         assert np.abs(forces.power_balance).max() < 1e-14
         assert balance_of_links(forces) < 1e-12
-
-
-def gears(lever: float, sign: float = 1.0) -> Mechanism:
-    """Two gears with friction on the teeth and in their pins; the load on the second changes the flank with its sign."""
-    journal = Friction(coefficient=0.1, radius=0.01)
-    return Mechanism(
-        name="gears",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.0)}),
-            Link(name="one", points={"A": (0.0, 0.0)}),
-            Link(name="two", points={"B": (0.0, 0.0)}),
-        ),
-        pairs=(
-            Revolute(name="A", links=("frame", "one"), points=("A", "A"), friction=journal),
-            Revolute(name="B", links=("frame", "two"), points=("B", "B"), friction=journal),
-            Gear(name="G", links=("one", "two"), carrier="frame", sizes=(20, 40), friction=Friction(lever=lever)),
-        ),
-        drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
-        loads=(Torque(name="M", link="two", moment=40.0 * sign),),
-        effects=("friction",),
-    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

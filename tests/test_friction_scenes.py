@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frictional import sleeve
 from test_properties import balance_of_links
 from test_scene_faults import changed, faults_of
 
@@ -16,6 +15,7 @@ from mechcore.friction.events import find_jams, friction_events, friction_lanes
 from mechcore.laws import ConstantSpeed, Oscillation
 from mechcore.plan import make_plan
 from mechcore.spec import Drive, Friction, Link, PinSlot, Prismatic
+from mechviz.hard.rubbing import sleeve
 from mechviz.record import inspect
 from mechviz.record.inspection import format_inspection
 from mechviz.report import check_lines

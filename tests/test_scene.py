@@ -20,26 +20,13 @@ from hypothesis import strategies as st
 import mechviz
 from mechcore.laws import ConstantSpeed, Oscillation, Piecewise, TableLaw
 from mechcore.spec import Force, Prismatic, Revolute, Torque
+from mechviz.hard.input import BASE
 from mechviz.scene import Scene, SceneBuilder, SceneError, dump, gallery, json_schema, load, loads
 from mechviz.scene.units import KINDS, Units, parse
 
 NAMES = [entry.name for entry in gallery()]
 
-FOUR_BAR: dict[str, Any] = {
-    "units": {"length": "mm", "angle": "deg"},
-    "links": {
-        "frame": {"points": {"A": [0, 0], "D": [200, 0]}},
-        "crank": {"points": {"A": [0, 0], "B": [60, 0]}},
-        "coupler": {"points": {"B": [0, 0], "C": [180, 0], "E": [90, 70]}},
-        "rocker": {"points": {"D": [0, 0], "C": [150, 0]}},
-    },
-    "pairs": {
-        "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm"}},
-        "B": {"revolute": ["crank", "coupler"]},
-        "C": {"revolute": ["coupler", "rocker"], "side": "left"},
-        "D": {"revolute": ["rocker", "frame"]},
-    },
-}
+FOUR_BAR = BASE
 
 
 def four_bar(**changes: Any) -> Scene:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dynamic_mechanisms import bars, chain, double_pendulum, pendulum
+from dynamic_mechanisms import chain, double_pendulum, pendulum
 from typer.testing import CliRunner
 
 import mechviz
@@ -20,6 +20,7 @@ from mechcore.errors import MechanismError
 from mechcore.loads import Damper, Drag, Factor, Force, Spring, Torque, TorsionDamper, TorsionSpring
 from mechcore.spec import Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.cli import app
+from mechviz.hard.mechanisms import bars
 from mechviz.vibrations import mode_scene, vibrations_of
 
 TURN = 2.0 * np.pi

@@ -1,6 +1,7 @@
 """The suite of hard cases: places where mechanisms are hard, each with what is expected there, independently of what computes it.
 
-One module a family with its ``CASES``; nothing heavy is loaded before `all_cases` is called.
+Modules with their ``CASES``, and two with the mechanisms that they share with the tests; nothing heavy is loaded before `all_cases`
+is called.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ __all__ = ["FAMILIES", "all_cases"]
 
 def all_cases(only: str | None = None) -> tuple[Case, ...]:
     """The cases of all families, or of one, in order."""
-    from . import cams, dynamics, friction, input, linkages
+    from . import cams, constraints, dynamics, friction, friction_motion, input, linkages, published
 
-    every = (*linkages.CASES, *cams.CASES, *friction.CASES, *dynamics.CASES, *input.CASES)
-    return tuple(c for c in every if only in (None, c.family))
+    modules = (linkages, constraints, published, cams, friction, friction_motion, dynamics, input)
+    return tuple(c for m in modules for c in m.CASES if only in (None, c.family))

@@ -14,6 +14,7 @@ from mechcore.cams import (
     Follower,
     Knife,
     Oscillating,
+    Requirement,
     Roller,
     Translating,
     analyse,
@@ -23,6 +24,7 @@ from mechcore.cams import (
     cut_profile,
     find_limits,
     first_separation,
+    least_base,
     polygon,
     undercut_ranges,
 )
@@ -297,7 +299,26 @@ def _not_closed() -> Outcome:
     return refused(lambda: compile_mechanism(_pair(Roller(0.01), lift=lift)), r"229\.183 deg", r"Add a dwell of 130\.817")
 
 
+def _base_circle() -> Outcome:
+    """At 30 degrees on rise and return: h0 = max(|s' - e| / tan 30 - s) by a fine scan, the pitch circle hypot(e, h0)."""
+    e, roller, limit = 0.01, 0.004, np.radians(30.0)
+    found = least_base(LIFT, Follower(Translating(e), Roller(roller)), Requirement(pressure_rise=limit, pressure_fall=limit))
+    theta = np.linspace(0.0, 4.6, 400_001)
+    s, s1, _ = _cycloidal(theta)
+    want = float(np.hypot(e, np.max(np.abs(s1 - e) / np.tan(limit) - s))) - roller
+    checks = [compare("base circle", found.base, want, 1e-8)]
+    return Outcome(f"least base circle {1e3 * found.base:.8g} mm", tuple(checks))
+
+
 CASES = (
+    Case(
+        "P5 base circle for a pressure angle",
+        "cams",
+        "the least base circle for 30 degrees with an offset: rise and return differ",
+        "a fine scan of (s' - e) / (h0 + s)",
+        _base_circle,
+        "mechanism is off by 3 %",
+    ),
     Case(
         "P5 offset roller: profile",
         "cams",

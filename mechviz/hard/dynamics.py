@@ -14,7 +14,7 @@ from mechcore.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec import Drive, Link, Mechanism
 
 from .case import Case, Check, Outcome, compare, judged, refused
-from .mechanisms import chain, pendulum, pin
+from .mechanisms import bars, chain, pendulum, pin
 
 G = 9.81
 SQUEEZED = (
@@ -117,37 +117,9 @@ def _many_swings() -> Outcome:
     return _outcome(simulation, f"{q + np.pi / 2:.1e} rad off the bottom", checks, drift=None, frames=11)
 
 
-def _bars(frame: float, crank: float, coupler: float, rocker: float, angle: float, speed: float) -> Mechanism:
-    """Four-bar of uniform bars (1 kg per m), free at A, under gravity."""
-
-    def bar(name: str, first: str, second: str, length: float) -> Link:
-        points = {first: (0.0, 0.0), second: (length, 0.0)}
-        return Link(name=name, points=points, mass=length, centre=(length / 2, 0.0), inertia=length**3 / 12)
-
-    return Mechanism(
-        name="bars",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"A": (0.0, 0.0), "E": (frame, 0.0)}),
-            bar("crank", "A", "B", crank),
-            bar("coupler", "B", "D", coupler),
-            bar("rocker", "E", "D", rocker),
-        ),
-        pairs=(
-            pin("A", "frame", "crank"),
-            pin("B", "crank", "coupler"),
-            pin("D", "coupler", "rocker"),
-            pin("E", "frame", "rocker"),
-        ),
-        drives=(Drive(pair="A", law=Free(angle, speed)),),
-        effects=("inertia", "gravity"),
-        modes={"D": "left"},
-    )
-
-
 def _triple_rocker() -> Outcome:
     """No link turns fully: every coordinate has dead points. Energy by positions alone, speeds by differences."""
-    simulation = simulate(_bars(1.0, 0.7, 0.6, 0.8, 1.2, 5.0), 3.0, tolerance=1e-10)
+    simulation = simulate(bars(1.0, 0.7, 0.6, 0.8, 1.2, 5.0), 3.0, tolerance=1e-10)
     t = np.linspace(0.0, 3.0, 301)
     motion = simulation.motion(t)
     energy = np.zeros(len(t))
@@ -161,7 +133,7 @@ def _triple_rocker() -> Outcome:
 
 def _start_in_a_dead_point() -> Outcome:
     angle = float(np.arccos((1.0 + 0.49 - 1.96) / 1.4))
-    return refused(lambda: simulate(_bars(1.0, 0.7, 0.6, 0.8, angle, 0.0), 1.0), "dead point|cannot be assembled")
+    return refused(lambda: simulate(bars(1.0, 0.7, 0.6, 0.8, angle, 0.0), 1.0), "dead point|cannot be assembled")
 
 
 def _zeno() -> Outcome:

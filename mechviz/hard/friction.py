@@ -1,4 +1,4 @@
-"""Hard cases of dry friction: where a mechanism jams, locks itself, turns back, sticks, where statics does not tell the load."""
+"""Hard cases of dry friction in prescribed motion: it jams, locks itself, turns back, statics does not tell the load."""
 
 from __future__ import annotations
 
@@ -8,71 +8,17 @@ from typing import Any
 import numpy as np
 
 from mechcore import Forces, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.dynamics import Free, simulate
 from mechcore.friction import FrictionResult
 from mechcore.friction.events import friction_events
 from mechcore.friction.fixedpoint import solve_normal_loads, stability
 from mechcore.laws import ConstantSpeed
-from mechcore.loads import Factor
-from mechcore.spec import Drive, Force, Friction, Gear, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling, Torque
+from mechcore.spec import Drive, Force, Friction, Link, Mechanism, Prismatic, Revolute, Rolling
 
-from .case import Case, Check, Outcome, compare, judged, moved, refused
-from .mechanisms import load_at, pendulum, pin, slider_crank
+from .case import Case, Outcome, compare, judged, moved, refused
+from .mechanisms import load_at, slider_crank
+from .rubbing import bearing, gears, incline, sleeve
 
 G = 9.81
-
-
-def sleeve(x: float, length: float, mu: float) -> Mechanism:
-    """A sleeve on a column with its weight of 30 N on the axis, lifted at a distance x from it (drive H)."""
-    return Mechanism(
-        name="sleeve",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"O": (0.0, 0.0), "X": (x, 0.0)}),
-            Link(name="sleeve", points={"S": (0.0, 0.0), "L": (x, 0.0)}),
-            Link(name="lift", points={"X": (0.0, 0.0)}),
-        ),
-        pairs=(
-            Prismatic(
-                name="S",
-                links=("frame", "sleeve"),
-                points=("O", "S"),
-                along=(0.0, 1.0),
-                friction=Friction(coefficient=mu, length=length),
-            ),
-            Prismatic(name="H", links=("frame", "lift"), points=("X", "X"), along=(0.0, 1.0)),
-            PinSlot(name="T", links=("lift", "sleeve"), points=("X", "L")),
-        ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.0, 0.1)),),
-        loads=(Force(name="W", link="sleeve", point="S", vector=(0.0, -30.0)),),
-        effects=("friction",),
-    )
-
-
-def incline(alpha: float, mu: float) -> Mechanism:
-    """A block of 2 kg on an incline, pushed by a vertical slot on a slider along x (drive H)."""
-    return Mechanism(
-        name="incline",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"O": (0.0, 0.0)}),
-            Link(name="block", points={"P": (0.0, 0.0)}, mass=2.0),
-            Link(name="pusher", points={"Q": (0.0, 0.0)}),
-        ),
-        pairs=(
-            Prismatic(
-                name="P",
-                links=("frame", "block"),
-                points=("O", "P"),
-                along=(np.cos(alpha), np.sin(alpha)),
-                friction=Friction(coefficient=mu),
-            ),
-            Prismatic(name="H", links=("frame", "pusher"), points=("O", "Q")),
-            PinSlot(name="T", links=("pusher", "block"), points=("Q", "P"), along=(0.0, 1.0)),
-        ),
-        drives=(Drive(pair="H", law=ConstantSpeed(0.2, 0.1)),),
-        effects=("gravity", "friction"),
-    )
 
 
 def friction_in(forces: Forces) -> FrictionResult:
@@ -84,19 +30,6 @@ def friction_in(forces: Forces) -> FrictionResult:
 def with_friction(pair: Any, friction: Friction) -> Any:
     """A pair of a kind that can have friction, with it."""
     return replace(pair, friction=friction)
-
-
-def _bearing(e: float, friction: Friction) -> Mechanism:
-    """A slider loaded across with 100 N at a distance e from its point."""
-    return Mechanism(
-        name="bearing",
-        frame="frame",
-        links=(Link(name="frame", points={"O": (0.0, 0.0)}), Link(name="block", points={"S": (0.0, 0.0), "E": (e, 0.0)})),
-        pairs=(Prismatic(name="S", links=("frame", "block"), points=("O", "S"), friction=friction),),
-        drives=(Drive(pair="S", law=ConstantSpeed(0.0, 1.0)),),
-        loads=(Force(name="F", link="block", point="E", vector=(0.0, -100.0)),),
-        effects=("friction",),
-    )
 
 
 def _before_the_jam() -> Outcome:
@@ -164,7 +97,7 @@ def _two_ends() -> Outcome:
     """mu F while the load lies within the bearing, 2 mu F e / b outside: on both sides of where that changes."""
     b, mu, checks = 0.08, 0.15, []
     for e in (0.0, 0.04 - 1e-9, 0.04 + 1e-9, 0.1):
-        forces = load_at(_bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
+        forces = load_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
         checks.append(compare(f"e = {e:g}", forces.effort("S")[0], mu * 100.0 * max(1.0, 2.0 * e / b), 1e-13))
     return moved(forces.motion, f"{forces.effort('S')[0]:.6g} N at e = 0.1 m", checks, forces)
 
@@ -192,26 +125,8 @@ def _one_pin() -> Outcome:
 def _gears() -> Outcome:
     """Tooth force F from the moments on the second wheel, on either flank."""
     lever, r1, r2, pressure, arm, checks = 0.002, 0.1, 0.2, np.radians(20.0), 0.001, []
-    journal = Friction(coefficient=0.1, radius=0.01)
     for way in (1.0, -1.0):
-        m = Mechanism(
-            name="gears",
-            frame="frame",
-            links=(
-                Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.0)}),
-                Link(name="one", points={"A": (0.0, 0.0)}),
-                Link(name="two", points={"B": (0.0, 0.0)}),
-            ),
-            pairs=(
-                Revolute(name="A", links=("frame", "one"), points=("A", "A"), friction=journal),
-                Revolute(name="B", links=("frame", "two"), points=("B", "B"), friction=journal),
-                Gear(name="G", links=("one", "two"), carrier="frame", sizes=(20, 40), friction=Friction(lever=lever)),
-            ),
-            drives=(Drive(pair="A", law=ConstantSpeed(0.0, 1.0)),),
-            loads=(Torque(name="M", link="two", moment=40.0 * way),),
-            effects=("friction",),
-        )
-        forces = load_at(m, [0.0, 1.0], 5.0)
+        forces = load_at(gears(lever, way), [0.0, 1.0], 5.0)
         f = 40.0 / (r2 * np.cos(pressure) - way * (arm + lever))
         checks.append(compare("tooth force", np.hypot(*forces.reaction("G")[:, :2].T), f, 1e-12))
         checks.append(compare("torque", forces.effort("A"), way * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
@@ -265,116 +180,6 @@ def _small_coefficients() -> Outcome:
     )
 
 
-# --- forward dynamics --------------------------------------------------------------------------------------------------------
-
-
-def _simulated(simulation: Any, found: str, checks: list[Check]) -> Outcome:
-    t = np.linspace(0.0, simulation.duration, 101)
-    motion = simulation.motion(t)
-    drift = float(np.max(np.abs(simulation.drift(t))))
-    kinds = [h.kind for h in simulation.happenings]
-    events = tuple(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
-    residual = float(np.max(motion.closure)) / simulation.compiled.model.size
-    return Outcome(found, (*checks, Check("energy", drift, 1e-7)), residual, float(np.max(motion.condition)), events)
-
-
-def _block(friction: Friction, x0: float, v0: float, stiffness: float) -> Mechanism:
-    """1 kg on a spring, sliding on the ground."""
-    pull = Factor(function=lambda x: -stiffness * x, of="x", point=("mass", "P"))
-    return Mechanism(
-        name="oscillator",
-        frame="frame",
-        links=(Link(name="frame", points={"G": (0.0, 0.0)}), Link(name="mass", points={"P": (0.0, 0.0)}, mass=1.0)),
-        pairs=(Prismatic(name="S", links=("frame", "mass"), points=("G", "P"), friction=friction),),
-        drives=(Drive(pair="S", law=Free(x0, v0)),),
-        effects=("inertia", "gravity", "friction"),
-        loads=(Force(name="spring", link="mass", point="P", vector=(1.0, 0.0), factor=pull),),
-    )
-
-
-def _runs_down() -> Outcome:
-    """Every half swing the amplitude falls by 2 mu m g / k, at half periods; it sticks in the dead band, off the middle."""
-    mu, k, x0 = 0.1, 100.0, 0.2
-    step, half = 2.0 * mu * G / k, np.pi / 10.0
-    count = int(np.ceil((x0 - 0.5 * step) / step))
-    simulation = simulate(_block(Friction(coefficient=mu), x0, 0.0, k), 5.0, tolerance=1e-10)
-    turns = [h.time for h in simulation.happenings if h.time > 0.0]
-    end = float(simulation([5.0])[0][0, 0])
-    checks = [
-        compare(
-            "turns back at half periods", turns if len(turns) == count else [np.nan] * count, half * np.arange(1, count + 1), 1e-9
-        ),
-        compare("where it sticks", end, (-1.0) ** count * (x0 - count * step), 1e-9, scale=x0),
-        judged("it sticks", simulation.happenings[-1].kind == "stick"),
-    ]
-    return _simulated(simulation, f"sticks at {1e3 * end:.9g} mm after {count} half swings", checks)
-
-
-def _stick_slip() -> Outcome:
-    """A mass on a belt held by a spring: sticks until k x = mu_s m g, slips on an arc about mu_k m g / k, over and over."""
-    k, belt, static, kinetic = 50.0, 0.1, 0.4, 0.2
-    w, x1 = np.sqrt(k), static * G / k
-    centre = kinetic * G / k
-    swing = 2.0 * (np.pi - np.arctan((x1 - centre) * w / belt)) / w
-    period = swing + 2.0 * (x1 - centre) / belt
-    m = Mechanism(
-        name="belt",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"G": (0.0, 0.0)}),
-            Link(name="belt", points={"G": (0.0, 0.0)}),
-            Link(name="mass", points={"P": (0.0, 0.0)}, mass=1.0),
-        ),
-        pairs=(
-            Prismatic(name="belt", links=("frame", "belt"), points=("G", "G")),
-            Prismatic(name="S", links=("belt", "mass"), points=("G", "P"), friction=Friction(coefficient=kinetic, static=static)),
-        ),
-        drives=(Drive(pair="belt", law=ConstantSpeed(0.0, belt, travel=1.0)), Drive(pair="S", law=Free(0.0, 0.0))),
-        effects=("inertia", "gravity", "friction"),
-        loads=(
-            Force(
-                name="spring", link="mass", point="P", vector=(1.0, 0.0),
-                factor=Factor(function=lambda x: -k * x, of="x", point=("mass", "P")),
-            ),
-        ),
-    )  # fmt: skip
-    simulation = simulate(m, 4.5 * period, tolerance=1e-10)
-    slips = [h.time for h in simulation.happenings if h.kind == "slip"]
-    checks = [compare("first slip", slips[0], x1 / belt, 1e-8), compare("period", np.diff(slips), period, 1e-8)]
-    return _simulated(simulation, f"every {np.mean(np.diff(slips)):.9g} s", checks)
-
-
-def _painleve() -> Outcome:
-    m = Mechanism(
-        name="sleeve",
-        frame="frame",
-        links=(
-            Link(name="frame", points={"G": (0.0, 0.0)}),
-            Link(name="sleeve", points={"P": (0.0, 0.0)}, mass=1.0, centre=(0.0, 0.4), inertia=0.05),
-        ),
-        pairs=(Prismatic(name="S", links=("frame", "sleeve"), points=("G", "P"), friction=Friction(coefficient=3.0, length=0.01)),),
-        drives=(Drive(pair="S", law=Free(0.0, 1.0)),),
-        effects=("inertia", "gravity", "friction"),
-        loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
-    )
-    return refused(lambda: simulate(m, 1.0), r"pairs\.S\.friction")
-
-
-def _brake() -> Outcome:
-    """A wheel of 2 kg m^2 at 30 rad/s under a brake of 5 N m stops after J w / M, having turned J w^2 / (2 M), and stays."""
-    m = pendulum(2.0, 0.0, 0.0, np.pi / 2, speed=30.0, effects=("inertia", "friction"))
-    m = replace(m, pairs=(replace(pin("O", "frame", "body"), friction=Friction(brake=5.0)),))
-    simulation = simulate(m, 15.0, tolerance=1e-10)
-    stops = [h.time for h in simulation.happenings if h.kind == "stick"]
-    turned = float(simulation([15.0])[0][0, 0])
-    checks = [
-        compare("time", stops[-1], 12.0, 1e-9),
-        compare("angle", turned, 180.0, 1e-9),
-        compare("stays", simulation([14.0])[0][0, 0], turned, 1e-12),
-    ]
-    return _simulated(simulation, f"stops at {stops[-1]:.9g} s", checks)
-
-
 CASES = (
     Case(
         "a billionth before the jam", "friction", "a sleeve's effort grows without bound", "W / (1 - 2 mu x / b)", _before_the_jam
@@ -421,14 +226,4 @@ CASES = (
         "first order of the frictionless reactions",
         _small_coefficients,
     ),
-    Case(
-        "runs down and sticks",
-        "friction",
-        "turns back nine times, then sticks off the middle",
-        "2 mu m g / k a half swing",
-        _runs_down,
-    ),
-    Case("stick-slip", "friction", "sticks and slips on a belt, static friction greater", "closed form of its period", _stick_slip),
-    Case("Painleve", "friction", "no acceleration is in balance", "refused in words", _painleve),
-    Case("a brake", "friction", "stops exactly and holds", "J w / M, J w^2 / (2 M)", _brake),
 )

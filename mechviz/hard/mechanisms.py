@@ -12,7 +12,7 @@ from mechcore.dynamics import Free
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Drive, Link, Load, Mechanism, Prismatic, Revolute
 
-__all__ = ["TURN", "at", "body", "chain", "four_bar", "load_at", "pendulum", "pin", "slider_crank"]
+__all__ = ["TURN", "at", "bars", "body", "chain", "four_bar", "load_at", "pendulum", "pin", "slider_crank"]
 
 TURN = 2.0 * np.pi
 Bodies = Mapping[str, tuple[float, Sequence[float], float]]
@@ -108,6 +108,34 @@ def chain(n: int, drive: Any) -> Mechanism:
         drives=(Drive(pair="A0", law=drive),),
         effects=("inertia", "gravity") if isinstance(drive, Free) else (),
         sketch=sketch,
+    )
+
+
+def bars(frame: float, crank: float, coupler: float, rocker: float, angle: float, speed: float) -> Mechanism:
+    """Four-bar of uniform bars (1 kg per m), free at A, under gravity; D on the left of B -> E."""
+
+    def bar(name: str, first: str, second: str, length: float) -> Link:
+        points = {first: (0.0, 0.0), second: (length, 0.0)}
+        return Link(name=name, points=points, mass=length, centre=(length / 2, 0.0), inertia=length**3 / 12)
+
+    return Mechanism(
+        name="bars",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0.0, 0.0), "E": (frame, 0.0)}),
+            bar("crank", "A", "B", crank),
+            bar("coupler", "B", "D", coupler),
+            bar("rocker", "E", "D", rocker),
+        ),
+        pairs=(
+            pin("A", "frame", "crank"),
+            pin("B", "crank", "coupler"),
+            pin("D", "coupler", "rocker"),
+            pin("E", "frame", "rocker"),
+        ),
+        drives=(Drive(pair="A", law=Free(angle, speed)),),
+        effects=("inertia", "gravity"),
+        modes={"D": "left"},
     )
 
 
