@@ -391,6 +391,13 @@ def test_a_click_traces_a_near_point_or_makes_one():
     assert with_traced(near, "coupler", (0.3, 0.001, 0.01)).data["trace"] == ["coupler.T1"], "a second click ends it"
 
 
+def test_the_base_circle_of_a_disc_has_a_positive_range_and_the_place_of_a_barrel_has_not():
+    disc, barrel = (
+        next(p for p in find_parameters(scene.load(name)) if p.path[-1] == "base") for name in ("cam-flat", "cam-barrel")
+    )
+    assert 0.0 < disc.hard_low <= disc.low < disc.value and barrel.low < 0.0
+
+
 def test_a_cam_follows_its_values_while_they_are_dragged():
     """Stretched, its rim is that of the solid which is built at rest; its hub stays, and so does a follower's body."""
     opened = run_scene(scene.load("cam-flat"), frames=60)

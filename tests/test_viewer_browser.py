@@ -241,7 +241,7 @@ TOLD = "() => { const b = document.getElementById('mechviz-hover'); return b.sty
 def test_the_pointer_is_told_what_it_rests_on(viewer, page):
     b, d = (np.array(page.evaluate(PLACE, f"/joints/{name}/dot")) for name in "BD")
     page.mouse.move(*b)
-    until(page, lambda: page.evaluate(TOLD) == "joint B\nrevolute, crank and coupler", "the joint")
+    until(page, lambda: page.evaluate(TOLD) == "pair B\nrevolute, crank and coupler", "the joint")
     page.mouse.move(*(0.5 * (b + d)))
     until(page, lambda: page.evaluate(TOLD).startswith("link coupler"), "the link")
     viewer.set_frame(60)  # it moves away below the pointer

@@ -38,7 +38,7 @@ def hover_names(show: Show) -> dict[str, Name]:
         words = [_joint(show, name) + (", driven" if name in driven else "") for name in names]
         if len(names) > 1:
             words = [f"{name}: {text}" for name, text in zip(names, words, strict=True)]
-        found[f"{joint_path(names)}/dot"] = (f"joint {', '.join(names)}", "; ".join(words), ())
+        found[f"{joint_path(names)}/dot"] = (f"pair {', '.join(names)}", "; ".join(words), ())
     for name in show.paths:
         found[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
     for family, arrows in show.arrows.items():

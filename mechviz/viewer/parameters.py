@@ -234,6 +234,8 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
             number, unit = float(value), _bare_unit(units, kind)
     least: str = quantity.least if quantity is not None else ""
     sign = 1.0
+    if path[-2:] == ("profile", "base") and number > 0.0 and _plane_cam(document, path):
+        least = "above zero"  # a radius; of a cam about an axis in the plane it is a place along that
     if along:
         least, sign, number = "above zero", math.copysign(1.0, number), abs(number)
     whole = isinstance(value, int) and quantity is None and path[-2:-1] == ("teeth",)
@@ -343,6 +345,12 @@ def _range(document: SceneDocument, path: Path, value: float, kind: str, least: 
     if kind in ("", "angular speed", "linear speed", "pressure", "power", "density"):
         return _round_out(*sorted((value / 4.0, value * 2.5)))
     return _round_out(-2.5 * size, 2.5 * size)
+
+
+def _plane_cam(document: SceneDocument, path: Path) -> bool:
+    """Whether a value in the profile of a cam belongs to one that turns in the plane."""
+    profile: Any = getattr(document.pairs[str(path[1])], "profile", None)
+    return all(getattr(profile, kind, None) is None for kind in ("barrel", "rib", "end", "globoid"))
 
 
 def _turn(document: SceneDocument, path: Path) -> float:

@@ -144,7 +144,8 @@ def contributions(items: Iterable[Contribution], unit: str) -> str:
         style = "" if item.on else ' style="opacity:0.55"'
         now = "on" if item.on else "off"
         rows.append(f"<tr{style}><td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td>{cost}</td></tr>")
-    head = "<tr><th>effect</th><th></th><th>peak drive effort</th><th>costs</th></tr>"
+    effort = "force" if unit == "N" else "torque"
+    head = f"<tr><th>effect</th><th></th><th>peak drive {effort} changes by</th><th>costs</th></tr>"
     table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
     return _block(table, "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
 
