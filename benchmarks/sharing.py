@@ -1,6 +1,8 @@
 """What a recording, a page and a picture of a mechanism of 100 bodies cost: processor time (without Chromium's), size, memory.
 
-python benchmarks/sharing.py [--short]
+python benchmarks/sharing.py [--short] [--forces]
+
+With ``--forces`` every link has a mass and the recording all reactions, the inertia, weight and driving torque of every frame.
 """
 
 from __future__ import annotations
@@ -22,14 +24,18 @@ from mechviz.share.drawing import write_svg
 from mechviz.share.pictures import Look, Moment, shot
 
 
-def train(count: int) -> str:
-    """A train of crank-rockers, each driven by the rocker before: 2 count + 1 moving links."""
-    lines = [f'title = "Train of {count} four-bars"', 'units = { length = "mm", angle = "deg" }', "[links]"]
+def train(count: int, forces: bool = False) -> str:
+    """A train of crank-rockers, each driven by the rocker before: 2 count + 1 moving links, with masses where ``forces`` are."""
+    lines = [f'title = "Train of {count} four-bars"', 'units = { length = "mm", angle = "deg" }']
+    if forces:
+        lines += ['effects = ["inertia", "gravity"]', 'gravity = [0, "-9.81 m/s2"]']
+    heavy = ', mass = "0.3 kg", centre = [80, 0], inertia = "0.001 kg*m2"' if forces else ""
+    lines.append("[links]")
     lines.append(f"frame = {{ points = {{ {', '.join(f'D{k} = [{200 * k}, 0]' for k in range(count + 1))} }} }}")
-    lines.append("rocker0 = { points = { D0 = [0, 0], B1 = [60, 0] } }")
+    lines.append(f"rocker0 = {{ points = {{ D0 = [0, 0], B1 = [60, 0] }}{heavy} }}")
     for k in range(1, count + 1):
-        lines.append(f"coupler{k} = {{ points = {{ B{k} = [0, 0], C{k} = [190, 0] }} }}")
-        lines.append(f"rocker{k} = {{ points = {{ D{k} = [0, 0], C{k} = [120, 0], B{k + 1} = [90, 20] }} }}")
+        lines.append(f"coupler{k} = {{ points = {{ B{k} = [0, 0], C{k} = [190, 0] }}{heavy} }}")
+        lines.append(f"rocker{k} = {{ points = {{ D{k} = [0, 0], C{k} = [120, 0], B{k + 1} = [90, 20] }}{heavy} }}")
     lines += ["[pairs]", 'D0 = { revolute = ["frame", "rocker0"], drive = { speed = "60 rpm" } }']
     for k in range(1, count + 1):
         lines.append(f'B{k} = {{ revolute = ["rocker{k - 1}", "coupler{k}"] }}')
@@ -38,7 +44,7 @@ def train(count: int) -> str:
     return "\n".join(lines)
 
 
-def main(short: bool) -> None:
+def main(short: bool, forces: bool) -> None:
     print(machine())
     frames, count = (1000, 10) if short else (10_000, 50)
     with tempfile.TemporaryDirectory() as folder:
@@ -52,8 +58,8 @@ def main(short: bool) -> None:
             print(f"{what:<40} {time.process_time() - start:6.1f} s  {size:8.2f} MB  at most {memory:6.0f} MiB", flush=True)
             start = time.process_time()
 
-        write_recording(run_scene(loads(train(count)), frames=frames), recording)
-        tell(f"{2 * count + 1} bodies, {frames} frames, recorded", recording)
+        write_recording(run_scene(loads(train(count, forces)), frames=frames), recording)
+        tell(f"{2 * count + 1} bodies{' with forces' if forces else ''}, {frames} frames, recorded", recording)
         read = Recording(recording)
         text, chosen = make_page(read)
         page.write_text(text, encoding="utf-8")
@@ -68,4 +74,4 @@ def main(short: bool) -> None:
 
 
 if __name__ == "__main__":
-    main("--short" in sys.argv)
+    main("--short" in sys.argv, "--forces" in sys.argv)

@@ -2,9 +2,12 @@
 
     python benchmarks/viewer.py [edit] [play] [many] [hours] [--frames N]
 
-Without names all four are run. ``edit`` needs Chromium and playwright (Debian: apt-get install chromium). Without a graphics card
-Chromium draws by software; then "drawn" tells more of that than of mechviz, and "arrived" is when the new poses are in the page.
-``hours`` shows N frames (432,000 by default: two hours at 60 a second) as fast as they can be sent.
+Without names all four are run, with Chromium and playwright (Debian: apt-get install chromium). Without a graphics card Chromium
+draws by software, and that takes most of the time. Each figure of a page is therefore taken twice: as it is, and with the drawing
+commands of WebGL left out, as if a graphics card drew for nothing; everything else of the page, the scripts of viser, three.js and
+mechviz, the panels and the plots, is the same. "arrived" is when the new poses, solids and arrows are in the page, "drawn" when
+the second frame after that begins. ``hours`` shows N frames (432,000 by default: two hours at 60 a second) as fast as they can be
+shown: sent by the server, and played by the page.
 """
 
 from __future__ import annotations
@@ -35,8 +38,16 @@ from mechviz.scene import Scene
 from mechviz.viewer import Viewer, playback
 
 ARGS = ["--no-sandbox", "--disable-quic", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ARGS += ["--disable-gpu-compositing", "--enable-precise-memory-info", "--js-flags=--expose-gc"]
+FREE = """for (const name of ['drawArrays', 'drawElements', 'drawArraysInstanced', 'drawElementsInstanced', 'drawRangeElements',
+    'clear'])
+    WebGL2RenderingContext.prototype[name] = () => {};"""  # drawing costs nothing
 SIZE = {"width": 900, "height": 560}
 MOVES = 80
+TINY = {"width": 320, "height": 240}
+LARGEST = playback.LARGEST
+KIND = {False: "drawn by software", True: "drawing left out"}
+PLAYED = "() => window.mechvizPlayback ? window.mechvizPlayback.frames : 0"
 LISTEN = (
     f"import asyncio, json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import viewer;"
     "print(json.dumps(asyncio.run(viewer.listen('ws://127.0.0.1:{port}', {count}, {seconds}))))"
@@ -54,6 +65,15 @@ MOVE = """([uuid, value, node]) => new Promise(done => {
         requestAnimationFrame(() => requestAnimationFrame(() => done([now - start, performance.now() - start])));
     };
     look(); })"""
+
+
+# In the page: show frames, the panels with each fifth as while it plays, and let the page draw now and then.
+SHOWN = """async ([count, frames]) => { const player = window.mechvizPlayback; let drew = performance.now();
+    for (let k = 0; k < count; k++) {
+        player.show(k % frames, k % 5 === 0);
+        await null;
+        if (performance.now() - drew > 100) { await new Promise(requestAnimationFrame); drew = performance.now(); }
+    } }"""
 
 
 def chain(stages: int) -> Scene:
@@ -78,15 +98,35 @@ def browser(playwright: Any) -> Any:
     return playwright.chromium.launch(executable_path=path, headless=True, args=ARGS)
 
 
-def opened(chromium: Any, viewer: Viewer, nodes: list[str]) -> Any:
-    page = chromium.new_page(viewport=SIZE)
-    page.goto(viewer.url)
+def opened(chromium: Any, viewer: Viewer, nodes: list[str], free: bool, size: dict[str, int] = SIZE, query: str = "") -> Any:
+    """A page of its own (a context, as another person's browser), with the mechanism in it; ``free``: nothing is drawn."""
+    page = chromium.new_page(viewport=size)
+    page.set_default_timeout(300_000)
+    if free:
+        page.add_init_script(FREE)
+    page.goto(viewer.url + query)
     page.wait_for_function(
         "names => { const m = window.__viserMutable; return !!m && !!m.messageQueue && names.every(n => m.nodeRefFromName[n]); }",
         arg=nodes,
     )
-    page.wait_for_timeout(3000)
     return page
+
+
+class Spent:
+    """Processor time [ms] of the main thread of a page."""
+
+    def __init__(self, page: Any):
+        self._session = page.context.new_cdp_session(page)
+        self._session.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+    def __call__(self) -> dict[str, float]:
+        return {m["name"]: 1e3 * m["value"] for m in self._session.send("Performance.getMetrics")["metrics"]}
+
+    def since(self, before: dict[str, float], count: float) -> str:
+        """In words: a move or frame, of ``count``."""
+        now = self()
+        total, script = ((now[k] - before[k]) / max(count, 1) for k in ("TaskDuration", "ScriptDuration"))
+        return f"{total:.1f} ms of processor time in the page's main thread ({script:.1f} ms of it scripts)"
 
 
 def edit() -> None:
@@ -110,23 +150,33 @@ def edit() -> None:
             f"{min(spent):.1f}), {statistics.median(walls[10:]):.1f} ms on the clock"
         )
 
-    with Viewer(run_scene(mechviz.load("kinetostatic-four-bar")), port=0) as viewer, sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         chromium = browser(playwright)
-        page = opened(chromium, viewer, ["/mechanism/coupler"])
+        for free in (False, True):
+            _drag(chromium, free)
+        chromium.close()
+
+
+def _drag(chromium: Any, free: bool) -> None:
+    """Move a slider in a page again and again."""
+    with Viewer(run_scene(mechviz.load("kinetostatic-four-bar")), port=0) as viewer:
+        page = opened(chromium, viewer, ["/mechanism/coupler"], free)
+        page.wait_for_timeout(3000)
         viewer.studio.wait(rested=True)
-        slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid
-        found, solved = [], []
-        spent = time.process_time()
-        for value in 0.1 + 0.02 * np.sin(np.arange(MOVES + 10)):
+        slider, spent = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid, Spent(page)
+        found, solved, server = [], [], 0.0
+        for k, value in enumerate(0.1 + 0.02 * np.sin(np.arange(MOVES + 10))):
+            if k == 10:
+                before, server = spent(), time.process_time()
             found.append(page.evaluate(MOVE, [slider, round(float(value), 5), "/mechanism/coupler"]))
             solved.append(viewer.studio.status.seconds * 1e3)
-        spent = 1e3 * (time.process_time() - spent) / (MOVES + 10)
-        chromium.close()
-    print(f"edit: processor time of the server {spent:.1f} ms a move, the solids of the rests between them included")
+        server = 1e3 * (time.process_time() - server) / MOVES
+        print(f"edit: {KIND[free]}: a move costs {server:.1f} ms of the server, {spent.since(before, MOVES)}")
+        page.close()
     found, solved = [f for f in found[10:] if f is not None], solved[10:]
     for what, times in (("solved and sent", solved), ("arrived", [f[0] for f in found]), ("drawn", [f[1] for f in found])):
         median, most = statistics.median(times), np.percentile(times, 95)
-        print(f"edit: {what:16s} median {median:6.1f} ms, 95 % below {most:6.1f} ms ({len(times)})")
+        print(f"edit: {KIND[free]}: {what:16s} median {median:6.1f} ms, 95 % below {most:6.1f} ms ({len(times)})")
 
 
 def cpu(seconds: float) -> float:
@@ -189,6 +239,24 @@ def play() -> None:
         time.sleep(2.0)
         own = cpu(4.0)
         print(f"play: the same played by the browsers: {100 * own:.0f} % of a core, nothing sent (idle {100 * idle:.0f} %)")
+        viewer.pause()
+        from playwright.sync_api import sync_playwright
+
+        with sync_playwright() as playwright:
+            chromium = browser(playwright)
+            for free in (False, True):
+                page = opened(chromium, viewer, ["/mechanism/coupler24"], free)
+                viewer.play()
+                page.wait_for_function("() => !!window.mechvizPlayback && window.mechvizPlayback.frames > 60")
+                spent = Spent(page)
+                before, frames, start = spent(), page.evaluate(PLAYED), time.perf_counter()
+                page.wait_for_timeout(6000)
+                count = page.evaluate(PLAYED) - frames
+                rate = count / (time.perf_counter() - start)
+                print(f"play: in a page, {KIND[free]}: {rate:.0f} frames a second; a frame costs {spent.since(before, count)}")
+                viewer.pause()
+                page.close()
+            chromium.close()
 
 
 def many() -> None:
@@ -201,17 +269,56 @@ def many() -> None:
         viewer.play()
         rates = listeners(viewer, 20, 8.0)
         viewer.pause()
-    print(f"many: 20 browsers, frames pushed: {min(rates):.0f} to {max(rates):.0f} messages a second at each")
+        print(f"many: 20 sockets, frames pushed: {min(rates):.0f} to {max(rates):.0f} messages a second at each")
+        playback.LARGEST = LARGEST
+        viewer.inspector.playback.change()
+        for free in (False, True):
+            _pages(viewer, 20, free)
 
 
-def memory() -> float:
-    """Resident memory [MB]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+def _pages(viewer: Viewer, count: int, free: bool) -> None:
+    """Real pages, each with its own context, small windows, all in the processes of one Chromium, that play by themselves."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = browser(playwright)
+        pages = [opened(chromium, viewer, ["/mechanism/coupler"], free, TINY, "?fixedDpr=0.5") for _ in range(count)]
+        viewer.play()
+        for page in pages:
+            page.wait_for_function("() => !!window.mechvizPlayback && window.mechvizPlayback.frames > 5")
+        start = [(page.evaluate(PLAYED), page.evaluate("performance.now()")) for page in pages]
+        server = cpu(10.0)
+        rates = []
+        for page, (frames, began) in zip(pages, start, strict=True):
+            rates.append(1e3 * (page.evaluate(PLAYED) - frames) / (page.evaluate("performance.now()") - began))
+        viewer.pause()
+        chromium.close()
+    print(
+        f"many: {count} pages in one Chromium on {os.cpu_count()} cores, {KIND[free]}: {min(rates):.1f} to {max(rates):.1f} frames "
+        f"a second at each, {sum(rates):.0f} together; the server {100 * server:.0f} % of a core",
+        flush=True,
+    )
+
+
+def memory(pid: int | str = "self") -> float:
+    """Resident memory of a process [MB]."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+def _told(what: str, frames: int, spent: float, seen: list[float], where: str) -> None:
+    middle = seen[len(seen) // 2]
+    print(
+        f"hours: {what}: {frames} frames in {spent:.0f} s ({1e3 * spent / frames:.2f} ms each); {where} {seen[0]:.0f} MB at the "
+        f"start, {middle:.0f} MB in the middle, {seen[-1]:.0f} MB at the end, at most {max(seen):.0f} MB",
+        flush=True,
+    )
+
+
 def hours(frames: int) -> None:
-    """Frames one after the other with nothing between them, at a browser of which only the socket is there."""
+    """Frames one after the other with nothing between them: sent by the server, and played by a page."""
+    from playwright.sync_api import sync_playwright
+
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
         viewer.studio.wait(rested=True)
@@ -227,10 +334,23 @@ def hours(frames: int) -> None:
         spent = time.perf_counter() - start
         other.terminate()
         other.wait()
-    print(
-        f"hours: {frames} frames in {spent:.0f} s ({1e3 * spent / frames:.2f} ms each); memory {seen[0]:.0f} MB at the start, "
-        f"{seen[len(seen) // 2]:.0f} MB in the middle, {seen[-1]:.0f} MB at the end"
-    )
+        _told("sent by the server to a socket", frames, spent, seen, "memory of the server")
+        with sync_playwright() as playwright:
+            chromium = browser(playwright)
+            page = opened(chromium, viewer, ["/mechanism/coupler"], True)
+            viewer.play()
+            page.wait_for_function("() => !!window.mechvizPlayback && window.mechvizPlayback.frames > 5")
+            page.evaluate("() => { window.mechvizPlayback.running = false; }")
+            seen, heap, start = [], [], time.perf_counter()
+            for _ in range(10):
+                page.evaluate(SHOWN, [frames // 10, run.motion.frames])
+                heap.append(page.evaluate("() => { gc(); return performance.memory.usedJSHeapSize / 1e6; }"))
+                seen.append(memory())
+            spent = time.perf_counter() - start
+            viewer.pause()
+            chromium.close()
+        _told("played by a page", 10 * (frames // 10), spent, heap, "live memory of its scripts")
+        print(f"hours: the server meanwhile {seen[0]:.0f} MB at the start, {seen[-1]:.0f} MB at the end")
 
 
 if __name__ == "__main__":
