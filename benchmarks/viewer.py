@@ -1,13 +1,13 @@
 """The viewer in numbers: from a slider to the picture, the price of playing, many browsers, memory over hours.
 
-    python benchmarks/viewer.py [edit] [play] [many] [hours] [--frames N]
+    python benchmarks/viewer.py [edit] [play] [many] [sent] [page] [--frames N]
 
-Without names all four are run, with Chromium and playwright (Debian: apt-get install chromium). Without a graphics card Chromium
+Without names all are run, with Chromium and playwright (Debian: apt-get install chromium). Without a graphics card Chromium
 draws by software, and that takes most of the time. Each figure of a page is therefore taken twice: as it is, and with the drawing
 commands of WebGL left out, as if a graphics card drew for nothing; everything else of the page, the scripts of viser, three.js and
 mechviz, the panels and the plots, is the same. "arrived" is when the new poses, solids and arrows are in the page, "drawn" when
-the second frame after that begins. ``hours`` shows N frames (432,000 by default: two hours at 60 a second) as fast as they can be
-shown: sent by the server, and played by the page.
+the second frame after that begins. ``sent`` and ``page`` show N frames (432,000 by default: two hours at 60 a second) as fast as
+they can be shown: sent by the server, and played by a page.
 """
 
 from __future__ import annotations
@@ -315,10 +315,8 @@ def _told(what: str, frames: int, spent: float, seen: list[float], where: str) -
     )
 
 
-def hours(frames: int) -> None:
-    """Frames one after the other with nothing between them: sent by the server, and played by a page."""
-    from playwright.sync_api import sync_playwright
-
+def sent(frames: int) -> None:
+    """Hours of play sent by the server, frame after frame with nothing between them, each fifth with plots and numbers."""
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
         viewer.studio.wait(rested=True)
@@ -328,36 +326,48 @@ def hours(frames: int) -> None:
         time.sleep(3.0)
         seen, start = [], time.perf_counter()
         for k in range(frames):
-            viewer.inspector.draw(k % run.motion.frames, False)
+            viewer.inspector.draw(k % run.motion.frames, k % 5 != 0)
             if k % max(frames // 10, 1) == frames // 20:
                 seen.append(memory())
         spent = time.perf_counter() - start
         other.terminate()
         other.wait()
-        _told("sent by the server to a socket", frames, spent, seen, "memory of the server")
-        with sync_playwright() as playwright:
-            chromium = browser(playwright)
-            page = opened(chromium, viewer, ["/mechanism/coupler"], True)
-            viewer.play()
-            page.wait_for_function("() => !!window.mechvizPlayback && window.mechvizPlayback.frames > 5")
-            page.evaluate("() => { window.mechvizPlayback.running = false; }")
-            seen, heap, start = [], [], time.perf_counter()
-            for _ in range(10):
-                page.evaluate(SHOWN, [frames // 10, run.motion.frames])
-                heap.append(page.evaluate("() => { gc(); return performance.memory.usedJSHeapSize / 1e6; }"))
-                seen.append(memory())
-            spent = time.perf_counter() - start
-            viewer.pause()
-            chromium.close()
-        _told("played by a page", 10 * (frames // 10), spent, heap, "live memory of its scripts")
-        print(f"hours: the server meanwhile {seen[0]:.0f} MB at the start, {seen[-1]:.0f} MB at the end")
+    _told("sent by the server to a socket", frames, spent, seen, "memory of the server")
+
+
+def page(frames: int) -> None:
+    """Hours of play in a page that plays by itself, frame after frame, drawn now and then."""
+    from playwright.sync_api import sync_playwright
+
+    run = run_scene(mechviz.load("kinetostatic-four-bar"))
+    with Viewer(run, port=0) as viewer, sync_playwright() as playwright:
+        viewer.studio.wait(rested=True)
+        chromium = browser(playwright)
+        page = opened(chromium, viewer, ["/mechanism/coupler"], True)
+        viewer.play()
+        page.wait_for_function("() => !!window.mechvizPlayback && window.mechvizPlayback.frames > 5")
+        page.evaluate("() => { window.mechvizPlayback.running = false; }")
+        seen, heap, start = [], [], time.perf_counter()
+        for _ in range(20):
+            page.evaluate(SHOWN, [frames // 20, run.motion.frames])
+            heap.append(page.evaluate("() => { gc(); return performance.memory.usedJSHeapSize / 1e6; }"))
+            seen.append(memory())
+        spent = time.perf_counter() - start
+        viewer.pause()
+        chromium.close()
+    _told("played by a page", 20 * (frames // 20), spent, heap, "live memory of its scripts")
+    print(f"hours: {[round(h, 1) for h in heap]} MB one after the other; the server meanwhile {seen[0]:.0f} to {seen[-1]:.0f} MB")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", choices=["edit", "play", "many", "hours", []])
+    parser.add_argument("what", nargs="*", choices=["edit", "play", "many", "sent", "page", []])
     parser.add_argument("--frames", type=int, default=432_000)
     chosen = parser.parse_args()
     print(machine())
-    for name in chosen.what or ["edit", "play", "many", "hours"]:
-        {"edit": edit, "play": play, "many": many, "hours": lambda: hours(chosen.frames)}[name]()
+    long = {"sent": sent, "page": page}
+    for name in chosen.what or ["edit", "play", "many", *long]:
+        if name in long:
+            long[name](chosen.frames)
+        else:
+            {"edit": edit, "play": play, "many": many}[name]()

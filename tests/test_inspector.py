@@ -33,6 +33,48 @@ from mechviz.viewer.warp_cams import stretched
 from mechviz.viewer.worker import Latest
 
 
+# -- dragging ---------------------------------------------------------------------------------------------------------
+def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest_when_it_rests(monkeypatch):
+    with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
+        inspector, studio = viewer.inspector, viewer.studio
+        assert studio.wait(rested=True)
+        shows = [show_of_run(run_scene(scene.load("crank-rocker"), frames=24), studio._built, studio.show) for _ in range(4)]
+        done: list[str] = []
+        for owner, name in ((inspector.scene, "show"), (viewer.server, "flush"), (inspector.plots, "update")):
+            real = getattr(owner, name)
+            monkeypatch.setattr(owner, name, lambda *a, _r=real, _n=name: (done.append(_n), _r(*a)))
+        inspector.present(shows[0])
+        assert done == ["show", "flush", "update", "flush"], "the picture is on its way before the plots are made"
+        monkeypatch.setattr(Studio, "overtaken", property(lambda _: True))
+        monkeypatch.setattr("mechviz.viewer.inspector.PLOTS", 1e9)
+        done.clear()
+        for show in shows[1:]:
+            inspector.present(show)
+        assert done == ["show", "flush"] * 3, "the next value of the slider waits already"
+        inspector.settle()
+        assert done.count("update") == 1 and inspector.show is shows[3]
+
+
+def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeypatch):
+    with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
+        controls = viewer.inspector.controls
+        assert viewer.studio.wait(rested=True)
+        key = next(iter(controls.sliders))
+        said = []
+        for seconds in (0.011, 0.022, 0.033):
+            viewer.studio.status = Status(key=key, seconds=seconds)
+            monkeypatch.setattr("mechviz.viewer.controls.SLOW", 1e9 if said else -1.0)
+            controls.tell(viewer.studio.status)
+            said.append(controls.message.content)
+        assert "11 ms" in said[0] and said[1] == said[2] == said[0]
+        controls.settle()
+        assert "33 ms" in controls.message.content
+        viewer.studio.status = Status("cannot be assembled", key, 1.0)
+        controls.tell(viewer.studio.status)
+        controls.tell(Status(key=key, seconds=0.044))
+        assert "44 ms" in controls.message.content, "after a fault at once"
+
+
 # -- what can be edited -----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", scene.gallery_names())
 def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):

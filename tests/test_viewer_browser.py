@@ -38,6 +38,13 @@ pytestmark = pytest.mark.browser
 
 # The script that plays is sent when it is first needed: a page that has never had it does not play
 PLAYS = "() => !!window.mechvizPlayback && window.mechvizPlayback.running"
+DRAWN = "() => [window.__viserTestpoints.rendererInfo.render.frame, performance.now()]"
+SHOWN = """async count => { const player = window.mechvizPlayback;
+    for (let k = 0; k < count; k++) {
+        player.show(k % 361, k % 20 === 0);
+        await null;  // React brings it into the page
+        if (k % 100 === 99) await new Promise(requestAnimationFrame);
+    } }"""
 LINKS = ("crank", "coupler", "rocker")
 NODES = tuple(link_path(link) for link in LINKS)
 
@@ -181,6 +188,50 @@ def test_a_diagram_moves_while_the_browser_plays_if_it_is_seen(viewer, page):
     assert viewer.player.aside
     open_tab(page, "Plots")
     until(page, lambda: not diagrams.watched, "nobody sees it any more")
+
+
+def test_what_has_arrived_is_taken_at_once_and_drawn_in_a_few_frames(viewer, page):
+    taken = page.evaluate(
+        """name => { const m = window.__viserMutable;
+            m.messageQueue.push({ type: "SetPositionMessage", name, position: [1, 2, 3] });
+            m.requestRender();
+            return [m.messageQueue.length, ...m.nodePoseData[name].position]; }""",
+        NODES[1],
+    )
+    assert taken == [0, 1, 2, 3], "without waiting for a frame"
+    next_frames(page, 3)
+    drawn, began = page.evaluate(DRAWN)
+    viewer.set_frame(100)
+    _until_drawn(viewer, page)
+    next_frames(page, 20)
+    again, ended = page.evaluate(DRAWN)
+    # viser draws one frame a second in any case; after a message it would go on for a quarter of a second
+    assert 1 <= again - drawn <= 5 + (ended - began) / 1000
+
+
+def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
+    """As many frames as in twenty seconds, without the waits between them. Two hours: benchmarks/viewer.py."""
+    session = page.context.new_cdp_session(page)
+
+    def heap() -> float:
+        session.send("HeapProfiler.collectGarbage")
+        return float(session.send("Runtime.getHeapUsage")["usedSize"])
+
+    viewer.play()
+    until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
+    page.evaluate("() => { window.mechvizPlayback.running = false; }")
+    page.evaluate(SHOWN, 200)
+    before = heap()
+    page.evaluate(SHOWN, 1200)
+    assert heap() - before < 1e6, "of the page, of which a frame must not keep the places of its arrows"
+    viewer.pause()
+    _until_drawn(viewer, page)
+    kept = viewer.server._websock_server._broadcast_buffer.message_from_id
+    before = len(kept)
+    for frame in range(200):
+        viewer.inspector.draw(frame, True)
+    assert len(kept) <= before + 5, "of the server, for browsers that come later"
+    viewer.set_frame(300)
 
 
 def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch):

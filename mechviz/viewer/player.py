@@ -215,7 +215,7 @@ class Player:
             self._ticked = now
 
     def _run(self) -> None:
-        shown = -1
+        shown, due = -1, 0.0
         while True:
             with self._changed:
                 if not self._playing and self._done >= self._wanted:
@@ -256,4 +256,6 @@ class Player:
             with self._changed:
                 self._done = max(self._done, wanted)
                 self._changed.notify_all()
-            time.sleep(max(LEAST_REST, now + 1.0 / LARGEST_RATE - time.perf_counter()))
+            # due from one picture to the next, not from when the thread woke up: a late one is not followed by another late one
+            due = max(due + 1.0 / LARGEST_RATE, now)
+            time.sleep(max(LEAST_REST, due - time.perf_counter()))
