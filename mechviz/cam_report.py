@@ -13,24 +13,24 @@ from mechcore.spec import CamDrawn, CamPair
 
 if TYPE_CHECKING:
     from mechcore.cams.happenings import AnyCam
-
-    from .run import Run
+    from mechcore.kinetostatics import Forces
+    from mechcore.motion import Motion
 
 __all__ = ["cam_lines", "drawn_lines"]
 
 Real = NDArray[np.float64]
 
 
-def cam_lines(run: Run, *, margin: float | None = None) -> list[str]:
+def cam_lines(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[str]:
     """Every cam with what is known of it; ``margin`` [N] instead of the scene's, for the least spring."""
     from mechcore.cams.happenings import placed_cams
     from mechcore.cams.rating import pair_of
 
     lines: list[str] = []
-    for cam in placed_cams(run.motion):
-        pair = pair_of(run.motion, cam)
+    for cam in placed_cams(motion):
+        pair = pair_of(motion, cam)
         lines += ["", f"cam {cam.name}: {_kind(pair, cam)}"]
-        lines += [f"  {what:<18} {text}" for what, text in _facts(run, cam, pair, margin)]
+        lines += [f"  {what:<18} {text}" for what, text in _facts(motion, forces, cam, pair, margin)]
     return lines[1:]
 
 
@@ -43,10 +43,10 @@ def _kind(pair: CamPair, cam: AnyCam) -> str:
     return f"{kind}, {moves} follower with a {face}, closure by {pair.closure}"
 
 
-def _facts(run: Run, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[tuple[str, str]]:
+def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[tuple[str, str]]:
     from mechcore.cams.happenings import contact_force
 
-    motion, forces, rating = run.motion, run.forces, pair.rating
+    rating = pair.rating
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
     x = cam.argument(motion)
@@ -82,7 +82,7 @@ def _facts(run: Run, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterat
             half = f"strip of {2e3 * found.half_width[k]:.4g} by {1e3 * rating.width:.4g} mm"
             yield "Hertz pressure", f"up to {1e-6 * found.pressure[k]:.5g} MPa at {_place(cam, x[k])}, {half}{judged}"
         if not cam.form and need is not None:
-            yield from _springs(run, cam, need)
+            yield from _springs(forces, cam, need)
     if pair.drawn is not None:
         from mechcore.cams.rating import drawn_lift
 
@@ -141,14 +141,13 @@ def _place(cam: AnyCam, x: float) -> str:
     return f"{np.degrees(x) % 360.0:.5g} deg"
 
 
-def _springs(run: Run, cam: AnyCam, need: float) -> Iterator[tuple[str, str]]:
+def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[tuple[str, str]]:
     """The least spring for a margin, in words."""
     from mechcore.cams.rating import least_springs
 
-    assert run.forces is not None
-    x = cam.argument(run.motion)
+    x = cam.argument(forces.motion)
     try:
-        found = least_springs(run.forces, cam, need)
+        found = least_springs(forces, cam, need)
     except MechanismError as error:
         yield "least spring", "; ".join(f.message for f in error.faults)
         return
@@ -176,7 +175,7 @@ def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:
     )
 
 
-def drawn_lines(run: Run, drawn: CamDrawn | None = None) -> list[str]:
+def drawn_lines(motion: Motion, drawn: CamDrawn | None = None) -> list[str]:
     """The tables of the graphical method, drawn beside exact at every point of the drawing, of each disc cam.
 
     ``drawn``: instead of what the scene says. Lift in mm or deg, its derivatives with respect to the cam's angle [rad].
@@ -185,8 +184,8 @@ def drawn_lines(run: Run, drawn: CamDrawn | None = None) -> list[str]:
     from mechcore.cams.rating import drawn_lift, pair_of
 
     lines: list[str] = []
-    for cam in placed_cams(run.motion):
-        how = drawn or pair_of(run.motion, cam).drawn
+    for cam in placed_cams(motion):
+        how = drawn or pair_of(motion, cam).drawn
         if how is None:
             continue
         try:

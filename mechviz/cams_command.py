@@ -47,11 +47,11 @@ def cams(
             fail(f"--step {step} does not make a turn. Usual are 30, 15, 10 or 5 deg.")
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
-        found = cam_lines(run, margin=least)
+        found = cam_lines(run.motion, run.forces, margin=least)
         if not found:
             fail(f"{run.scene.name}: the scene has no cam. Choose one of those that mechviz scenes lists.")
         print("\n".join([run.scene.title, "", *found]))
         if method == "graphical":
             plain = CamDrawn(step=math.radians(10.0))
             asked = None if turns is None and lines is None else CamDrawn(step=angle or plain.step, lines=lines or plain.lines)
-            print("\n".join(["", *(drawn_lines(run, asked) or drawn_lines(run, plain))]))
+            print("\n".join(["", *(drawn_lines(run.motion, asked) or drawn_lines(run.motion, plain))]))

@@ -46,6 +46,13 @@ class Coil:
         """Factors along x, y and z (F, 3)."""
         return np.column_stack([self.stretch, np.ones((len(self.stretch), 2))])
 
+    def reach(self) -> Real:
+        """The box (2, 2) [m] around the spring in the plane, over the run."""
+        long, wide = self.stretch * float(self.vertices[:, 0].max()), float(self.vertices[:, 1].max())
+        end = self.pose[:, :2] + long[:, None] * np.column_stack([np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])])
+        spots = np.concatenate([self.pose[:, :2], end])
+        return np.array([np.nanmin(spots, axis=0) - wide, np.nanmax(spots, axis=0) + wide])
+
     def places(self) -> Real:
         """Where the spring starts (F, 3) [m]."""
         return np.column_stack([self.pose[:, :2], np.full(len(self.pose), self.height)])

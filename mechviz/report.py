@@ -17,7 +17,7 @@ from mechcore.leastnorm import indeterminate
 from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
-from mechcore.spec import Cylinder
+from mechcore.spec import CamPair, Cylinder
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
 if TYPE_CHECKING:
@@ -85,6 +85,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines += _friction(motion)
     if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads) and not free:
         lines += _belts(motion)
+    if any(isinstance(p, CamPair) and (p.rating is not None or p.drawn is not None) for p in scene.mechanism.pairs) and not free:
+        lines += _cams(motion)
     if modes:
         lines += _all_modes(compiled)
     if equations:
@@ -99,6 +101,14 @@ def _friction(motion: Motion) -> list[str]:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
     return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
+
+
+def _cams(motion: Motion) -> list[str]:
+    """Limits, stress and springs of cams that ask to be judged."""
+    from .cam_report import cam_lines
+
+    loaded = bool(motion.mechanism.effects or motion.mechanism.loads)
+    return ["", *cam_lines(motion, solve_forces(motion) if loaded else None)]
 
 
 def _belts(motion: Motion) -> list[str]:

@@ -215,6 +215,8 @@ def test_the_command_tells_limits_springs_and_the_drawing():
     assert "face 16 and 16 mm: pass" in run.output
     table = [line.split() for line in run.output.splitlines() if line.strip()[:1].isdigit()]
     assert len(table) == 12 and float(table[4][0]) == 120.0
+    checked = CliRunner().invoke(app, ["check", "cam-roller"])
+    assert "limit 300 MPa: pass" in checked.output and "least spring       return_spring" in checked.output
     for arguments, words in (
         (["crank-rocker"], "the scene has no cam"),
         (["cam-roller", "--step", "30"], "--step and --lines are for --method graphical"),

@@ -93,6 +93,8 @@ def test_a_spring_lies_around_its_stem_where_nothing_is_in_the_way():
     (coil,) = find_coils(run, solids)
     stem = next(p for k, p in zip(solids.links["follower"].kinds, solids.links["follower"].parts, strict=True) if k == "plate")
     assert coil.height == pytest.approx(stem.bounds[:, 2].mean(), abs=1e-9)
+    low, high = coil.reach()
+    assert high[1] == pytest.approx(0.175, abs=0.01) and low[0] == pytest.approx(-high[0])
     assert find_coils(run, solids, {"return_spring": 0.25})[0].height == 0.25
     lamp = run_scene(mechviz.load("lamp-arm"), frames=24)
     shapes = solids_of(lamp)

@@ -137,6 +137,10 @@ class Scene3D:
 
     def _box(self, show: Show) -> Real:
         box = _joined(show.bounds, self.arrows.reach(), 0.15 * show.size)
+        for coil in show.coils:
+            low, high = coil.reach()
+            box[0, :2] = np.minimum(box[0, :2], np.maximum(low, show.bounds[0, :2] - 0.5 * show.size))
+            box[1, :2] = np.maximum(box[1, :2], np.minimum(high, show.bounds[1, :2] + 0.5 * show.size))
         if self.plans.bounds is not None:
             box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
             box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
