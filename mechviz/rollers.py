@@ -47,7 +47,10 @@ class RollerMark:
 
 
 def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
-    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion."""
+    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
+
+    Those of turrets have none: they take turns.
+    """
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
     from mechcore.cams import Roller
@@ -69,7 +72,8 @@ def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
         link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
         at = links[link].points.get(pair.point, (0.0, 0.0))
         if isinstance(cam, PlacedSpatial):
-            found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
+            if not cam.blank.rollers:
+                found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
             continue
         wanted = [(cam.name, cam, at, force)]
         if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:

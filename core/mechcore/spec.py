@@ -286,6 +286,7 @@ class SpatialBlank:
     depth: float
     axis: Vec2 | None = None
     thickness: float = 0.0  # of a rib [m]
+    rollers: int = 0  # of an indexing cam: evenly around the pivot of its turret, which goes on by one of them every turn
 
 
 @dataclass(frozen=True, kw_only=True)

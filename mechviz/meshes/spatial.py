@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, Polygon
+from shapely.ops import unary_union
 
 from mechcore.pairs import Builder, point_of
 from mechcore.spec import CamPair, Mechanism, Vec2
@@ -21,6 +22,8 @@ from .extrude import Shell, bored, plate, revolve
 from .keys import key_outline, keyed_bore, keyway_reach
 from .outline import disc
 from .palette import PIN
+from .spatial_edges import circle, edge
+from .turrets import around, core_rings, rib
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
@@ -33,8 +36,6 @@ __all__ = ["SpatialDrawing", "Spin", "find_spatial", "spatial_parts", "spin_tran
 
 Real = NDArray[np.float64]
 
-_ROUND = 360  # points of a ring
-_ACROSS = 9  # places along the roller between which the flank is interpolated
 _BORE = 48  # sides of bore and shaft
 _FIT = 0.995  # radius of the shaft in its bore
 _CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
@@ -111,78 +112,49 @@ def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Spa
 # -- the cam in its own axes ----------------------------------------------------------------------------------------------
 
 
-def _radius(placed: PlacedSpatial, p: Real) -> Real:
-    """How deep points (..., 3) of the cam lie, as the roller's axis counts: from the axis, of a globoid from the pivot's circle."""
-    rho = np.hypot(p[..., 0], p[..., 1])
-    if placed.blank.kind != "globoid":
-        return rho
-    distance = abs(placed.pivot - placed.centre) if placed.pivot is not None else 0.0
-    return np.hypot(distance - rho, p[..., 2])
-
-
-def _edge(placed: PlacedSpatial, side: int, at: float, shift: float = 0.0) -> Real:
-    """The line of a flank (n, 3) at a depth; ``shift``: of the roller along the follower's motion."""
-    from dataclasses import replace
-
-    cam = placed.cam if shift == 0.0 else replace(placed.cam, law=placed.cam.law.raised(shift))
-    law = cam.law
-    theta = law.start + law.length * np.arange(_ROUND) / _ROUND
-    low, high = cam.inner, cam.outer
-    along = np.linspace(low - 0.3 * (high - low), high + 0.3 * (high - low), _ACROSS)
-    p = cam.flank(theta, along, side).point
-    depth = _radius(placed, p)
-    k = np.clip((depth < at).sum(axis=1), 1, _ACROSS - 1)
-    rows = np.arange(_ROUND)
-    a, b = p[rows, k - 1], p[rows, k]
-    da, db = depth[rows, k - 1], depth[rows, k]
-    return a + ((at - da) / (db - da))[:, None] * (b - a)
-
-
-def _circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
-    return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
-
-
 def _rings(placed: PlacedSpatial) -> list[Real]:
     """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the edge of one flat end to that of the other."""
     blank, r = placed.blank, placed.cam.radius
+    if blank.rollers:
+        return core_rings(placed)
     if blank.kind == "globoid":
         return _globoid(placed)
     wall = 0.9 * r
     if blank.kind == "rib":
         reach = 0.5 * blank.thickness + r
         core = blank.radius - blank.depth
-        low, high = [_edge(placed, -1, x, -reach) for x in (core, blank.radius)]
-        up_high, up_low = [_edge(placed, 1, x, reach) for x in (blank.radius, core)]
+        low, high = [edge(placed, -1, x, -reach) for x in (core, blank.radius)]
+        up_high, up_low = [edge(placed, 1, x, reach) for x in (blank.radius, core)]
         a = np.arctan2(low[:, 1], low[:, 0])
         z0, z1 = low[:, 2].min() - 2.0 * r - wall, up_low[:, 2].max() + 2.0 * r + wall
-        return [_circle(a, core, z0), low, high, up_high, up_low, _circle(a, core, z1)]
-    edge = _edge(placed, 1, blank.radius)
-    a = np.arctan2(edge[:, 1], edge[:, 0])
-    z0 = edge[:, 2].min() - wall
+        return [circle(a, core, z0), low, high, up_high, up_low, circle(a, core, z1)]
+    near = edge(placed, 1, blank.radius)
+    a = np.arctan2(near[:, 1], near[:, 0])
+    z0 = near[:, 2].min() - wall
     if blank.kind == "end":
         hollow = blank.radius - blank.depth
-        inner = _edge(placed, 1, hollow)
+        inner = edge(placed, 1, hollow)
         z0 -= wall
-        return [_circle(a, blank.radius, z0), edge, inner, _circle(a, hollow, z0 + wall)]
+        return [circle(a, blank.radius, z0), near, inner, circle(a, hollow, z0 + wall)]
     floor = blank.radius - blank.depth
-    lower, upper, far = _edge(placed, 1, floor), _edge(placed, -1, floor), _edge(placed, -1, blank.radius)
+    lower, upper, far = edge(placed, 1, floor), edge(placed, -1, floor), edge(placed, -1, blank.radius)
     z1 = far[:, 2].max() + wall
-    return [_circle(a, blank.radius, z0), edge, lower, upper, far, _circle(a, blank.radius, z1)]
+    return [circle(a, blank.radius, z0), near, lower, upper, far, circle(a, blank.radius, z1)]
 
 
 def _globoid(placed: PlacedSpatial) -> list[Real]:
     assert placed.pivot is not None
     distance = abs(placed.pivot - placed.centre)
     cam = placed.cam
-    near, low, up, far = (_edge(placed, *which) for which in ((1, cam.inner), (1, cam.outer), (-1, cam.outer), (-1, cam.inner)))
+    near, low, up, far = (edge(placed, *which) for which in ((1, cam.inner), (1, cam.outer), (-1, cam.outer), (-1, cam.inner)))
     psi = [np.arctan2(p[:, 2], distance - np.hypot(p[:, 0], p[:, 1])) for p in (near, far)]
     wall = 0.9 * cam.radius / cam.inner
     ends = (float(psi[0].min()) - wall, float(psi[1].max()) + wall)
     rings = []
-    for edge, angle, end in ((near, psi[0], ends[0]), (far, psi[1], ends[1])):
-        a = np.arctan2(edge[:, 1], edge[:, 0])
+    for line, angle, end in ((near, psi[0], ends[0]), (far, psi[1], ends[1])):
+        a = np.arctan2(line[:, 1], line[:, 0])
         steps = [end + (angle - end) * t for t in np.linspace(0.0, 1.0, 7)[:-1]]
-        rings.append([_circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps])
+        rings.append([circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps])
     return [*rings[0], near, low, up, far, *rings[1][::-1]]
 
 
@@ -257,6 +229,8 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     long, wide = 1.6 * r * drawing.size, 2.0 * shaft
     bar = revolve(((0.0, z0 - free), (radius, z0 - free), (radius, z1 + free), (0.0, z1 + free)), segments=_BORE)
     found = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
+    if placed.blank.rollers:
+        found.append(part(drawing.cam, "wheel", rib(placed)))
     if keyed:
         key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
         found.append(part(drawing.cam, "key", key, PIN))
@@ -294,16 +268,19 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     inner, outer = placed.cam.inner / size, placed.cam.outer / size
     if drawing.flat:
         assert drawing.hinge is not None
-        way = complex(*drawing.tip) - complex(*drawing.hinge)
-        way /= abs(way)
         start = model.proportions.r
         mouth, end = inner - 0.1 * depth, outer - _CLEAR * depth
         profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
         upright = revolve(profile, segments=96).vertices
-        xy = complex(*drawing.hinge) + way * (upright[:, 2] + 1j * upright[:, 0])
-        shell = _outwards(Shell(np.column_stack([xy.real, xy.imag, upright[:, 1] + height]), revolve(profile, segments=96).faces))
-        prism = Prism(disc(drawing.tip, 0.5 * radius, 24), height - radius, height + radius)
-        return [Part(drawing.follower, "roller", shell, PIN, (prism,), mates)]
+        found, hinge = [], complex(*drawing.hinge)
+        for tip in around(placed, complex(*drawing.tip), hinge):
+            way = (tip - hinge) / abs(tip - hinge)
+            xy = hinge + way * (upright[:, 2] + 1j * upright[:, 0])
+            vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
+            shell = _outwards(Shell(vertices, revolve(profile, segments=96).faces))
+            prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)
+            found.append(Part(drawing.follower, "roller", shell, PIN, (prism,), mates))
+        return [*found, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
     top = levels.plate(levels.of(drawing.follower))[0]
     low = height + inner + _CLEAR * depth
     edge = min(height + outer + 0.1 * depth, top)
@@ -312,12 +289,33 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     if placed.blank.kind == "rib":
         reach = drawing.up * (0.5 * placed.blank.thickness + placed.cam.radius) / size
         spots = [spots[0] - reach, spots[0] + reach]
+    elif placed.blank.rollers and drawing.hinge is not None:
+        spots = around(placed, spots[0], complex(*drawing.hinge))
     found = []
     for z in spots:
         at = (z.real, z.imag)
         shell = revolve(profile, at, segments=96)
         found.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
-    return found
+    if drawing.hinge is None:
+        return found
+    spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in spots]
+    star = unary_union(
+        [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in spots), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
+    )
+    return [*found, *_turret(model, levels, drawing, star)]
+
+
+def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
+    """What carries the rollers of a turret: a disc, or a star where they stand on it."""
+    from .parts import Part, Prism
+
+    if not drawing.placed.blank.rollers or drawing.hinge is None:
+        return []
+    low, high = levels.plate(levels.of(drawing.follower))
+    low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # the link itself shows on it
+    outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
+    shell = plate(outline, (low, high), 0.0)
+    return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.pair]))]
 
 
 def spun_links(model: Model) -> Mapping[str, SpatialDrawing]:

@@ -124,6 +124,8 @@ class BlankDocument(Table):
     """Depth of the groove, height of the rib, width of the end face."""
     thickness: Size | None = None
     """Rib: its thickness between the two rollers."""
+    rollers: Annotated[int, Field(strict=True, ge=3, le=100)] | None = None
+    """Barrel: an indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
 class GloboidDocument(Table):
@@ -131,6 +133,8 @@ class GloboidDocument(Table):
 
     depth: Size
     """Depth of the groove: the roller's length along the arm, half of it on either side of the follower's point."""
+    rollers: Annotated[int, Field(strict=True, ge=3, le=100)] | None = None
+    """An indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
 class ProfileDocument(Table):
@@ -186,7 +190,15 @@ class ProfileDocument(Table):
         given = [key for key in SHAPES if getattr(self, key) is not None]
         kind = given[0] if len(given) == 1 else ""
         wants_base = kind in ("lift", "radius", "")
-        if kind and wants_base and self.base is None and self.sound("base"):
+        turret = [key for key in ("barrel", "globoid") if getattr(getattr(self, key), "rollers", None) is not None]
+        for key in ("rib", "end"):
+            if getattr(getattr(self, key), "rollers", None) is not None:
+                found.append((key, f"rollers do not go with {key}.", "Give barrel or globoid, or leave them out."))
+        if turret and self.base is not None:
+            found.append(
+                ("base", "base does not go with a turret: a roller is as far before the middle as it goes.", "Leave it out.")
+            )
+        if kind and wants_base and not turret and self.base is None and self.sound("base"):
             found.append(("base", "'base' is missing.", "Give the radius of the base circle."))
         lone = {
             "base": ("lift", "radius"), "sense": ("lift",), "phase": ("lift",), "bed": ("lift",), "undercut": ("lift",),
@@ -340,7 +352,8 @@ def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBl
     sizes = [
         convert.si(getattr(table, key, None) or 0.0, "length", f"{path}.{kind}.{key}") for key in ("radius", "depth", "thickness")
     ]
-    return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2])
+    rollers = getattr(table, "rollers", None) or 0
+    return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2], 0 if math.isnan(rollers) else rollers)
 
 
 def _program(

@@ -63,7 +63,10 @@ class PlacedRoller:
     def law(self, argument: Array) -> Array:
         """The driven coordinate and its first two derivatives with respect to the law's argument, (3, ...)."""
         x, known = self.known(argument)
-        return np.where(known, self.cam.law(x, 2), np.nan)
+        values, law = self.cam.law(x, 2), self.cam.law
+        if law.repeats and law.advance != 0.0:  # arguments on a knot are those of the first cycle
+            values[0] += law.advance * np.rint((np.where(known, argument, x) - x) / law.length)
+        return np.where(known, values, np.nan)
 
     def known(self, argument: Array) -> tuple[Array, Array]:
         """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""

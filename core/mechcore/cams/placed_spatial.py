@@ -9,7 +9,7 @@ and its guide carry what is left of it: that is not computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,9 +78,24 @@ class PlacedSpatial(PlacedRoller):
         """Of the roller, along its axis [m]."""
         return 0.5 * (self.cam.inner + self.cam.outer)
 
+    @property
+    def pace(self) -> float:
+        """How far a turret goes on per angle of the cam, on average; 0 of a follower that returns."""
+        return self.cam.law.advance / self.cam.law.length if self.blank.rollers else 0.0
+
+    def argument(self, motion: Motion) -> Real:
+        """The law's argument (F) [rad], within one turn; of a turret within the turn in which the first of its rollers passes."""
+        x, law = super().argument(motion), self.cam.law
+        return np.mod(x - law.start, law.length) + law.start if self.blank.rollers else x
+
     def check(self) -> None:
         """Raises where the flanks cannot be cut by the roller."""
-        limits = spatial_limits(self.cam, (1, -1) if self.form else (1,), count=360, layers=5)
+        cams = [(self.cam, (1, -1) if self.form else (1,))]
+        if self.blank.rollers:  # the other sides of the ribs next to the middle, which the rollers before and after follow
+            step = 2.0 * np.pi / self.blank.rollers
+            cams += [(replace(self.cam, law=self.cam.law.raised(side * step)), (side,)) for side in (1, -1)]
+        found = [spatial_limits(cam, sides, count=360, layers=5) for cam, sides in cams]
+        limits = min(found, key=lambda each: each.sharpness.value)
         if not limits.undercut:
             return
         at = np.degrees(limits.sharpness.angle)

@@ -67,6 +67,10 @@ def build(pair: CamPair, builder: Builder) -> None:
         towards = placed.centre - pivot if pair.spatial is None else -placed.axes  # where the arm points at coordinate zero
         home = cmath.phase(towards / (point_of(follower, pair.point) - own))
         constant = c * home
+        if pair.spatial is not None and placed.pace:  # a turret goes on and on: the curve is what it leaves its mean pace by
+            step = placed.scale * placed.sense * placed.pace
+            angles += ((pair.links[0], step), (carrier, -step))
+            constant -= placed.scale * placed.pace * placed.phase
     cam_angles: tuple[tuple[str, float], ...] = ()
     cam_slides: tuple[tuple[str, float], ...] = ()
     if pair.bed:
@@ -90,7 +94,11 @@ def _relate(
     """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
 
     def lift(argument: Any) -> Any:
-        return placed.scale * placed.law(argument)
+        values = placed.law(argument)
+        if pace := getattr(placed, "pace", 0.0):
+            values[0] -= pace * np.asarray(argument)
+            values[1] -= pace
+        return placed.scale * values
 
     angles, slides, constant = follower
     builder.relations.append(

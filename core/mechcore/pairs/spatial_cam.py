@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import Fault, MechanismError
+from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute, SpatialBlank
 from .joint import point_of
 from .parts import Builder
@@ -35,7 +36,9 @@ def place_spatial(
     if not isinstance(pair.face, Roller):
         raise _fault(pair, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
     law = pair.lift
-    if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
+    if blank.rollers:
+        _check_turret(pair, blank, guide, law)
+    elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
         raise _fault(pair, "profile.lift", "it does not close after 360 deg.", "Let it return to its start after a whole turn.")
     law = law if law.repeats else law.repeating()
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
@@ -85,14 +88,16 @@ def place_spatial(
             if w.real <= 0.0:
                 raise _fault(pair, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
             mount, height = BarrelArm((w.real, w.imag), arm), w.imag
-        sine = (pair.base - height) / arm
+        sine = 0.0 if blank.rollers else (pair.base - height) / arm
         if not -1.0 < sine < 1.0:
             raise _fault(
                 pair, "profile.base", f"the arm does not reach {1e3 * pair.base:.6g} mm along the axis.",
                 f"Give between {1e3 * (height - arm):.6g} and {1e3 * (height + arm):.6g} mm.",
             )  # fmt: skip
-        start = math.asin(sine)
+        start = math.asin(sine) if not blank.rollers else -0.5 * law.advance
     inner, outer = _reach(pair, blank, arm)
+    if blank.rollers:
+        _check_room(pair, blank, mount, r, arm, inner)
     placed = PlacedSpatial(
         name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide,
         cam=SpatialCam(law.raised(start), mount, r, inner, outer, pair.sense), blank=blank, centre=centre, axes=axes, own=own,
@@ -101,6 +106,46 @@ def place_spatial(
     )  # fmt: skip
     placed.check()
     return placed
+
+
+def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:
+    """An indexing cam moves its turret on by one roller in every turn."""
+    if blank.kind not in ("barrel", "globoid") or not isinstance(guide, Revolute):
+        raise _fault(
+            pair, "profile", "a turret of rollers turns about a pivot.", "Give barrel or globoid, and guide = a revolute pair."
+        )
+    if pair.closure != "form":
+        raise _fault(pair, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
+    if blank.rollers < 3:
+        raise _fault(pair, f"profile.{blank.kind}.rollers", f"a turret of {blank.rollers}.", "Give three or more.")
+    step = 2.0 * math.pi / blank.rollers
+    if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(abs(law.advance) - step) > 1e-9:
+        raise _fault(
+            pair, "profile.lift",
+            f"in {math.degrees(law.length):.6g} deg it ends at {math.degrees(law.advance):.6g} deg: a turret of {blank.rollers} "
+            "rollers goes on by one of them every turn.",
+            f"Let it end at {math.degrees(step):.6g} deg after 360 deg.",
+        )  # fmt: skip
+
+
+def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
+    """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
+    step = 2.0 * math.pi / blank.rollers
+    apart = 2.0 * (inner if blank.kind == "globoid" else arm) * math.sin(0.5 * step)
+    if not 2.0 * r < 0.95 * apart:
+        raise _fault(
+            pair, "follower.roller",
+            f"{blank.rollers} rollers of {1e3 * r:.6g} mm stand {1e3 * apart:.6g} mm apart: no rib between them.",
+            f"Give less than {0.45e3 * apart:.4g} mm, or fewer rollers.",
+        )  # fmt: skip
+    if blank.kind == "barrel":
+        far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
+        if not far < 0.9 * inner:
+            raise _fault(
+                pair, "profile.barrel",
+                f"the rollers pass its axis at up to {1e3 * far:.6g} mm, its core has {1e3 * inner:.6g} mm.",
+                "Give more rollers or a larger barrel, or a pivot as far from the axis as the rollers.",
+            )  # fmt: skip
 
 
 def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float]:
