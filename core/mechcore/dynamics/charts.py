@@ -17,6 +17,7 @@ from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive
+from .atlas import named
 from .chart import Chart
 from .curve import TURN, Curve, tabulate, whole_turn
 from .free import Free
@@ -133,7 +134,7 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
             if (table.periodic or place <= table.high) and _is_at(lead.compiled, place, poses):
                 return lead, place, rate if v else 0.0
     mechanism = replace(
-        compiled.mechanism, drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
+        named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
     )
     found = compile_mechanism(mechanism, compiled.accuracy)
     if not _is_at(found, coordinate, poses):

@@ -9,10 +9,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..clearance import journals_of
 from ..errors import Fault, MechanismError
 from ..friction.elements import elements_of
 from ..solve import Compiled
 from .accounts import kinetic_energy_of
+from .atlas import STRAINED, strain, take_over
 from .bends import bend_finder
 from .chart import Chart
 from .charts import Lead, best_chart
@@ -37,6 +39,7 @@ MOST_HAPPENINGS = 100_000
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
 LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
+LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 
 
@@ -72,6 +75,9 @@ class Progress:
         self.pushed: list[tuple[float, float]] = []
         self._lead(compiled, *system)
         self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
+        plain = not (self.rubs or liftoffs or journals_of(compiled.mechanism))
+        self.unwatched = 0  # windows in which nothing can come near enough to matter
+        self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
         self.pieces: list[Piece] = []
         self.happenings: list[Happening] = []
         self.lost: list[tuple[float, float]] = []
@@ -182,6 +188,8 @@ class Progress:
                 at = first_beyond(gauge, window, t, limit, self._samples(window), again=name in self.lifted)
                 if at is not None:
                     first.append((at, ("cam", name)))
+            if self.charted and not first and self._strained(window):
+                first.append((window.start + window.length, ("chart", 0)))
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             if self.observe is not None:
@@ -221,6 +229,8 @@ class Progress:
                 v = self._settle(time, q, self._impact(time, q, v, k))
             elif kind == "border":
                 q, v = self._take_over(q, v)
+            elif kind == "chart":
+                q, v = self._change_chart(time, q, v)
             elif kind == "dry":
                 v = self._settle(time, q, v, k)
             elif kind == "cam":
@@ -242,6 +252,36 @@ class Progress:
             self.known.append(lead)
         self._lead(lead.compiled, lead.curve, lead.well)
         return np.array([place]), np.array([rate])
+
+    def _strained(self, window: Window) -> bool:
+        """Whether other coordinates had better lead after a window."""
+        t = window.start + window.length
+        self.unwatched -= 1
+        if self.unwatched >= 0 or t >= self.duration * (1.0 - 1e-9):
+            return False
+        q, v, _ = window(np.array([t]))
+        found = strain(self.compiled, q[0], v[0], t)
+        self.unwatched = 2 if found < 0.4 * STRAINED else 0
+        return found > STRAINED
+
+    def _change_chart(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
+        counted = frozenset([s.pair for s in self.stops] + [w.pair for w in self.watches if w.pair is not None])
+        found = take_over(self.compiled, q, v, t, self.charted, counted)
+        if found is None:
+            if strain(self.compiled, q, v, t) > LOST:
+                where = ", ".join(self.coordinates)
+                why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
+                raise MechanismError(
+                    Fault("dynamics", why, "Give the free start, stops, watches and torsion springs at other pairs.")
+                )
+            return q, v
+        compiled, q, v = found
+        if all(compiled is not c for c in self.charted):
+            self.charted.append(compiled)
+        self._lead(compiled, Chart(compiled), None)
+        self.unwatched = 0
+        return q, v
 
     def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
         """A stretch in which the present stops and contacts hold."""

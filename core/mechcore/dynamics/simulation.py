@@ -95,7 +95,7 @@ class Simulation:
                 for found, x in zip(out, piece(t[rows]), strict=True):
                     found[rows] = x[:, : out.shape[2]]
             else:
-                out[:, rows, 0] = self._original(piece, t[rows])
+                out[:, rows] = self._original(piece, t[rows])
         return out[0], out[1], out[2]
 
     def _state(self, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -109,32 +109,42 @@ class Simulation:
         return [(self.pieces[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
     def _original(self, piece: Piece, t: Array) -> Array:
-        """The free coordinate that was stated, and its rates (3, n), where another pair leads."""
-        pair = self.compiled.mechanism.drives[0].pair
-        found = piece.motion(t).coordinate(pair).T.copy()
-        model = self.compiled.model
-        if model.joints[model.joint_index[pair]].coordinate == "angle":  # known up to whole turns
-            times, angles = self._followed[id(piece)]
-            near = angles[np.clip(np.searchsorted(times, t), 0, len(times) - 1)]
-            found[0] += TURN * np.round((near - found[0]) / TURN)
+        """The free coordinates that were stated, and their rates (3, n, f), where other pairs lead."""
+        motion = piece.motion(t)
+        found = np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
+        times, near = self._followed[id(piece)]
+        rows = np.clip(np.searchsorted(times, t), 0, len(times) - 1)
+        found[0] += self._turns * np.round((near[rows] - found[0]) / TURN)  # angles are known up to whole turns
         return found
 
     @cached_property
+    def _stated(self) -> list[str]:
+        """Pairs of the free coordinates."""
+        return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
+
+    @cached_property
+    def _turns(self) -> Array:
+        """A whole turn of each free coordinate (f,), 0 where it slides."""
+        model = self.compiled.model
+        return np.array([TURN * (model.joints[model.joint_index[pair]].coordinate == "angle") for pair in self._stated])
+
+    @cached_property
     def _followed(self) -> dict[int, tuple[Array, Array]]:
-        """The stated coordinate's angle in steps small enough to follow it, in pieces where another pair leads."""
-        pair = self.compiled.mechanism.drives[0].pair
+        """The stated coordinates (n, f) in steps small enough to follow them, in pieces where other pairs lead."""
         out = {}
-        last = float(self.compiled.start[0])
+        last = np.array([float(self.compiled.start[i]) for i in free_of(self.compiled)])
         for piece in self.pieces:
             t = np.unique(np.concatenate([[piece.start, piece.end], *(w.start + w.length * _STEPS for w in piece.way.windows)]))
             t = t[(t >= piece.start) & (t <= piece.end)]
             if piece.compiled is self.compiled:
-                last = float(piece(t[-1:])[0][0, 0])
+                last = piece(t[-1:])[0][0]
                 continue
-            angle = np.unwrap(piece.motion(t).coordinate(pair)[:, 0])
-            angle += TURN * np.round((last - angle[0]) / TURN)
-            out[id(piece)] = t, angle
-            last = float(angle[-1])
+            motion = piece.motion(t)
+            at = np.stack([motion.coordinate(pair)[:, 0] for pair in self._stated], axis=1)
+            at = np.where(self._turns > 0.0, np.unwrap(at, axis=0), at)
+            at += self._turns * np.round((last - at[0]) / TURN)
+            out[id(piece)] = t, at
+            last = at[-1]
         return out
 
     def motion(self, t: ArrayLike) -> Any:

@@ -1,0 +1,102 @@
+"""Several freedoms through places where their coordinates do not decide the configuration: other pairs lead there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
+from mechanisms import case
+
+from mechcore.dynamics import Free, progress, simulate
+from mechcore.errors import MechanismError
+from mechcore.laws import ConstantSpeed
+from mechcore.spec import Drive, Mechanism
+
+END = 1.1
+TIMES = np.linspace(0.0, END, 61)
+POINTS = (("left", "B"), ("left rod", "C"), ("right", "D"))
+
+
+def falling() -> Mechanism:
+    """A five-bar without springs: its rods come in line, and so do rods and arms."""
+    return replace(swinging_five_bar(speeds=(6.0, 2.0)), loads=())
+
+
+def leads(simulation) -> list[str]:
+    return ["".join(d.pair for d in p.compiled.mechanism.drives) for p in simulation.pieces]
+
+
+def restated(mechanism: Mechanism, simulation, t: float, pairs: str, sense: float = 1.0) -> Mechanism:
+    """The mechanism as a simulation has it at a time, with other free pairs, and its speeds in either sense."""
+    motion = simulation.motion([t])
+    drives = []
+    for pair in pairs:
+        q, v, _ = motion.coordinate(pair)[0]
+        drives.append(Drive(pair=pair, law=Free(float(q), sense * float(v))))
+    poses = {link.name: tuple(map(float, motion.pose(link.name)[0])) for link in mechanism.links[1:]}
+    return replace(mechanism, drives=tuple(drives), modes={}, sketch=poses)
+
+
+@pytest.fixture(scope="module")
+def fallen():
+    return simulate(falling(), END, tolerance=1e-10)
+
+
+def test_rods_come_in_line_and_go_on(fallen):
+    assert leads(fallen)[0] == "AE" and len(set(leads(fallen))) > 1
+    motion = fallen.motion(TIMES)
+    bend = np.unwrap(motion.coordinate("C")[:, 0])
+    assert (np.diff(np.sign(np.sin(bend))) != 0).any()  # they are in line on the way
+    assert motion.closure.max() < 1e-12
+    assert np.abs(fallen.drift(TIMES)).max() < 1e-9
+    q, v, _ = fallen(TIMES)
+    for k, pair in enumerate("AE"):  # the stated coordinates go on being told, without a jump of a turn
+        assert np.exp(1j * q[:, k]) == pytest.approx(np.exp(1j * motion.coordinate(pair)[:, 0]), abs=1e-9)
+    assert np.abs(np.diff(q, axis=0)).max() < 1.5 * np.abs(v).max() * TIMES[1]
+    forces = fallen.forces(motion)
+    assert np.abs(forces.power_balance).max() < 1e-9
+
+
+def test_the_motion_is_the_same_whoever_leads_first(fallen):
+    other = simulate(restated(falling(), fallen, 0.0, "BC"), END, tolerance=1e-9)
+    assert leads(other)[0] == "BC"
+    for link, point in POINTS:
+        at = other.motion(TIMES).point(link, point)
+        assert np.abs(at - fallen.motion(TIMES).point(link, point)).max() < 1e-8
+
+
+def test_time_reversal_leads_back_through_all_charts(fallen):
+    back = simulate(restated(falling(), fallen, END, "AE", sense=-1.0), END, tolerance=1e-9)
+    q, v, _ = back([END])
+    assert np.exp(1j * q[0]) == pytest.approx(np.exp(1j * np.array([2.2, 0.9])), abs=1e-6)
+    assert v[0] == pytest.approx([-6.0, -2.0], abs=1e-5)
+
+
+def test_a_pair_whose_turns_a_spring_counts_goes_on_leading():
+    body = swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0))
+    found = simulate(replace(body, loads=body.loads[:1]), END, tolerance=1e-8)
+    assert len(found.pieces) > 1 and all("A" in pairs for pairs in leads(found))
+    assert np.abs(found.drift(TIMES)).max() < 1e-7
+
+
+def test_beside_a_prescribed_drive():
+    """One arm turns evenly: the only free coordinate is handed on where the rods come in line."""
+    body = replace(falling(), drives=(Drive(pair="A", law=ConstantSpeed(2.2, -3.0, 9.0)), falling().drives[1]))
+    found = simulate(body, END, tolerance=1e-8)
+    assert {"AE", "DA", "BA"} <= set(leads(found))
+    assert found.motion(TIMES).coordinate("A")[:, 1] == pytest.approx(-3.0, abs=1e-12)
+    assert np.abs(found.drift(TIMES)).max() < 1e-7
+
+
+def test_a_dead_point_that_cannot_be_passed_is_told():
+    """Both arms are held by springs that count their turns: none can be handed on."""
+    with pytest.raises(MechanismError, match=r"A, E come to a dead point"):
+        simulate(swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0)), 2.0, tolerance=1e-6)
+
+
+def test_open_chains_and_single_freedoms_are_not_watched(monkeypatch):
+    monkeypatch.setattr(progress, "strain", lambda *_: pytest.fail("watched"))
+    simulate(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"]), 0.2, tolerance=1e-4)
+    simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=1.0), 0.2, tolerance=1e-4, method="gauss")
