@@ -100,7 +100,9 @@ def test_with_the_least_spring_the_margin_is_just_kept(name):
     scene = mechviz.load(name)
     _, forces, cam = solved(scene, 240)
     margin = 35.0
-    for found in least_springs(forces, cam, margin):
+    springs = least_springs(forces, cam, margin)
+    assert springs and all(s.stiffness is not None for s in springs)
+    for found in springs:
         for change in ({"stiffness": found.stiffness}, {"free_length": found.free_length}):
             if None in change.values():
                 continue
