@@ -24,6 +24,7 @@ list = [
   1, # first
   2.50,
   [3, 4],   # ] an inner list
+  5 # last
 ]
 literal = 'C:\\new'
 many = """
@@ -54,6 +55,7 @@ at = 2   # the second
 COMMENTS = {
     "# but this is one",
     "# first",
+    "# last",
     "# ] an inner list",
     "# all links",
     "# the crank",
@@ -82,7 +84,7 @@ def _changed(*changes: tuple[tuple[Any, ...], Any]) -> dict[str, Any]:
     [
         ([(("title",), "new")], 1, set()),
         ([(("list", 1), 7.25), (("list", 2, 0), -1)], 2, set()),
-        ([(("list",), [9])], 5, {"# first", "# ] an inner list"}),
+        ([(("list",), [9])], 6, {"# first", "# ] an inner list", "# last"}),
         ([(("literal",), "x"), (("many",), "y"), (("quoted key", "under"), 5)], 6, set()),
         ([(("links", "crank", "points", "B", 0), 1.25), (("links", "rod", "mass"), "3 kg")], 2, set()),
         ([(("links", "crank", "points", "C"), [2, 3]), (("links", "crank", "mass"), None)], 1, set()),

@@ -37,6 +37,8 @@ FAR = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
 RATE = 12.0  # pictures a second while playing
 LEAST = 4.0  # [px] below which an arrow has no label
 HEAD = 8.0  # [px]
+NONE_OF_A_RUN = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
+NONE_OF_A_RECORDING = "Diagrams are made of a scene that is solved: press 'Edit this scene' where the recording carries its own."
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +181,7 @@ class Diagrams:
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
         self._moved = 0.0
         self._frame = 0
-        self._found = diagrams_of(show)
+        self._found, self._solved = diagrams_of(show), show.run is not None
         with tab:
             self.choice = server.gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
             self._picture = server.gui.add_html("")
@@ -221,8 +223,7 @@ class Diagrams:
         self._frame, self._moved = frame, now
         diagram = self._found.get(self.choice.value)
         if diagram is None:
-            text = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
-            content = words.hint(text)
+            content = words.hint(NONE_OF_A_RUN if self._solved else NONE_OF_A_RECORDING)
         else:
             content = f'<div class="mechviz-diagram">{diagram_svg(diagram, frame)}</div>'
         if content != self._picture.content:
