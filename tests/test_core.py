@@ -423,27 +423,31 @@ def test_printed_contour_equations_hold_with_the_solved_motion():
     """Parse the printed equations, put the solved velocities and accelerations in, and see them vanish."""
     import re
 
+    import mechviz
     from mechcore.equations import contour_equations, contour_residuals
 
     geometry = case("lever_contour", "lever-canonical-zones")["inputs"]["geometry"]
     for mechanism in (
         lever(geometry, law=ConstantSpeed(0.9, 1.0)),
         watt_six_bar(case("linkages", "sixbar-watt")["inputs"], speed=1.0),
+        mechviz.load("geared-slider-cranks").mechanism,
+        mechviz.load("rolling-wheel").mechanism,
+        mechviz.load("cam-oscillating-roller").mechanism,  # at 1 rad on its rise
     ):
-        motion = move(mechanism, [mechanism.drives[0].law(0.0)[0]], 3.0, 2.0)
-        assert np.abs(contour_residuals(motion)).max() < 1e-12
+        motion = move(mechanism, [mechanism.drives[0].law(0.0)[0] + 1.0], 3.0, 2.0)
+        assert np.abs(contour_residuals(motion)).max(initial=0.0) < 1e-12
         spin = [float(np.broadcast_to(motion.speeds.spin[s], 1)[0]) for s in motion.model.angles.spin]
         accel = [float(np.broadcast_to(motion.accelerations.spin[s], 1)[0]) for s in motion.model.angles.spin]
         values = {}
         for i in range(len(spin)):
-            values[f"w_{i}"] = spin[i]
+            values[f"w_{i}"], values[f"e_{i}"] = spin[i], accel[i]
             for j in range(len(spin)):
                 values[f"w_{i},{j}"], values[f"e_{i},{j}"] = spin[i] - spin[j], accel[i] - accel[j]
         for joint in motion.model.joints:
             if joint.slide is not None:
                 _, values[f"v_{joint.name}"], values[f"a_{joint.name}"] = motion.coordinate(joint.name)[0]
         lines = [x for x in contour_equations(motion) if x.endswith("= 0")]
-        assert len(lines) == 6 * len(motion.model.contours)
+        assert len(lines) == 6 * len(motion.model.contours) + 2 * len(motion.model.relations)
         for line in lines:
             terms = re.findall(r"([+-][\d.e+-]+)?\s*\+?\s*((?:[wevaA-Z]_[\w,]+(?:\^2)?\s*)+)", line.split("=")[0])
             assert terms or line.strip() == "0 = 0", line
