@@ -339,7 +339,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         over = len(model.mechanism.drives) - mobility
         if over > 0 and len(model.mechanism.drives) > 1:
             words = words.replace("cannot be assembled", "the drives contradict each other")
-            remedy = f"Take {over} of the {len(model.mechanism.drives)} drives away: the mechanism has {mobility} freedom(s)"
+            freedoms = "1 freedom" if mobility == 1 else f"{mobility} freedoms"
+            remedy = f"Take {over} of the {len(model.mechanism.drives)} drives away: the mechanism has {freedoms}"
         else:
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
