@@ -201,7 +201,7 @@ def test_what_has_arrived_is_taken_at_once_and_drawn_in_a_few_frames(viewer, pag
     assert taken == [0, 1, 2, 3], "without waiting for a frame"
     next_frames(page, 3)
     drawn, began = page.evaluate(DRAWN)
-    viewer.set_frame(100)
+    viewer.set_frame(301)
     _until_drawn(viewer, page)
     next_frames(page, 20)
     again, ended = page.evaluate(DRAWN)

@@ -81,15 +81,17 @@ if (!window.mechvizCursor) {
 
 # viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
 # lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
-# After each message viser goes on drawing for a quarter of a second, for textures and the like that come late. Poses, points and
-# panels do not: a few frames are enough, and without a graphics card the next move need not wait until those others are drawn.
+# After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
+# points and panels do not: two frames are enough, and without a graphics card the next move need not wait for all the others.
 PROMPT = """
 (() => {
   const viser = window.__viserMutable;
   if (window.mechvizPrompt || !viser || !viser.drainMessageQueue || !viser.requestRender) return;
   window.mechvizPrompt = true;
-  const AT_ONCE = new Set(["SceneNodeUpdateMessage", "SetPositionMessage", "SetOrientationMessage",
-    "SetSceneNodeVisibilityMessage", "GuiUpdateMessage", "RunJavascriptMessage"]), FRAMES = 2;
+  const AT_ONCE = new Set(["SetPositionMessage", "SetOrientationMessage", "GuiUpdateMessage", "RunJavascriptMessage"]);
+  const MOVES = new Set(["points", "vertices", "scale", "batched_positions", "batched_wxyzs", "batched_scales"]), FRAMES = 2;
+  const isAtOnce = ({ type, updates }) =>
+    AT_ONCE.has(type) || (type === "SceneNodeUpdateMessage" && Object.keys(updates).every((prop) => MOVES.has(prop)));
   let request = viser.requestRender, taking = false;
   const invalidate = () => {
     const own = viser.scene && viser.scene.__r3f, store = own && (own.root || own), state = store && store.getState;
@@ -98,7 +100,7 @@ PROMPT = """
   const prompt = () => {
     const ready = viser.getRenderRequestState === "ready" && viser.drainMessageQueue && !viser.firstMessageBatch;
     if (!ready || taking || !viser.messageQueue.length) return request();
-    const draw = viser.messageQueue.every((message) => AT_ONCE.has(message.type)) && invalidate();
+    const draw = viser.messageQueue.every(isAtOnce) && invalidate();
     taking = true;
     try { viser.drainMessageQueue(); } finally { taking = false; }
     if (draw) draw(FRAMES); else request();
