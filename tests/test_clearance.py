@@ -163,7 +163,7 @@ def test_it_is_taken_out_again():
 VALVE = """
 units = { length = "mm", angle = "deg" }
 effects = ["inertia", "friction"]
-run = { duration = "2.6 ms", tolerance = 1e-7 }
+run = { duration = "2 ms", tolerance = 1e-6 }
 [links]
 frame = { points = { O = [0, 0], G = [0, 63], H = [0, 120], P = [60, 120] } }
 cam = { points = { O = [0, 0] } }
@@ -198,13 +198,13 @@ def test_a_loose_pin_beside_dry_friction_and_a_follower_that_flies():
     """Valve train: the tappet leaves the cam and lands, its pin rattles, guide and rocker rub; all balances hold."""
     scene = mechviz.loads(VALVE)
     assert mechviz.loads(scene.to_toml()) == scene and scene.simulation is not None
-    found = simulate(scene.mechanism, scene.simulation.duration, tolerance=1e-7, liftoffs=scene.simulation.liftoffs)
+    found = simulate(scene.mechanism, scene.simulation.duration, tolerance=1e-6, liftoffs=scene.simulation.liftoffs)
     assert {("lost", "K"), ("impact", "K"), ("slip", "S"), ("slip", "P")} <= {(h.kind, h.item) for h in found.happenings}
     t = np.linspace(0.0, found.duration, 181)
     view = found.view(t)
     forces, energies = found.forces(view), found.energies(t)
     size = np.abs(energies).max()
-    assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-6 * size
+    assert np.ptp(energies[:, 0] + energies[:, 1] - energies[:, 2] + energies[:, 3]) < 1e-5 * size
     assert np.all(np.diff(energies[:, 3]) > -1e-12 * size) and np.abs(forces.power_balance).max() < 1e-12
     gap, contact = found.gap("K", view), contact_force(forces, placed_cams(view)[0])
     assert gap.max() > 1e-4 and np.all((np.abs(gap) < 1e-11) | (np.abs(contact) < 1e-9 * contact.max()))

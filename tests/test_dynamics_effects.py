@@ -72,7 +72,7 @@ oil = { viscous = "S", linear = "15 N s/m" }
 CHAIN = """
 units = { length = "mm", angle = "deg" }
 effects = ["inertia", "gravity"]
-run = { duration = "0.15 s", tolerance = 1e-8 }
+run = { duration = "0.1 s", tolerance = 1e-8 }
 [links]
 frame = { points = { A = [0, 0], H = [300, 250] } }
 crank = { points = { A = [0, 0], B = [260, 0] }, mass = "1.4 kg", centre = [120, 5], inertia = "0.04 kg m^2" }
