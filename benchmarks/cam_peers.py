@@ -29,6 +29,45 @@ def main() -> None:
     sys.exit(subprocess.run([python, __file__, "measure"], env={**os.environ, "PYTHONPATH": paths}, check=False).returncode)
 
 
+def lift_by_hand(x):
+    """Lift of a cycloidal rise over its angle, and the derivative by x from 0 to 1, [m]."""
+    import numpy as np
+
+    return LIFT * (x - np.sin(2.0 * np.pi * x) / (2.0 * np.pi)), LIFT * (1.0 - np.cos(2.0 * np.pi * x))
+
+
+def profile_error(profile):
+    """Largest distance from the profile by hand at the same angles: pitch curve e + i (h0 + s), the roller's radius inwards."""
+    import numpy as np
+
+    theta = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    h0 = np.sqrt((BASE + ROLLER) ** 2 - OFFSET**2)
+    s, s1 = np.zeros_like(theta), np.zeros_like(theta)
+    turn = np.radians(SEGMENTS[1][-1])
+    s[(theta > np.radians(179.99)) & (theta < np.radians(240.01))] = LIFT
+    for low, falls in ((np.radians(60.0), False), (np.radians(240.0), True)):
+        x = (theta - low) / turn
+        on = (x >= 0.0) & (x <= 1.0)
+        value, slope = lift_by_hand(x[on])
+        s[on], s1[on] = (LIFT - value, -slope / turn) if falls else (value, slope / turn)
+    z = OFFSET + 1j * (h0 + s)
+    tangent = 1j * s1 - 1j * z  # of the pitch curve, in the follower's axes; the cam turns counter-clockwise
+    inwards = 1j * tangent / np.abs(tangent)
+    inwards = np.where((inwards * np.conj(z)).real > 0.0, -inwards, inwards)
+    by_hand = (z + ROLLER * inwards) * np.exp(-1j * theta)
+    return float(np.abs(profile - by_hand).max()) / LIFT
+
+
+def base_height(rise):
+    """The least base circle for the pressure angle by a fine scan, rise and fall alike [m]."""
+    import numpy as np
+
+    theta = np.linspace(0.0, 2.0 * np.pi, 2_000_001)
+    value = rise(theta)
+    height = np.max(np.abs(value[1] - OFFSET) / np.tan(np.radians(STEEP)) - value[0])
+    return float(np.hypot(OFFSET, height)) - ROLLER
+
+
 def measure() -> None:
     """Times and errors of both."""
     from timing import interleaved, machine  # isort: skip  # first: it sets one thread
@@ -95,7 +134,24 @@ def measure() -> None:
     best = min(np.linspace(-np.pi, np.pi, 721), key=lambda turned: away(theirs_own[::20], turned))
     off = away(theirs_own, best)
     ours, theirs = least_base(rise, follower, want).base, float(circle()["Rb"])
-    print(f"mechanism's profile, turned as well as it can be, is off by {100.0 * off / LIFT:.2g} % of the lift")
+    heights = base_height(rise)
+    print("\n### P5 Offset roller follower, dwell-rise-dwell-fall, 3,600 points\n")
+    print("| who | 3,600 points | ratio | error, of the lift |\n|---|---|---|---|")
+    own = times["mechcore: profile, pressure angle, curvature"]
+    spent = times["mechanism: profile (without roller and offset)"] + times["mechanism: laws alone"]
+    rows = (
+        ("mechcore: profile, pressure angle, curvature", own, profile_error(synthesis()[2])),
+        ("mechanism: laws and profile", spent, off / LIFT),
+        ("mechcore: least base circle", times["mechcore: least base circle"], abs(ours - heights) / LIFT),
+        (
+            "mechanism: base circle",
+            times["mechanism: laws alone"] + times["mechanism: base circle"],
+            abs(abs(theirs) - heights) / LIFT,
+        ),
+    )
+    for who, seconds, error in rows:
+        print(f"| {who} | {1e3 * seconds:.3f} ms | {seconds / own:.2f} | {error:.1e} |")
+    print(f"\nmechanism's profile, turned as well as it can be, is off by {100.0 * off / LIFT:.2g} % of the lift")
     print(f"base circle for {STEEP:g} deg: mechanism {1e3 * theirs:.5g} mm, mechcore {1e3 * ours:.5g} mm")
     for radius, whose in ((abs(theirs), "mechanism"), (ours, "mechcore")):
         found = find_limits(Cam(rise.raised(follower.base_coordinate(radius)), follower))

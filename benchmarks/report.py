@@ -15,6 +15,8 @@ import argparse
 import math
 import os
 import platform
+import re
+import resource
 import subprocess
 import sys
 import time
@@ -100,6 +102,59 @@ def _on_sheet(across: tuple[float, float], up: tuple[int, int], x: float, y: flo
     return 70 + 450 * u, 280 - 230 * (math.log10(y) - up[0]) / (up[1] - up[0])
 
 
+NUMBERS = re.compile(r"\d\.?\d*e-\d+")
+
+
+def draw_peers(text: str, folder: Path) -> list[Path]:
+    """Error against time of the tables that have a row for every peer: a panel for each problem and number of positions."""
+    panels = []
+    for heading, table in tables(text):
+        head = table[0]
+        if head[0] != "who" or not head[-1].startswith("error"):
+            continue
+        for c in (c for c, name in enumerate(head) if name.endswith(("positions", "points"))):
+            found = [(row[0], 1e-3 * number(row[c]), [float(e) for e in NUMBERS.findall(row[-1])]) for row in table[1:]]
+            points = [(who, seconds, max(errors)) for who, seconds, errors in found if seconds > 0.0 and errors]
+            if points:
+                panels.append((f"{heading.split(':')[0]}, {head[c]}", points))
+    return [_numbered(panel, points, folder / f"peers-{_slug(panel)}.svg") for panel, points in panels]
+
+
+def _slug(title: str) -> str:
+    return "-".join(re.findall(r"[a-z0-9]+", title.lower()))
+
+
+def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) -> Path:
+    """Numbered points on logarithmic axes, and who they are."""
+    from mechviz.accuracy.canvas import Canvas
+
+    sheet = Canvas(940, 330)
+    across = tuple(
+        f(math.log10(p[1]) + d)
+        for f, p, d in ((math.floor, min(points, key=lambda p: p[1]), 0.0), (math.ceil, max(points, key=lambda p: p[1]), 1e-9))
+    )
+    up = (min(-16, *(math.floor(math.log10(e)) for _, _, e in points)), max(-2, *(math.ceil(math.log10(e)) for _, _, e in points)))
+    sheet.text(70, 24, title, size=13)
+    for decade in range(across[0], across[1] + 1):
+        x, _ = _on_sheet(across, up, 10.0**decade, 10.0 ** up[0])
+        sheet.line([(x, 50), (x, 280)], "#e3e6ea")
+        sheet.text(x, 298, f"{10.0 ** (decade + 3):g} ms", size=10, anchor="middle")
+    for decade in range(up[0], up[1] + 1, 2):
+        _, y = _on_sheet(across, up, 10.0 ** across[0], 10.0**decade)
+        sheet.line([(70, y), (520, y)], "#e3e6ea")
+        sheet.text(64, y + 4, f"1e{decade}", size=10, anchor="end")
+    sheet.text(64, 40, "error", size=11, anchor="end")
+    sheet.text(295, 320, "time", size=11, anchor="middle")
+    for k, (who, seconds, error) in enumerate(points, 1):
+        x, y = _on_sheet(across, up, seconds, max(error, 1e-16))
+        color = "#c8553d" if who.startswith(("mechviz", "mechcore")) else "#1b6ca8"
+        sheet.dot(x, y, 4.0, color)
+        sheet.text(x + 6, y - 5, str(k), size=10, color=color)
+        sheet.text(540, 50 + 19 * (k - 1), f"{k}  {who}", size=10.5, color=color)
+    path.write_text(sheet.svg(), encoding="utf-8")
+    return path
+
+
 def draw_growth(text: str, folder: Path) -> list[Path]:
     """Time against size, both logarithmic, of the tables whose first column counts something."""
     from mechviz.accuracy.canvas import Canvas
@@ -163,6 +218,7 @@ PARTS: tuple[Part, ...] = (
         "Positions, velocities, accelerations of a four-bar; all reactions of a slider-crank.",
         lambda g: script("peers/run.py", *_short(g)),
         peers=True,
+        draw=draw_peers,
     ),
     Part(
         "four-bar",
@@ -182,6 +238,14 @@ PARTS: tuple[Part, ...] = (
         "P5: cams",
         "Profile, pressure angle, curvature and limits of an offset roller follower.",
         lambda g: script("cams.py"),
+    ),
+    Part(
+        "cam peers",
+        "P5: beside a peer",
+        "The package `mechanism` ignores the roller and the offset, and finds another base circle.",
+        lambda g: script("cam_peers.py"),
+        peers=True,
+        draw=draw_peers,
     ),
     Part(
         "scaling",
@@ -231,6 +295,8 @@ def run(part: Part, given: argparse.Namespace) -> tuple[str, float, str]:
     """What a part prints, how long it took [s], and what went wrong."""
     path = os.pathsep.join([str(ROOT / "core"), str(ROOT)])
     env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "160"}
+    if given.short:
+        env["MECHVIZ_BENCHMARKS"] = "short"
     start = time.perf_counter()
     try:
         done = subprocess.run(part.command(given), capture_output=True, text=True, env=env, cwd=ROOT, timeout=PATIENCE)
@@ -249,9 +315,11 @@ def as_markdown(text: str) -> str:
         if not table and not plain:
             out.append("```text")
         if table and plain and line.strip():
-            out.append("```")
+            while out and not out[-1].strip():
+                out.pop()
+            out += ["```", ""]
         plain = (not table) if line.strip() else plain
-        out.append(f"#{line}" if line.startswith("#") else line)
+        out.append(f"##{line}" if line.startswith("#") else line)
     if plain:
         out.append("```")
     return "\n".join(out)
@@ -289,7 +357,7 @@ def main() -> None:
         f"Read ratios, not times: on a shared machine ratios keep, times drift. Made by `{command}`.",
         "",
     ]
-    began = time.perf_counter()
+    began, spent = time.perf_counter(), _processor_time()
     for part in PARTS:
         if given.only and not any(word in part.name for word in given.only):
             continue
@@ -301,10 +369,21 @@ def main() -> None:
         text, seconds, fault = run(part, given)
         lines += chapter(part, text, fault, given.output.resolve().parent)
         write(given.output, lines)
-        print(f"{part.name}: {seconds:.0f} s{', failed' if fault else ''}", file=sys.stderr, flush=True)
+        used, spent = spent, _processor_time()
+        print(
+            f"{part.name}: {seconds:.0f} s, {spent - used:.0f} s of a processor{', failed' if fault else ''}",
+            file=sys.stderr,
+            flush=True,
+        )
     lines += [f"All parts took {time.perf_counter() - began:.0f} s.", ""]
     write(given.output, lines)
     print(given.output)
+
+
+def _processor_time() -> float:
+    """What all parts so far have used [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def chapter(part: Part, text: str, fault: str, folder: Path) -> list[str]:

@@ -15,6 +15,9 @@ from importlib.metadata import version
 
 __all__ = ["interleaved", "machine"]
 
+SHORT = os.environ.get("MECHVIZ_BENCHMARKS") == "short"
+"""What `report.py --short` asks of all scripts: a quarter of the time a turn, half of the turns."""
+
 
 def interleaved(
     jobs: dict[str, Callable[[], object]],
@@ -29,6 +32,8 @@ def interleaved(
     ``pick`` may take another value than the median, ``clock`` may be `time.process_time`: on a busy machine the least processor
     time is steadier.
     """
+    if SHORT:
+        runs, seconds = max(3, runs // 2), 0.25 * seconds
     repeats = {}
     for name, job in jobs.items():
         job()  # warm-up

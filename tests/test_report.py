@@ -13,6 +13,7 @@ import pytest
 from mechviz.hard import FAMILIES, all_cases
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+import quote
 import report
 
 ROOT = Path(__file__).parent.parent
@@ -53,7 +54,7 @@ def test_what_is_printed_becomes_markdown():
 
 def test_a_part_that_fails_says_so(tmp_path):
     part = report.Part("broken", "Broken", "It breaks.", lambda _: [sys.executable, "-c", "raise SystemExit('no luck')"])
-    text, seconds, fault = report.run(part, argparse.Namespace())
+    text, seconds, fault = report.run(part, argparse.Namespace(short=True))
     assert "exit code 1" in fault and "no luck" in fault and seconds > 0.0
     assert any("failed" in line for line in report.chapter(part, text, fault, tmp_path))
     assert {p.name for p in report.PARTS} >= {"peers", "dynamics", "cams", "scaling", "recording", "effects", "accuracy"}
@@ -74,3 +75,43 @@ def test_the_page_of_hard_cases_lists_the_suite():
         body = re.search(rf"<!-- block: {family} -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
         named = [line.split(" | ")[0].removeprefix("| ") for line in body.splitlines() if line.startswith("| ")][1:]
         assert named == [c.name for c in all_cases(family)], family
+
+
+PEERS = """2026-11-21, short mode. A processor; versions
+
+### P1 Four-bar over a turn: all
+
+| who | 360 positions | ratio | 3,600 positions | ratio | set-up, once | error |
+|---|---|---|---|---|---|---|
+| mechviz | 0.1 ms | 1.00 | 0.3 ms | 1.00 | 0.8 s | position 4e-16, velocity 6e-16 |
+| pylinkage with numba | 0.2 ms | 1.98 | 2.0 ms | 6.47 | 0.9 s | position 3e-13, velocity 5e-13 |
+| slow one | 6.0 ms | 48.8 | 53.6 ms | 1,672 | 0.2 s | position 4e-11, velocity not given |
+| by hand: x | 0.1 ms | 1.1 | 0.3 ms | 1.1 | 0.2 s | position 4e-16 |
+"""
+
+
+def test_peers_are_drawn_with_their_largest_errors(tmp_path):
+    drawn = report.draw_peers(PEERS, tmp_path)
+    assert [p.name for p in drawn] == [
+        "peers-p1-four-bar-over-a-turn-360-positions.svg",
+        "peers-p1-four-bar-over-a-turn-3-600-positions.svg",
+    ]
+    root = ET.fromstring(drawn[0].read_text(encoding="utf-8"))
+    dots = [(float(c.get("cx")), float(c.get("cy"))) for c in root.findall(".//{*}circle")]
+    assert len(dots) == 4 and dots[0][0] < dots[1][0] < dots[2][0], "slower is further right"
+    assert dots[0][1] > dots[1][1] > dots[2][1], "more wrong is higher"
+    assert "2  pylinkage with numba" in {t.text for t in root.findall(".//{*}text")}
+
+
+def test_the_readme_quotes_ratios_that_are_in_the_report(capsys):
+    text = quote.block(PEERS)
+    assert "| 6.4 times / at least 1600 times faster |" in text and "| 1.9 times / at least 48 times faster |" in text
+    assert text.count("| `benchmarks/") == 2 and "left out: slider-crank forces" in capsys.readouterr().err
+    assert [quote.times(x) for x in (1.99, 9.97, 48.8, 136.1, 9344.0)] == ["1.9", "9.9", "48", "130", "9300"]
+    assert (ROOT / "README.md").read_text(encoding="utf-8").count("<!-- block: performance -->") == 1
+
+
+def test_what_a_script_prints_becomes_markdown():
+    text = report.as_markdown("# Title\nplain\n\n| a | b |\n|---|---|\n| 1 | 2 |\n\nmore")
+    assert text.count("```") % 2 == 0 and text.startswith("### Title")
+    assert "```text\nplain\n```\n\n| a | b |" in text
