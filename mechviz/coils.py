@@ -26,6 +26,8 @@ RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mec
 STOUT = 0.4  # that radius at most, in mean lengths of the spring
 WIRE = 0.3  # diameter of the wire in radii of the coil
 PITCH = 1.9  # of the turns that give way, in diameters of the wire, where their number allows it
+WIDEST = 0.55  # radius of such a coil at most, in mean lengths of the spring
+WIDTHS = (1.5, 2.0, 2.4)  # of coils that have to go around a guide, too
 FEWEST, MOST = 4, 12  # turns that give way
 LEAST = 1e-4  # of its mean length: how short a spring is drawn at least
 
@@ -38,6 +40,7 @@ class Coil:
     pose: Real  # (F, 3): its start [m] and direction [rad] in the plane, continuous
     stretch: Real  # (F,): length over the mean length
     height: float  # of its axis [m]
+    width: float  # of the coil, over that of a spring that goes around a stem only
     vertices: NDArray[np.float32]  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
     normals: NDArray[np.float32]  # (V, 3), unit
@@ -58,8 +61,8 @@ class Coil:
         return np.column_stack([self.pose[:, :2], np.full(len(self.pose), self.height)])
 
 
-def find_coils(run: Run, solids: Solids, known: Mapping[str, float] | None = None) -> list[Coil]:
-    """The springs of a run in which forces are computed. ``known``: heights [m] of springs that were found before, by name."""
+def find_coils(run: Run, solids: Solids, known: Mapping[str, tuple[float, float]] | None = None) -> list[Coil]:
+    """The springs of a run in which forces are computed. ``known``: height [m] and width of those found before, by name."""
     if run.forces is None:
         return []
     found = []
@@ -70,7 +73,7 @@ def find_coils(run: Run, solids: Solids, known: Mapping[str, float] | None = Non
     return found
 
 
-def _coil(run: Run, solids: Solids, load: Spring, height: float | None) -> Coil | None:
+def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | None) -> Coil | None:
     from .meshes.coil import coil_shell
 
     a, b = (run.motion.point(*end) for end in zip(load.links, load.points, strict=True))
@@ -84,35 +87,45 @@ def _coil(run: Run, solids: Solids, load: Spring, height: float | None) -> Coil 
     wire = WIRE * radius
     straight = mean > load.free_length
     turns = float(np.clip(np.floor(0.5 + (mean - 2.0 * wire) / (PITCH * wire)), FEWEST, MOST))
-    shell, normals = coil_shell(mean, radius, wire, turns, straight=straight)
-    if height is None:
-        height = _height(run, solids, load, (a, b), radius + 0.5 * wire)
+    most = max(1.0, WIDEST * mean / radius)
+    height, width = known or _place(run, solids, load, (a, b), (radius, wire), [w for w in WIDTHS if w <= most and not straight])
+    shell, normals = coil_shell(mean, min(width, most) * radius, wire, turns, straight=straight)
     angle = np.unwrap(np.arctan2(d[:, 1], d[:, 0])) if len(seen) == len(length) else np.arctan2(d[:, 1], d[:, 0])
     return Coil(
         load.name,
         np.column_stack([a, angle]),
         np.maximum(length / mean, LEAST),
         height,
+        width,
         shell.vertices.astype(np.float32),
         shell.faces.astype(np.uint32),
         normals.astype(np.float32),
     )
 
 
-def _height(run: Run, solids: Solids, load: Spring, ends: tuple[Real, Real], radius: float) -> float:
-    """Of a spring's axis [m]: in the middle of what it acts on where its coil meets nothing there, else before all it would hit."""
-    heights = solids.heights
+def _place(
+    run: Run, solids: Solids, load: Spring, ends: tuple[Real, Real], coil: tuple[float, float], widths: list[float]
+) -> tuple[float, float]:
+    """Height [m] of a spring's axis and its width: in the middle of what it acts on where its coil, or a wider one around a guide,
+    meets nothing there; else before all that it would hit."""
+    heights, (radius, wire) = solids.heights, coil
     frames, known = looks(run, heights)
     a, b = (end[frames] for end in ends)
     d = b - a
-    across = radius * np.column_stack([-d[:, 1], d[:, 0]]) / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-300)[:, None]
-    sides = [np.stack([a + sign * across, b + sign * across], axis=1) for sign in (1.0, -1.0)]
+    across = np.column_stack([-d[:, 1], d[:, 0]]) / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-300)[:, None]
+
+    def sides(r: float) -> list[Real]:
+        return [np.stack([a + x * across, b + x * across], axis=1) for x in (r, -r)]
+
     points = {link.name: link.points for link in run.motion.mechanism.links}
     for link, point in zip(load.links, load.points, strict=True):
         middle = heights.middle(link, points[link][point])
-        if middle is not None and not any(heights.crossed((middle - radius, middle + radius), side, known) for side in sides):
-            return middle
+        for width in (1.0, *widths) if middle is not None else ():
+            r = width * radius + 0.5 * wire
+            both = [*sides(r), *sides(r - wire)]
+            if middle is not None and not any(heights.crossed((middle - r, middle + r), side, known) for side in both):
+                return middle, width
     start = 0.0
-    for line in (np.stack([a, b], axis=1), *sides):
+    for line in (np.stack([a, b], axis=1), *sides(radius + 0.5 * wire)):
         start = heights.cleared(start, line, known)
-    return start + radius
+    return start + radius + 0.5 * wire, 1.0

@@ -95,7 +95,14 @@ def test_a_spring_lies_around_its_stem_where_nothing_is_in_the_way():
     assert coil.height == pytest.approx(stem.bounds[:, 2].mean(), abs=1e-9)
     low, high = coil.reach()
     assert high[1] == pytest.approx(0.175, abs=0.01) and low[0] == pytest.approx(-high[0])
-    assert find_coils(run, solids, {"return_spring": 0.25})[0].height == 0.25
+    assert find_coils(run, solids, {"return_spring": (0.25, 1.5)})[0].height == 0.25
+    valve = run_scene(mechviz.load("valve-train"), frames=24)
+    shapes = solids_of(valve)
+    (around,) = find_coils(valve, shapes)  # wide enough for the guide, in the plane of the stem
+    rails = [p.bounds for k, p in zip(shapes.links["frame"].kinds, shapes.links["frame"].parts, strict=True) if k == "rail"]
+    inner = np.hypot(*around.vertices[np.abs(around.vertices[:, 0] - 0.015) < 0.005, 1:].T).min()
+    assert around.width > 1.0 and inner > max(np.abs(b[:, 0]).max() for b in rails)
+    assert rails[0][0, 2] < around.height < rails[0][1, 2]
     lamp = run_scene(mechviz.load("lamp-arm"), frames=24)
     shapes = solids_of(lamp)
     (beside,) = find_coils(lamp, shapes)  # it passes over its arms: before them

@@ -225,7 +225,7 @@ class _Reader:
                 scale = self.recording.rows(path, component="Transform3D:scale").values
                 pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turn[:, 2], turn[:, 3]))])
                 stretch = np.asarray(scale, float).reshape(-1, 3)[row_of, 0]
-                yield Coil(_last(path), pose, stretch, float(at[0, 2]), vertices, faces, normals)
+                yield Coil(_last(path), pose, stretch, float(at[0, 2]), 1.0, vertices, faces, normals)
 
     def rollers(self) -> Iterator[RollerMark]:
         """Marks on rollers as they were drawn."""

@@ -138,8 +138,9 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         key = ("path", f"{link}.{point}")
         heights[key] = known[key] if key in known else path_height(run, solids.heights, link, point)
         paths[f"{link}.{point}"] = np.column_stack([motion.point(link, point), np.full(motion.frames, heights[key])])
-    coils = find_coils(run, solids, {name: z for (family, name), z in known.items() if family == "coil"})
-    heights |= {("coil", coil.name): coil.height for coil in coils}
+    coils = find_coils(run, solids, {name: (z, known["coil width", name]) for (kind, name), z in known.items() if kind == "coil"})
+    for coil in coils:
+        heights |= {("coil", coil.name): coil.height, ("coil width", coil.name): coil.width}
     quantities = tuple(find_quantities(run))
     return Show(
         title=run.scene.title,
