@@ -14,6 +14,7 @@ from .parts import Builder
 
 __all__ = ["place_spatial"]
 
+LEAST_ROLLERS = 6  # of a turret: those between ribs are up to one and a half steps from the middle, a quarter of a turn at most
 _SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
 
 PlaceOn = Callable[[Builder, str, Prismatic, complex], complex]
@@ -116,8 +117,9 @@ def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolut
         )
     if pair.closure != "form":
         raise _fault(pair, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
-    if blank.rollers < 3:
-        raise _fault(pair, f"profile.{blank.kind}.rollers", f"a turret of {blank.rollers}.", "Give three or more.")
+    if blank.rollers < LEAST_ROLLERS:
+        why = f"a turret of {blank.rollers}: the ribs would have to follow its rollers around to its other side."
+        raise _fault(pair, f"profile.{blank.kind}.rollers", why, f"Give {LEAST_ROLLERS} or more.")
     step = 2.0 * math.pi / blank.rollers
     if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(abs(law.advance) - step) > 1e-9:
         raise _fault(
