@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..effects import effects_of
 from ..solve import Compiled
 from .collocation import Window
-from .dry import senses
+from .phases import senses
 from .reduced import free_of, motion_at
 
 __all__ = ["bend_finder"]

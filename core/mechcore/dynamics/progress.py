@@ -20,12 +20,13 @@ from .chart import Chart
 from .charts import Lead, best_chart
 from .collocation import Window
 from .curve import Curve
-from .dry import WORDS, DrySystem, Key, Phases, keys_of, rubbing, senses
+from .dry import DrySystem
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .impacts import impact, rates_at, rows_at
 from .integrate import Solution, integrate
 from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond, pressing
+from .phases import WORDS, Key, Phases, keys_of, rubbing, senses
 from .pieces import Piece
 from .reactions import piece_forces
 from .reduced import motion_at

@@ -20,12 +20,12 @@ from .chart import Chart
 from .charts import curve_around
 from .collocation import Window
 from .curve import Curve
-from .dry import braking_elements
 from .energy import by_energy
 from .free import Free
 from .happenings import Happening, Stop, Watch
 from .integrate import Solution
 from .liftoff import Liftoff
+from .phases import braking_elements
 from .pieces import Piece
 from .progress import Method, Progress, table_tolerance
 from .reduced import reduce

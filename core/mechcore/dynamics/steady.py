@@ -21,8 +21,9 @@ from ..solve import Compiled, compile_mechanism
 from ..spec import Link, Mechanism
 from .chart import Chart
 from .collocation import gauss, integrals
-from .dry import DrySystem, braking_elements
+from .dry import DrySystem
 from .free import Free
+from .phases import braking_elements
 from .reduced import motion_at, moving, reduce
 
 __all__ = ["SizedFlywheel", "SteadyRun", "size_flywheel", "steady_run", "with_flywheel"]
