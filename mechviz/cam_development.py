@@ -30,13 +30,15 @@ STEPS = 8  # of Newton's method
 def developed(cam: PlacedSpatial) -> Iterator[Outline]:
     """The lines of a cam, unrolled: x is the arc [mm] on the cylinder of the stated radius from the cam's zero azimuth, which
     counts counter-clockwise about the axis, y the height along the axis from the cam's pin; seen from outside. Material lies to the
-    left. Nothing of a globoid, whose hollow has no development.
+    left. Nothing of a globoid, whose hollow has no development, nor of an indexing cam, whose ribs are shared by several rollers.
     """
     from .cam_export import Outline
 
     blank = cam.blank
     hollow = blank.radius - blank.depth
     wanted: list[tuple[str, SpatialCam, int, float]] = []
+    if blank.rollers:
+        return
     if blank.kind == "barrel":
         wanted = [("roller path", cam.cam, 0, blank.radius), ("lower flank", cam.cam, 1, blank.radius)]
         wanted.append(("upper flank", cam.cam, -1, blank.radius))

@@ -102,8 +102,9 @@ def test_developments_as_files(tmp_path):
     assert text.count("POLYLINE") == 3 and "unrolled from a cylinder of radius 45 mm" in text and "\nPOINT\n" not in text
     width = ET.fromstring((tmp_path / "d.svg").read_text()).get("width")
     assert float(width[:-2]) == pytest.approx(2.0 * np.pi * 45.0 + 10.0, abs=0.2)
-    done = run("cam-globoid", "--dxf", str(tmp_path / "g.dxf"), "--frames", "12")
-    assert done.exit_code == 1 and "globoids cannot be developed" in done.stderr
+    for name in ("cam-globoid", "cam-indexing-barrel"):
+        done = run(name, "--dxf", str(tmp_path / "g.dxf"), "--frames", "12")
+        assert done.exit_code == 1 and "globoids and indexing cams are not developed" in done.stderr
 
 
 def test_what_the_cutter_leaves_is_told(tmp_path):
