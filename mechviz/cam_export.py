@@ -264,7 +264,7 @@ def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str],
     outlines = cam_outlines(run)
     if not outlines and any(r.geometry is not None for r in run.motion.model.relations):
         raise OutputError(
-            f"The cams of '{run.scene.name}' have no profile in a plane: globoids and indexing cams are not developed, slots are in "
+            f"The cams of '{run.scene.name}' have no plane profile: globoids and indexing cams are not developed, slots are in "
             "their links.",
             "Write their solids: --3mf FILE or --stl FOLDER.",
         )
