@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..laws.curve import MotionCurve
     from ..motion import Motion
 
-__all__ = ["ContactRows", "PlacedCam", "on_knots"]
+__all__ = ["ContactRows", "PlacedCam", "argument_of", "on_knots"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -46,6 +46,17 @@ def on_knots(law: MotionCurve, x: Array) -> Array:
     if law.repeats:
         near = np.where(near == knots[-1], knots[0], near)
     return np.where(close, near, x)
+
+
+def argument_of(cam: Any, motion: Motion) -> Real:
+    """Place of the driving link of a placed cam in its law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m]
+    on its ``bed``."""
+    if cam.bed is not None:
+        x = cam.sense * motion.state.slide[motion.model.joint_index[cam.bed]] + cam.phase
+    else:
+        turn = motion.rotation(motion.model.index[cam.links[0]]) * np.conj(motion.rotation(motion.model.index[cam.carrier]))
+        x = cam.sense * np.angle(turn) + cam.phase
+    return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +228,7 @@ class PlacedCam:
         """The law's argument (F): [rad] within one turn, or [m]."""
         if hasattr(motion, "joined"):  # of several mechanisms, frame by frame
             return np.asarray(motion.joined(self.argument))
-        if self.bed is not None:
-            x = self.sense * motion.state.slide[motion.model.joint_index[self.bed]] + self.phase
-        else:
-            turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
-            x = self.sense * np.angle(turn) + self.phase
-        return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+        return argument_of(self, motion)
 
     def segment(self, motion: Motion) -> Real:
         """Number of the segment of the law in which the cam is, by frame (F)."""

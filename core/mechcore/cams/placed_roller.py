@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .followers import Roller
-from .placed import on_knots
+from .placed import argument_of, on_knots
 
 if TYPE_CHECKING:
     from ..motion import Motion
@@ -76,12 +76,7 @@ class PlacedRoller:
 
     def argument(self, motion: Motion) -> Real:
         """The law's argument (F): [rad] within one turn, or [m] of a driving link that slides."""
-        if self.bed is not None:
-            x = self.sense * motion.state.slide[motion.model.joint_index[self.bed]] + self.phase
-        else:
-            turn = motion.rotation(motion.model.index[self.links[0]]) * np.conj(motion.rotation(motion.model.index[self.carrier]))
-            x = self.sense * np.angle(turn) + self.phase
-        return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+        return argument_of(self, motion)
 
     def world(self, motion: Motion) -> Array:
         """Direction of the theory's first axis in the world (F), complex."""

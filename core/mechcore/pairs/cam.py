@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import Fault, MechanismError
-from ..laws.curve import MotionCurve, Piece
+from ..errors import MechanismError
+from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute
+from .cam_guides import bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
+from .inverse_cam import build_inverse
 from .joint import point_of
 from .parts import Builder
-from .relation import Bearing, Curve, Relation
+from .relation import Bearing
 
 if TYPE_CHECKING:
     from ..cams import Cam, Follower
@@ -29,31 +31,31 @@ def build(pair: CamPair, builder: Builder) -> None:
 
     guide = next((p for p in builder.mechanism.pairs if p.name == pair.guide), None)
     if not isinstance(guide, Prismatic | Revolute) or pair.links[1] not in guide.links:
-        raise _fault(
+        raise fault_of(
             pair, "guide", f"'{pair.guide}' is no revolute or prismatic pair of '{pair.links[1]}'.", "Name the pair that guides it."
         )
     carrier = guide.links[0] if guide.links[1] == pair.links[1] else guide.links[1]
     if carrier == pair.links[0]:
-        raise _fault(pair, "guide", "it guides the follower on the cam itself.", "Guide both on one link.")
+        raise fault_of(pair, "guide", "it guides the follower on the cam itself.", "Guide both on one link.")
     follower = builder.links[pair.links[1]]
     if pair.inverse:
-        _build_inverse(pair, builder, carrier, guide)
+        build_inverse(pair, builder, carrier, guide)
         return
     if pair.point not in follower.points:
         known = ", ".join(follower.points)
-        raise _fault(pair, "point", f"link '{follower.name}' has no point '{pair.point}'.", f"Its points: {known}.")
+        raise fault_of(pair, "point", f"link '{follower.name}' has no point '{pair.point}'.", f"Its points: {known}.")
     try:
         placed: Any
         if pair.spatial is not None:
             from .spatial_cam import place_spatial
 
-            placed = place_spatial(pair, builder, carrier, guide, _place_on, _guide_in)
+            placed = place_spatial(pair, builder, carrier, guide)
         else:
             made = _wedge(pair, builder, carrier, guide) if pair.bed else _disc(pair, builder, carrier, guide)
             placed = PlacedCam(**made)
             placed.check()
     except MechanismError as error:
-        raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
+        raise MechanismError([renamed(pair, f) for f in error.faults]) from None
     if isinstance(guide, Prismatic):
         sign, zero = _along_guide(pair, builder, carrier, guide, placed)
         angles: tuple[tuple[str, float], ...] = ()
@@ -77,44 +79,7 @@ def build(pair: CamPair, builder: Builder) -> None:
         cam_slides = ((pair.bed, float(placed.sense)),)
     else:
         cam_angles = ((pair.links[0], float(placed.sense)), (carrier, -float(placed.sense)))
-    _relate(pair, builder, placed, (angles, slides, constant), (cam_angles, cam_slides), _bearing(pair, builder, carrier, placed))
-
-
-Terms = tuple[tuple[str, float], ...]
-
-
-def _relate(
-    pair: CamPair,
-    builder: Builder,
-    placed: Any,
-    follower: tuple[Terms, Terms, float],
-    cam: tuple[Terms, Terms],
-    bearing: Bearing | None = None,
-) -> None:
-    """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
-
-    def lift(argument: Any) -> Any:
-        values = placed.law(argument)
-        if pace := getattr(placed, "pace", 0.0):
-            values[0] -= pace * np.asarray(argument)
-            values[1] -= pace
-        return placed.scale * values
-
-    angles, slides, constant = follower
-    builder.relations.append(
-        Relation(
-            name=pair.name,
-            kind="cam",
-            links=pair.links,
-            angles=angles,
-            slides=slides,
-            contact=placed.contact,
-            curve=Curve(function=lift, angles=cam[0], slides=cam[1], shift=placed.phase),
-            constant=constant,
-            geometry=placed,
-            bearing=bearing,
-        )
-    )
+    relate(pair, builder, placed, (angles, slides, constant), (cam_angles, cam_slides), _bearing(pair, builder, carrier, placed))
 
 
 def _bearing(pair: CamPair, builder: Builder, carrier: str, placed: Any) -> Bearing | None:
@@ -124,112 +89,10 @@ def _bearing(pair: CamPair, builder: Builder, carrier: str, placed: Any) -> Bear
     return Bearing(carrier=carrier, couple=placed.couple, joints=builder.bearings_between(pair, pair.links[0], carrier))
 
 
-def _build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
-    """The roller on the driving link, a crank or a slide, the groove on the driven link."""
-    from ..cams import InverseCam, Roller
-    from ..cams.placed_inverse import PlacedInverse
-
-    driving = builder.links[pair.links[0]]
-    if pair.point not in driving.points:
-        known = ", ".join(driving.points)
-        raise _fault(pair, "point", f"link '{driving.name}' has no point '{pair.point}'.", f"Its points: {known}.")
-    law = pair.lift
-    assert law is not None
-    if pair.bed is None and not law.length < 2.0 * math.pi:
-        raise _fault(
-            pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg: where the crank turns round, it cannot drive.",
-            "Let the crank swing, and give its range.",
-        )  # fmt: skip
-    if not isinstance(pair.face, Roller):
-        raise _fault(pair, "follower", "a groove without a roller.", "Give groove = ...")
-    if pair.sense < 0:
-        raise _fault(pair, "sense", "an inverse cam's law is read counter-clockwise.", "Leave it out, and mirror the segments.")
-    way = (-pair.phase, law.length - pair.phase)
-    law = _levelled(MotionCurve(law.raised(pair.base).pieces, -pair.phase))
-    tip, straight = point_of(driving, pair.point), None
-    if pair.bed is None:
-        axis, own = builder.axis_between(pair, pair.links[0], carrier)
-        tip -= own
-        if tip == 0.0:
-            raise _fault(pair, "point", "it is the crank's own axis.", "Name the roller's centre.")
-        arm = abs(tip)
-        terms: tuple[Terms, Terms] = ((pair.links[0], 1.0), (carrier, -1.0)), ()
-    else:
-        bed = _bed_of(pair, builder, carrier, "the driven link")
-        forward, sign = _guide_in(carrier, bed)
-        straight, axis = sign * forward, _place_on(builder, carrier, bed, tip)
-        arm, terms = 0.0, ((), ((bed.name, 1.0),))
-    slides = isinstance(guide, Prismatic)
-    angles: Terms = ()
-    joints: Terms = ()
-    if slides:
-        up, sign = _guide_in(carrier, guide)  # type: ignore[arg-type]  # prismatic here
-        axes, centre, hub = up / 1j, axis, 0j
-        side = guide.links.index(carrier)
-        turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))  # type: ignore[union-attr]
-        # at coordinate zero the driven link's axes lie where the guide puts them
-        start = _place_on(builder, carrier, guide, 0j)  # type: ignore[arg-type]
-        origin, mount = turn * (centre - start), turn * axes
-        joints = ((guide.name, -sign),)
-        if sign < 0.0:
-            law = MotionCurve(tuple(p.scaled(1.0, -1.0) for p in law.pieces), law.start)
-    else:
-        pivot, origin = builder.axis_between(pair, pair.links[1], carrier)
-        if straight is None and pivot == axis:
-            raise _fault(pair, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
-        axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
-        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's way
-            arm = abs(hub + straight * 0.5 * (way[0] + way[1])) or 0.5 * (way[1] - way[0])
-        angles = ((pair.links[1], -arm), (carrier, arm))
-    phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
-    straight = None if straight is None else straight / axes
-    cam = InverseCam(law, hub, arm, pair.face.radius, not slides, phase, straight)
-    placed = PlacedInverse(
-        name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide, cam=cam, way=way, centre=centre, axes=axes, own=origin,
-        mount=mount, tip=point_of(driving, pair.point), sense=pair.sense, bed=pair.bed, pressure_limit=pair.pressure_limit,
-    )  # fmt: skip
-    try:
-        placed.check()
-    except MechanismError as error:
-        raise MechanismError([_renamed(pair, f) for f in error.faults]) from None
-    _relate(pair, builder, placed, (angles, joints, 0.0), terms)
-
-
-def _fault(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
-    return MechanismError(Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), message, remedy))
-
-
-def _renamed(pair: CamPair, fault: Fault) -> Fault:
-    """A fault of the geometry, said of the scene's item."""
-    key = fault.path.partition(".")[2]
-    if fault.path.startswith("pairs."):
-        return fault
-    return Fault(f"pairs.{pair.name}" + (f".{key}" if key in ("base", "radius") else ""), fault.message, fault.remedy)
-
-
-def _guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
-    """Direction in which the slider moves on the carrier as the coordinate grows (carrier's axes), and the sign of along."""
-    along = complex(*guide.along) / abs(complex(*guide.along))
-    if guide.links[guide.guide] == carrier:
-        return along, 1.0
-    # the guide line belongs to the slider: it moves against the coordinate
-    turn = cmath.exp(1j * (guide.angle if guide.links[1] != carrier else -guide.angle))
-    return along * turn, -1.0
-
-
-def _place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> complex:
-    """Where a place ``at`` of the sliding link lies in the carrier's axes at coordinate zero."""
-    side = guide.links.index(carrier)
-    own = point_of(builder.links[carrier], guide.points[side])
-    other = point_of(builder.links[guide.links[1 - side]], guide.points[1 - side])
-    turn = cmath.exp(1j * (guide.angle if side == 0 else -guide.angle))
-    return own + turn * (at - other)
-
-
 def _along_guide(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic, placed: Any) -> tuple[float, float]:
     """How the follower's height follows from the guide's coordinate s: sign * s + zero."""
-    at = _place_on(builder, carrier, guide, point_of(builder.links[pair.links[1]], pair.point))
-    _, sign = _guide_in(carrier, guide)
+    at = place_on(builder, carrier, guide, point_of(builder.links[pair.links[1]], pair.point))
+    _, sign = guide_in(carrier, guide)
     # lift is along the guide's direction as the carrier sees it
     return sign, float(((at - placed.centre) / placed.axes).imag)
 
@@ -239,11 +102,11 @@ def _guide_of(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | 
     follower = builder.links[pair.links[1]]
     at = point_of(follower, pair.point)
     if isinstance(guide, Prismatic):
-        return _place_on(builder, carrier, guide, at), _guide_in(carrier, guide)[0], 0.0
+        return place_on(builder, carrier, guide, at), guide_in(carrier, guide)[0], 0.0
     pivot, own = builder.axis_between(pair, pair.links[1], carrier)
     arm = abs(at - own)
     if arm == 0.0:
-        raise _fault(pair, "point", "it is the follower's own pivot.", "Name the point that touches the cam.")
+        raise fault_of(pair, "point", "it is the follower's own pivot.", "Name the point that touches the cam.")
     return pivot, 0j, arm
 
 
@@ -258,12 +121,12 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     else:
         axes = 1 + 0j
         if place == centre:
-            raise _fault(pair, "guide", "the follower's pivot lies on the cam's axis.", "Move it away from there.")
+            raise fault_of(pair, "guide", "the follower's pivot lies on the cam's axis.", "Move it away from there.")
         face_guide = Oscillating(place - centre, arm, -1 if pair.side == "left" else 1)
     follower = Follower(face_guide, pair.face)
     if pair.contour is not None:
         if pair.closure == "form" and not isinstance(pair.face, Flat):
-            raise _fault(pair, "closure", "a given profile has no groove.", "Give closure = 'force', or a yoke with flat faces.")
+            raise fault_of(pair, "closure", "a given profile has no groove.", "Give closure = 'force', or a yoke with flat faces.")
         profile, given = _given(pair.contour, own, axes, follower)
         made = _common(pair, carrier, Cam(given.law, follower), centre, axes)
         return made | {
@@ -275,9 +138,13 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     if abs(law.length - 2.0 * math.pi) > 1e-9:
         short = math.degrees(2.0 * math.pi - law.length)
         remedy = f"Add a dwell of {short:.6g} deg." if short > 0 else f"Take {-short:.6g} deg off."
-        raise _fault(pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy)
+        raise fault_of(
+            pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy
+        )
     if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
-        raise _fault(pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start.")
+        raise fault_of(
+            pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start."
+        )
     law = law if law.repeats else law.repeating()
     cam = cam_on_base(law, follower, pair.base, turn=pair.sense)
     mount = axes * cmath.exp(1j * pair.sense * pair.phase)
@@ -286,7 +153,7 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         made["mate"] = _mate(pair, builder, carrier, guide, cam, made)
     if pair.undercut == "cut" and find_limits(cam, count=720).undercut:
         if pair.closure == "form":
-            raise _fault(pair, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
+            raise fault_of(pair, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
         left, given = _as_cut(law, follower, pair.base, pair.sense)
         made |= {
             "cam": Cam(given.law, follower, pair.sense), "given": left.contour, "bridges": given.bridges, "bends": given.ends,
@@ -304,7 +171,9 @@ def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     name, radius = pair.second
     follower = builder.links[pair.links[1]]
     if name not in follower.points:
-        raise _fault(pair, "second", f"link '{follower.name}' has no point '{name}'.", f"Its points: {', '.join(follower.points)}.")
+        raise fault_of(
+            pair, "second", f"link '{follower.name}' has no point '{name}'.", f"Its points: {', '.join(follower.points)}."
+        )
     first, second = point_of(follower, pair.point), point_of(follower, name)
     theory = cam.follower.guide
     if isinstance(theory, Oscillating):
@@ -313,15 +182,15 @@ def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         arm = abs(second - own)
         total = -apart
         if not 0.0 < total < math.pi:
-            raise _fault(
+            raise fault_of(
                 pair, "second", f"the second arm lies {math.degrees(apart):.6g} deg from the first, on its far side.", "Swap them."
             )
         other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
     else:
-        at = _place_on(builder, carrier, guide, second) - _place_on(builder, carrier, guide, first)  # type: ignore[arg-type]  # prismatic
+        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)  # type: ignore[arg-type]  # prismatic
         away = at / made["axes"]
         if not away.imag < 0.0:
-            raise _fault(
+            raise fault_of(
                 pair, "second", "the second roller does not lie below the first, on the far side of the cam's axis.", "Move it."
             )
         other, flip = conjugate(cam, radius, span=-away.imag, offset=theory.offset + away.real)[0], -1.0 + 0j
@@ -352,37 +221,24 @@ def _as_cut(law: MotionCurve, follower: Follower, base: float, sense: int) -> tu
     return left, lift_of(left.contour, follower, sense)
 
 
-def _bed_of(pair: CamPair, builder: Builder, carrier: str, what: str) -> Prismatic:
-    """The pair on which the driving link slides."""
-    bed = next((p for p in builder.mechanism.pairs if p.name == pair.bed), None)
-    if not isinstance(bed, Prismatic) or set(bed.links) != {pair.links[0], carrier}:
-        raise _fault(
-            pair,
-            "bed",
-            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries {what}.",
-            f"Guide '{pair.links[0]}' on '{carrier}'.",
-        )
-    return bed
-
-
 def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
     from ..cams import Cam, Flat, Follower, Oscillating, Translating
 
-    bed = _bed_of(pair, builder, carrier, "the follower")
+    bed = bed_of(pair, builder, carrier, "the follower")
     if isinstance(pair.face, Flat):
-        raise _fault(pair, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
+        raise fault_of(pair, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
     place, up, arm = _guide_of(pair, builder, carrier, guide)
-    way, sign = _guide_in(carrier, bed)
+    way, sign = guide_in(carrier, bed)
     way *= sign  # in which the cam moves as the bed's coordinate grows
     cam_link = builder.links[pair.links[0]]
-    start = _place_on(builder, carrier, bed, point_of(cam_link, bed.points[bed.links.index(pair.links[0])]))
+    start = place_on(builder, carrier, bed, point_of(cam_link, bed.points[bed.links.index(pair.links[0])]))
     radius = pair.face.radius
     if isinstance(guide, Prismatic):
         axes = up / 1j
         across = abs((way / axes).imag)
         if across > 1e-9:
             off = math.degrees(math.asin(min(across, 1.0)))
-            raise _fault(
+            raise fault_of(
                 pair, "bed", f"the cam's and the follower's guides are {90.0 - off:.6g} deg apart.", "Make them perpendicular."
             )
         face_guide: Any = Translating(0.0)
@@ -395,7 +251,7 @@ def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Rev
         c = (height - pair.base - radius) / arm
         if not -1.0 < c < 1.0:
             least, most = max(height - radius - arm, 0.0), height - radius + arm
-            raise _fault(
+            raise fault_of(
                 pair, "base", f"the arm does not reach a height of {1e3 * pair.base:.6g} mm.",
                 f"Give between {1e3 * least:.6g} and {1e3 * most:.6g} mm.",
             )  # fmt: skip
@@ -405,7 +261,7 @@ def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Rev
     assert pair.lift is not None
     # the wedge of the theory moves by -x: where the cam goes the other way as the law is read, the law is mirrored
     ahead = -float((way / axes).real) * pair.sense
-    law = _levelled(pair.lift) if ahead > 0 else _levelled(_mirror(pair.lift))
+    law = levelled(pair.lift) if ahead > 0 else levelled(_mirror(pair.lift))
     cam = Cam(law.raised(zero), Follower(face_guide, pair.face), wedge=True)
     own = point_of(cam_link, bed.points[bed.links.index(pair.links[0])])
     first = bed.links.index(carrier) == 0
@@ -436,11 +292,3 @@ def _common(pair: CamPair, carrier: str, cam: Cam, centre: complex, axes: comple
 def _mirror(law: MotionCurve) -> MotionCurve:
     """x -> law(-x)."""
     return MotionCurve(law.reversed().pieces, -law.end)
-
-
-def _levelled(law: MotionCurve) -> MotionCurve:
-    """A law that goes on level before its start and after its end."""
-    begin, end = float(law.pieces[0].at(0.0, 0)[0]), float(law.pieces[-1].at(law.pieces[-1].length, 0)[0])
-    nothing = np.zeros((0, 3))
-    before, after = (Piece(law.length, np.array([value]), nothing) for value in (begin, end))
-    return MotionCurve((before, *law.pieces, after), law.start - law.length)

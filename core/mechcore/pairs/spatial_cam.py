@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
-from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute, SpatialBlank
+from .cam_guides import fault_of, guide_in, place_on
 from .joint import point_of
 from .parts import Builder
 
@@ -17,17 +16,8 @@ __all__ = ["place_spatial"]
 LEAST_ROLLERS = 6  # of a turret: those between ribs are up to one and a half steps from the middle, a quarter of a turn at most
 _SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
 
-PlaceOn = Callable[[Builder, str, Prismatic, complex], complex]
-GuideIn = Callable[[str, Prismatic], tuple[complex, float]]
 
-
-def _fault(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
-    return MechanismError(Fault(f"pairs.{pair.name}.{key}", message, remedy))
-
-
-def place_spatial(
-    pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute, place_on: PlaceOn, guide_in: GuideIn
-) -> Any:
+def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> Any:
     """The placed cam; raises where its parts do not lie as its kind wants them."""
     from ..cams import Barrel, BarrelArm, Globoid, Roller, SpatialCam
     from ..cams.placed_spatial import PlacedSpatial
@@ -35,12 +25,12 @@ def place_spatial(
     blank = pair.spatial
     assert blank is not None and pair.lift is not None
     if not isinstance(pair.face, Roller):
-        raise _fault(pair, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
+        raise fault_of(pair, "follower", "spatial cams are followed by rollers here.", "Give roller = ...")
     law = pair.lift
     if blank.rollers:
         _check_turret(pair, blank, guide, law)
     elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
-        raise _fault(pair, "profile.lift", "it does not close after 360 deg.", "Let it return to its start after a whole turn.")
+        raise fault_of(pair, "profile.lift", "it does not close after 360 deg.", "Let it return to its start after a whole turn.")
     law = law if law.repeats else law.repeating()
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
     at = point_of(builder.links[pair.links[1]], pair.point)
@@ -48,14 +38,14 @@ def place_spatial(
     stated = None if blank.axis is None else complex(*blank.axis) / abs(complex(*blank.axis))
     if isinstance(guide, Prismatic):
         if blank.kind == "globoid":
-            raise _fault(pair, "follower.guide", "a globoidal cam moves an arm.", "Guide the follower by a revolute pair.")
+            raise fault_of(pair, "follower.guide", "a globoidal cam moves an arm.", "Guide the follower by a revolute pair.")
         up = guide_in(carrier, guide)[0]
         if stated is not None and abs((stated * up.conjugate()).imag) > _SQUARE:
-            raise _fault(pair, "profile.axis", "the follower does not slide along it.", "Leave it out.")
+            raise fault_of(pair, "profile.axis", "the follower does not slide along it.", "Leave it out.")
         axes, place = up / 1j, place_on(builder, carrier, guide, at)
         off = ((place - centre) / axes).real
         if abs(off) > _SQUARE * max(1.0, abs(place - centre)):
-            raise _fault(
+            raise fault_of(
                 pair,
                 "follower.point",
                 f"the roller's axis passes the cam's axis at {1e3 * abs(off):.6g} mm.",
@@ -67,31 +57,31 @@ def place_spatial(
         pivot, hinge = builder.axis_between(pair, pair.links[1], carrier)
         arm = abs(at - hinge)
         if arm == 0.0:
-            raise _fault(pair, "follower.point", "it is the follower's own pivot.", "Name the middle of the roller.")
+            raise fault_of(pair, "follower.point", "it is the follower's own pivot.", "Name the middle of the roller.")
         if blank.kind == "globoid":
             if pivot == centre:
-                raise _fault(pair, "follower.guide", "the arm's pivot lies on the cam's pin.", "Move it away from the axis.")
+                raise fault_of(pair, "follower.guide", "the arm's pivot lies on the cam's pin.", "Move it away from the axis.")
             axes = (pivot - centre) / abs(pivot - centre)
             if stated is not None and abs((stated * (1j * axes).conjugate()).imag) > _SQUARE:
-                raise _fault(pair, "profile.axis", "it is not perpendicular to the line to the arm's pivot.", "Leave it out.")
+                raise fault_of(pair, "profile.axis", "it is not perpendicular to the line to the arm's pivot.", "Leave it out.")
             mount, height = Globoid(abs(pivot - centre)), 0.0
         else:
             if blank.kind == "rib":
-                raise _fault(
+                raise fault_of(
                     pair, "profile.rib", "two rollers on an arm do not keep to a rib.", "Give barrel = ..., or a guide that slides."
                 )
             if stated is None:
-                raise _fault(
+                raise fault_of(
                     pair, "profile.axis", "missing: an arm does not say where the cam's axis points.", "Give axis = [1, 0]."
                 )
             axes = stated / 1j
             w = (pivot - centre) / axes
             if w.real <= 0.0:
-                raise _fault(pair, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
+                raise fault_of(pair, "profile.axis", "the arm's pivot lies to the left of it.", "Turn the axis round.")
             mount, height = BarrelArm((w.real, w.imag), arm), w.imag
         sine = 0.0 if blank.rollers else (pair.base - height) / arm
         if not -1.0 < sine < 1.0:
-            raise _fault(
+            raise fault_of(
                 pair, "profile.base", f"the arm does not reach {1e3 * pair.base:.6g} mm along the axis.",
                 f"Give between {1e3 * (height - arm):.6g} and {1e3 * (height + arm):.6g} mm.",
             )  # fmt: skip
@@ -112,17 +102,17 @@ def place_spatial(
 def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:
     """An indexing cam moves its turret on by one roller in every turn."""
     if blank.kind not in ("barrel", "globoid") or not isinstance(guide, Revolute):
-        raise _fault(
+        raise fault_of(
             pair, "profile", "a turret of rollers turns about a pivot.", "Give barrel or globoid, and guide = a revolute pair."
         )
     if pair.closure != "form":
-        raise _fault(pair, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
+        raise fault_of(pair, "closure", "the rollers of a turret run between ribs.", "Give closure = 'form'.")
     if blank.rollers < LEAST_ROLLERS:
         why = f"a turret of {blank.rollers}: the ribs would have to follow its rollers around to its other side."
-        raise _fault(pair, f"profile.{blank.kind}.rollers", why, f"Give {LEAST_ROLLERS} or more.")
+        raise fault_of(pair, f"profile.{blank.kind}.rollers", why, f"Give {LEAST_ROLLERS} or more.")
     step = 2.0 * math.pi / blank.rollers
     if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(abs(law.advance) - step) > 1e-9:
-        raise _fault(
+        raise fault_of(
             pair, "profile.lift",
             f"in {math.degrees(law.length):.6g} deg it ends at {math.degrees(law.advance):.6g} deg: a turret of {blank.rollers} "
             "rollers goes on by one of them every turn.",
@@ -135,7 +125,7 @@ def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: f
     step = 2.0 * math.pi / blank.rollers
     apart = 2.0 * (inner if blank.kind == "globoid" else arm) * math.sin(0.5 * step)
     if not 2.0 * r < 0.95 * apart:
-        raise _fault(
+        raise fault_of(
             pair, "follower.roller",
             f"{blank.rollers} rollers of {1e3 * r:.6g} mm stand {1e3 * apart:.6g} mm apart: no rib between them.",
             f"Give less than {0.45e3 * apart:.4g} mm, or fewer rollers.",
@@ -143,7 +133,7 @@ def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: f
     if blank.kind == "barrel":
         far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
         if not far < 0.9 * inner:
-            raise _fault(
+            raise fault_of(
                 pair, "profile.barrel",
                 f"the rollers pass its axis at up to {1e3 * far:.6g} mm, its core has {1e3 * inner:.6g} mm.",
                 "Give more rollers or a larger barrel, or a pivot as far from the axis as the rollers.",
@@ -155,7 +145,7 @@ def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float
     if blank.kind == "globoid":
         return arm - 0.5 * blank.depth, arm + 0.5 * blank.depth
     if not 0.0 < blank.depth < blank.radius:
-        raise _fault(
+        raise fault_of(
             pair,
             "profile",
             f"a depth of {1e3 * blank.depth:.6g} mm in a radius of {1e3 * blank.radius:.6g} mm.",
