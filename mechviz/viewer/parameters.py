@@ -238,7 +238,7 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
         least = "above zero"  # a radius; of a cam about an axis in the plane it is a place along that
     if along:
         least, sign, number = "above zero", math.copysign(1.0, number), abs(number)
-    whole = isinstance(value, int) and quantity is None and path[-2:-1] == ("teeth",)
+    whole = isinstance(value, int) and quantity is None and (path[-2:-1] == ("teeth",) or path[-1:] == ("rollers",))
     low, high = _range(document, path, number, kind, least)
     if whole:
         low, high = max(3.0, math.floor(low)), max(math.ceil(high), 4.0)
