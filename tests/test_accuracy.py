@@ -17,7 +17,7 @@ from mechcore.dynamics import simulate
 from mechviz.accuracy.estimate import integration_error, interpolation_error
 from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out
 from mechviz.accuracy.quantities import quantities
-from mechviz.accuracy.reference import between_error, position_errors
+from mechviz.accuracy.reference import between_error, position_errors, reaction_error
 from mechviz.hard.dynamics import SQUEEZED
 from mechviz.run import run_scene
 from mechviz.scene import Scene, SceneError, load, loads
@@ -290,6 +290,15 @@ def test_estimates_are_within_ten_of_the_truth(name):
     assert len(compared) >= 4
     assert all(c.bounded for c in compared), [c for c in compared if not c.bounded]
     assert all(c.within for c in compared if c.what not in ("velocity", "acceleration"))
+
+
+@pytest.mark.parametrize("name", ["scissor-lift", "valve-train", "lamp-arm"])
+def test_small_reactions_have_the_rounding_of_the_largest_force(name):
+    """Joints that carry next to nothing beside the largest force, as one system of equations finds them: relative to themselves."""
+    run = run_scene(load(name))
+    truth = float(np.nanmax(reaction_error(run.scene, run.scene.frames)))
+    said = float(np.nanmax(run.errors.reaction))
+    assert truth > 1e-12 and 0.1 <= said / truth <= 10.0
 
 
 def test_positions_in_extended_precision_are_better():

@@ -1,7 +1,8 @@
 """What the program says of its own errors: at the frames, of the integrator, between the frames. All relative.
 
 - Positions: the residual of the contours, and the rounding that it cannot show, times the condition of the groups. Velocities and
-  accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices.
+  accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices, and small ones
+  have the rounding of the largest force.
 - Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance (so with another order of
   the integrator); of a motion that its energy gave, from collocation at its tightest. That costs about as much as the motion
   itself; extrapolating from a looser companion is wrong by up to a hundred, as the error does not follow the tolerance so well.
@@ -36,6 +37,8 @@ COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
 """Of `/health/error_estimate`."""
 
 ROUNDING = 2.2e-16
+SUMS = 4.0  # roundings of the largest force on the way to a small one
+NOTHING = 1e-9  # of the largest force: what is smaller is rounding
 LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
 TIGHTER = 0.01  # tolerance of the companion of a motion under forces
 TIGHTEST = 1e-13
@@ -74,16 +77,15 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         velocity, acceleration = position * bend, position * bend * bend
     else:
         velocity, acceleration = (np.full(motion.frames, e) for e in _difference_errors(run))
-    reaction = np.full(motion.frames, np.nan)
+    reaction, found = np.full(motion.frames, np.nan), quantities(motion, run.forces)
     if run.forces is not None:
-        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration
+        reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run, found)
         if run.forces.friction is not None:
             reaction = reaction + np.nan_to_num(_friction_residual(run))
     if run.simulation is not None and run.again is not None:
         error = integration_error(run.simulation, motion.time, run.again)
         position, velocity = position + error, velocity + error
         acceleration, reaction = acceleration + error, reaction + error
-    found = quantities(motion, run.forces)
     return ErrorEstimate(
         position, velocity, acceleration, reaction, interpolation_error(found, motion.time, run.accuracy.interpolation),
         run.accuracy.interpolation,
@@ -110,6 +112,30 @@ def _bend(motion: Any) -> float:
             speed = max(speed, float(np.nanmax(np.abs(motion.velocity(link)[:, k]), initial=0.0)) / unit)
             acceleration = max(acceleration, float(np.nanmax(np.abs(motion.acceleration(link)[:, k]), initial=0.0)) / unit)
     return acceleration / speed**2 if speed > 0.0 else 0.0
+
+
+def _cancelled(run: Run, every: list[Quantity]) -> float:
+    """Rounding of the largest force or moment, seen from reactions and efforts that are much smaller: relative to their own peaks
+    it is large. What is smaller than a billionth is nothing but rounding, and as wrong as it is large.
+    """
+
+    def peak(values: Real) -> float:
+        return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+    found = [q for q in every if q.kind == "reaction"]
+    loads = [load.values for load in run.forces.loads.values()] if run.forces is not None else []
+    is_force = {q.name: q.name.startswith("reaction") for q in found}
+    force = max([*(peak(q.values) for q in found if is_force[q.name]), *(peak(v[:, :2]) for v in loads)], default=0.0)
+    moments = [*(peak(q.values) for q in found if not is_force[q.name]), *(peak(v[:, 2]) for v in loads)]
+    moment = max([*moments, force * run.motion.model.size])
+    worst = 0.0
+    for q in found:
+        largest, own = force if is_force[q.name] else moment, peak(q.values)
+        if own > NOTHING * largest:
+            worst = max(worst, SUMS * ROUNDING * largest / q.scale)
+        elif q.scale > 10.0 * own:  # else it is compared with itself
+            worst = max(worst, own / q.scale)
+    return worst
 
 
 def _friction_residual(run: Run) -> Real:
