@@ -114,10 +114,10 @@ def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
     views = []
     if run.forces is not None:
-        views.append(_picture("Mechanism with forces", [*forces, "legend/forces"], bounds["forces"]))
+        views.append(picture("Mechanism with forces", [*forces, "legend/forces"], bounds["forces"]))
     if _has_points(run):
-        views.append(_picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
-    return views or [_picture("Mechanism", [], bounds["motion"])]
+        views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
+    return views or [picture("Mechanism", [], bounds["motion"])]
 
 
 def _has_points(run: Run) -> bool:
@@ -126,7 +126,8 @@ def _has_points(run: Run) -> bool:
     return bool(run.motion.mechanism.traced or links_with_mass(run))
 
 
-def _picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
+def picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
+    """A view of the mechanism with some vectors, from in front of a box (2, 3) [m]."""
     import rerun.blueprint as rrb
 
     position, target = _eye(bounds)

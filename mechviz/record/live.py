@@ -12,15 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechcore.clearance import made_pairs
+from mechcore.plan import OUTPUTS, make_plan
 
 from ..running import Running
 from ..solids import solids_of
 from ..tables import tables
 from .arrows import shapes
+from .blueprint import picture
+from .plots import plot_styles
 from .stream_file import Part, live_file
-from .streams import Timelines, mechanism_streams, static_shapes, table_streams
+from .streams import Timelines, magnification, mechanism_streams, static_shapes, table_streams
 from .writer import describe_run
 
 if TYPE_CHECKING:
@@ -31,6 +35,8 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 __all__ = ["Live", "live"]
+
+ROOM = 0.25  # around a closed linkage, in its sizes
 
 
 class Live:
@@ -55,16 +61,21 @@ class Live:
             self._send(run)
 
     def _send(self, run: Run) -> None:
+        numbers = tables(run)
         if self._solids is None:
             self._solids = solids_of(run)
+            blueprint = _blueprint(self._running.scene, _room(run, self._solids))
+            self.part.stream.send_blueprint(blueprint, make_active=True, make_default=True)
             scales = shapes(run, self._solids.size)[2]
             describe_run(self.part.stream, run, self._solids, scales, [], 1, complete=False)
             for static in static_shapes(run, self._solids, [], []):
-                if not static.path.startswith("mechanism/paths"):  # where points will have been
+                if not static.path.lstrip("/").startswith("mechanism/paths"):  # where points will have been
                     self.part.stream.log(static.path, static.archetype, static=True)
+            for static in plot_styles(run, numbers):
+                self.part.stream.log(static.path, static.archetype, static=True)
         frames = np.arange(run.motion.frames)
         columns = Timelines.of(run).columns(frames)
-        for stream in (*mechanism_streams(run, self._solids), *table_streams(tables(run))):
+        for stream in (*mechanism_streams(run, self._solids), *table_streams(numbers)):
             self.part.stream.send_columns(stream.path, columns, stream.columns(frames))
         self.part.flush(self.sent)
         self.told(self.sent)
@@ -76,19 +87,41 @@ def live(
 ) -> Iterator[tuple[Live, str | None]]:
     """Rows of a simulation into the unfinished recording beside ``path``, and to viewers that connect to ``port`` (0: a free one;
     None: to none). Gives what has to be called, and the address for viewers. Raises `RecordingError`."""
-    with live_file(path, port, scene.title or scene.name, _blueprint(scene)) as (part, address):
+    with live_file(path, port, scene.title or scene.name, _blueprint(scene, np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]]))) as (
+        part,
+        address,
+    ):
         yield Live(scene, part, told), address
 
 
-def _blueprint(scene: Scene) -> Any:
-    """The mechanism, and the free coordinates over the time, which the view follows."""
+def _room(run: Run, solids: Solids) -> NDArray[np.float64]:
+    """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. What hangs in no loop swings as
+    far as it reaches from the frame's joints, to all sides."""
+    box, motion = np.array(solids.bounds, float), run.motion
+    frame = motion.mechanism.frame
+    more = ROOM * solids.size
+    for pair in (p for p in motion.mechanism.pairs if frame in p.links and not motion.model.contours):
+        at = motion.pair_position(pair.name)[0]
+        more = float(np.hypot(*np.maximum(box[1, :2] - at, at - box[0, :2])))
+        box[:, :2] = np.minimum(box[0, :2], at - more), np.maximum(box[1, :2], at + more)
+        more = 0.0
+    box[:, :2] += np.array([[-more], [more]])
+    return np.asarray(magnification(solids.size) * box)
+
+
+def _blueprint(scene: Scene, room: NDArray[np.float64]) -> Any:
+    """The mechanism, and the free coordinates and energies over the time, which the view follows."""
     import rerun.blueprint as rrb
 
     made = made_pairs(scene.mechanism)
     free = [d.pair for d in scene.mechanism.drives if d.pair not in made]
     plots = [rrb.TimeSeriesView(name=pair, origin="/", contents=[f"+ /data/joints/{pair}/motion"]) for pair in free[:3]]
-    picture = rrb.Spatial3DView(name="Mechanism", origin="/", contents=["+ /mechanism/**"])
+    if make_plan(scene.mechanism, set(OUTPUTS)).has("reactions and drive efforts"):
+        plots.append(rrb.TimeSeriesView(name="Energy [J]", origin="/", contents=["+ /data/energy"]))
     return rrb.Blueprint(
-        rrb.Horizontal(picture, rrb.Vertical(*plots), column_shares=[3, 2]),
-        rrb.TimePanel(timeline="time", play_state="following"),
+        rrb.Horizontal(picture("Mechanism", [], room), rrb.Vertical(*plots), column_shares=[3, 2]),
+        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        collapse_panels=False,
     )
