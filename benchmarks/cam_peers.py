@@ -135,7 +135,7 @@ def measure() -> None:
     off = away(theirs_own, best)
     ours, theirs = least_base(rise, follower, want).base, float(circle()["Rb"])
     heights = base_height(rise)
-    print("\n### P5 Offset roller follower, dwell-rise-dwell-fall, 3,600 points\n")
+    print("\n### P5 Offset roller follower: dwell-rise-dwell-fall\n")
     print("| who | 3,600 points | ratio | error, of the lift |\n|---|---|---|---|")
     own = times["mechcore: profile, pressure angle, curvature"]
     spent = times["mechanism: profile (without roller and offset)"] + times["mechanism: laws alone"]
