@@ -47,6 +47,7 @@ def test_all_dials_follow_from_the_target():
         assert getattr(loose, name) > getattr(tight, name) > 0.0, name
         assert getattr(loose, name) <= 1e-2
     assert loose.interpolation < accuracy_for(1e-12).interpolation
+    assert [accuracy_for(t).target for t in (0.1, 1e-13)] == [0.1, 1e-13], "the loosest and the tightest"
     assert accuracy_for(1e-6, chord=1e-4, interpolation=5).changed["chord"] == 1e-4
 
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from mechcore.accuracy import Accuracy, accuracy_for
 from mechviz.accuracy import fit as fit_module
+from mechviz.accuracy import kept
 from mechviz.accuracy.fit import provider
 from mechviz.accuracy.kept import FINEST, profile_away
 from mechviz.accuracy.words import target_words
@@ -116,8 +117,9 @@ def test_meshes_get_no_finer_than_can_be_seen_and_say_so():
 
 # -- pictures ------------------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("target", [1e-3, 1e-2])
-def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path):
+def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path, monkeypatch):
     """Arrows of a recording with far more frames than needed, joined by straight lines, against its numbers at all frames."""
+    monkeypatch.setattr(kept, "PICTURES_A_CYCLE", 45)
     run = run_scene(load("ten-link-forces"), frames=1440, accuracy=target)
     stride = run.kept.pictures
     assert stride > 1 and 1440 % stride == 0
@@ -136,6 +138,8 @@ def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path):
         drawn = np.column_stack([np.interp(time, arrows.time, column) for column in arrows.values[:, :2].astype(float).T]) * scale
         worst = max(worst, float(np.abs(drawn - numbers[:, :2]).max() / np.abs(numbers[:, :2]).max()))
     assert 0.02 * target < worst <= target + 2e-7, "arrows are float32"
+    monkeypatch.undo()
+    assert dataclasses.replace(run, accuracy=accuracy_for(1e-1)).kept.pictures == 2, "as many as without a target, at least"
     finer = dataclasses.replace(run, accuracy=accuracy_for(1e-9))
     assert finer.kept.pictures == 1
     assert dataclasses.replace(run, accuracy=accuracy_for(target, pictures=5)).kept.pictures == 5

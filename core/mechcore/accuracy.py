@@ -114,7 +114,7 @@ def accuracy_for(target: float, **dials: Any) -> Accuracy:
         position=min(max(0.1 * target, 2e-15), 1e-6),
         interpolation=1 if target > 3e-4 else 3 if target > 3e-10 else 5,
         integrator=max(0.1 * target, 1e-14),
-        friction=max(0.1 * target, 1e-13),
+        friction=min(max(0.1 * target, 1e-13), 1e-2),
         event=min(max(target, 1e-12), 1e-2),
     )
     return replace(accuracy, **dials) if dials else accuracy

@@ -19,7 +19,7 @@ from .quantities import Quantity, quantities
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["FINEST", "PROFILE", "kept_dials", "profile_away", "rounding"]
+__all__ = ["FINEST", "PROFILE", "kept_dials", "plain_stride", "profile_away", "rounding"]
 
 Real = NDArray[np.float64]
 
@@ -29,6 +29,8 @@ FINEST = 1e-5
 
 PROFILE = 1080  # points of a cam's profile where nothing else is asked for
 MOST_POINTS = 20_000
+PICTURES_A_CYCLE = 720
+"""Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
 SHARE = 0.1  # of the target for the digits: the frames have the rest, see `fit`
 SINGLE = 2.0**-24  # largest relative error of a number that is rounded to float32
 
@@ -47,7 +49,7 @@ def kept_dials(run: Run) -> Accuracy:
         chord=float(np.clip(chord, 1e-9, 1.0)),
         profile=dials.profile or _points(run, chord),
         numbers=dials.numbers or _digits(found, dials.target, balanced=run.forces is not None),
-        pictures=dials.pictures or _pictures(found, run.motion.time, dials.target, dials.decimation),
+        pictures=dials.pictures or _pictures(found, run.motion, dials.target, dials.decimation),
     )
 
 
@@ -63,11 +65,22 @@ def _digits(found: Sequence[Quantity], target: float, *, balanced: bool) -> Lite
     return "float32" if not balanced and rounding(found) <= SHARE * target else "float64"
 
 
-def _pictures(found: Sequence[Quantity], time: Real, target: float, thin: int) -> int:
-    """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, with the last one."""
+def plain_stride(motion: Any) -> int:
+    """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive."""
+    if motion.frames < 2 or not motion.mechanism.drives:
+        return 1
+    step = float(np.ptp(motion.time)) / (motion.frames - 1)
+    frames_a_cycle = motion.mechanism.drives[0].law.duration / step if step > 0 else 1.0
+    return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
+
+
+def _pictures(found: Sequence[Quantity], motion: Any, target: float, thin: int) -> int:
+    """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, the last one among
+    them; not fewer than without a target, as viewers hold the last picture while the mechanism moves on."""
+    time = motion.time
     last = (len(time) - 1) // thin
     best = 1
-    for stride in range(2, last // 2 + 1):
+    for stride in range(2, min(last // 2, plain_stride(motion) // thin) + 1):
         if last % stride == 0:
             if not _joined(found, time, stride * thin, last * thin, target):
                 break
@@ -80,6 +93,8 @@ def _joined(found: Sequence[Quantity], time: Real, step: int, last: int, target:
     nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
     for q in found:
         values = q.values.reshape(len(q.values), -1)
+        if q.turns:  # what is drawn on a link that turns goes along an arc
+            values = np.column_stack([np.cos(values), np.sin(values)])
         joined = np.column_stack([np.interp(time[frames], time[nodes], column[nodes]) for column in values.T])
         miss = np.abs(joined - values[frames])
         if not float(np.nanmax(miss, initial=0.0)) <= target * q.scale:

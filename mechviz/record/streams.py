@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..accuracy.kept import plain_stride
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import Linker
 from ..tables import Table, joints_of, links_of, pair_unit
@@ -45,9 +46,6 @@ LINKER_COLORS = {
     "damper": (168, 176, 188),
     "gas spring": (176, 190, 200),
 }
-
-PICTURES_A_CYCLE = 720
-"""Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +109,7 @@ def _integers(values: Real) -> Index:
 
 def picture_stride(run: Run) -> int:
     """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive, or as the accuracy says."""
-    motion = run.motion
-    if run.kept.pictures is not None:
-        return run.kept.pictures
-    if motion.frames < 2 or not motion.mechanism.drives:
-        return 1
-    step = float(np.ptp(motion.time)) / (motion.frames - 1)
-    frames_a_cycle = motion.mechanism.drives[0].law.duration / step if step > 0 else 1.0
-    return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
+    return run.kept.pictures or plain_stride(run.motion)
 
 
 def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
