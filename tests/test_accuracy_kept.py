@@ -23,7 +23,7 @@ from mechviz.meshes import profiles
 from mechviz.record import write_recording
 from mechviz.record.reader import Recording
 from mechviz.run import run_scene
-from mechviz.scene import load
+from mechviz.scene import Scene, load
 from mechviz.solids import solids_of
 
 
@@ -204,3 +204,15 @@ def test_a_table_has_a_row_every_so_often(tmp_path):
     assert np.allclose(np.diff(times), 0.02)
     wrong = CliRunner().invoke(app, ["export", "crank-rocker", "--csv", str(path), "--every", "0 s"])
     assert wrong.exit_code == 2 and "no distance of rows" in wrong.stderr
+
+
+def test_traced_points_go_along_arcs_even_where_links_turn_evenly():
+    """A wheel on its shaft: its pose is a straight line in time, its rim is none. Sagitta of a chord: r (1 - cos(pi / n))."""
+    scene = Scene.build(
+        links={"frame": {"points": {"A": [0, 0]}}, "wheel": {"points": {"A": [0, 0], "B": [0.1, 0]}}},
+        pairs={"A": {"revolute": ["frame", "wheel"], "drive": {"speed": "60 rpm"}}},
+        trace=["B"],
+    )
+    run = run_scene(scene, accuracy=1e-3)
+    away = 0.1 / run.motion.model.size * (1.0 - np.cos(np.pi / run.fit.frames))
+    assert 0.1e-3 < away <= 1e-3 and away == pytest.approx(run.fit.error, rel=1e-3)

@@ -41,12 +41,12 @@ class Quantity:
 
 
 def quantities(motion: Any, forces: Any) -> list[Quantity]:
-    """Poses, velocities, accelerations of all moving links; reactions and efforts where there are forces.
+    """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
     of peaks.
     """
-    found = list(_kinematics(motion))
+    found = [*_kinematics(motion), *_points(motion)]
     if forces is not None:
         found += _forces(motion, forces)
     return found
@@ -66,6 +66,13 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
                 yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0]), a)
             if peaks[1]:
                 yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, max(_peak([a]), LEAST * peaks[1]))
+
+
+def _points(motion: Any) -> Iterator[Quantity]:
+    """Places of traced points: on a link that turns evenly they still go along an arc."""
+    for link, point in motion.mechanism.traced:
+        x, v, a = (np.asarray(motion.point(link, point, d)) for d in (0, 1, 2))
+        yield Quantity(f"point {point} of {link}", "position", x, motion.model.size, v, a)
 
 
 def _forces(motion: Any, forces: Any) -> Iterator[Quantity]:
