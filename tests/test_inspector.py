@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from mechcore.accuracy import Accuracy
 from mechviz import scene
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene import Scene
+from mechviz.solids import solids_of
 from mechviz.viewer import Viewer, ViewerError, charts
 from mechviz.viewer.camera import PRESETS, fit_view
 from mechviz.viewer.diagrams import Chart, diagram_svg, diagrams_of
@@ -385,6 +387,17 @@ def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
     assert np.ptp(found[1][:, 1:3]) > 0.5, "not about z"
 
 
+def test_solids_follow_the_dials_of_the_accuracy():
+    """The viewer draws what a recording of the same run holds, and other dials ask for other solids."""
+    plain, fine = (run_scene(scene.load("cam-roller"), frames=4, accuracy=a) for a in (None, Accuracy(chord=1e-5, profile=2160)))
+    faces = {name: sum(len(p.faces) for p in body.pieces) for name, body in build(fine).bodies.items()}
+    assert faces == {name: len(solid.faces) for name, solid in solids_of(fine).links.items()}
+    assert sum(faces.values()) > 1.5 * sum(len(solid.faces) for solid in solids_of(plain).links.values())
+    first, same, finer = (run_scene(scene.load("crank-rocker"), frames=4, accuracy=Accuracy(chord=c)) for c in (1e-4, 1e-4, 1e-5))
+    built = build(first)
+    assert built.fits(same) and not built.fits(finer)
+
+
 def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch):
     write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=60), tmp_path / "a.rrd")
 
@@ -398,7 +411,7 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
         "mechviz.run.compile_mechanism",
     ):
         monkeypatch.setattr(name, never)
-    monkeypatch.setattr("mechviz.viewer.show_run.build_solids", never)
+    monkeypatch.setattr("mechviz.viewer.show_run.solids_of", never)
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as shown:
         shown.set_frame(17)
         x, y, _ = shown.inspector.show.poses["coupler"][17]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.accuracy import Accuracy
 from mechcore.events import Event, find_events
 from mechcore.friction.events import friction_events
 from mechcore.spec import Mechanism
@@ -16,11 +17,12 @@ from mechcore.spec import Mechanism
 from ..coils import find_coils
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import find_linkers
-from ..meshes import Solid, Solids, build_solids
+from ..meshes import Solid, Solids
 from ..record.events import peak_events
 from ..record.simulations import simulation_events
 from ..rollers import find_rollers
 from ..run import Run
+from ..solids import solids_of
 from ..tables import joints_of
 from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vectors
 from . import words
@@ -33,16 +35,16 @@ __all__ = ["Built", "build", "happenings", "health_of", "pieces_of", "show_of_ru
 
 Real = NDArray[np.float64]
 
-FRAMES_FOR_LAYERS = 721
 PLOTS = 3
 KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as the best one is within this of it
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """Solids, the mechanism that they were built for, and their pieces of one colour."""
+    """Solids, the mechanism and the accuracy that they were built for, and their pieces of one colour."""
 
     mechanism: Mechanism
+    accuracy: Accuracy  # how finely they are drawn follows from it
     solids: Solids
     bodies: Mapping[str, Body]
     poses: Mapping[str, Real]  # over the run for which they were built
@@ -52,20 +54,17 @@ class Built:
         """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
         new = run.motion.mechanism
         same = [(old.name, old.points) for old in self.mechanism.links] == [(link.name, link.points) for link in new.links]
-        if not same or self.mechanism.pairs != new.pairs or self.mechanism.traced != new.traced:
+        if not same or self.accuracy != run.accuracy or self.mechanism.pairs != new.pairs or self.mechanism.traced != new.traced:
             return False
         return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
 
 
 def build(run: Run) -> Built:
     """The solids of a run."""
-    motion = run.motion
-    # the order of the layers follows from how the links pass each other; for that a part of a long run is enough
-    some = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, FRAMES_FOR_LAYERS)).round().astype(int))
-    solids = build_solids(motion.mechanism, {link.name: motion.pose(link.name)[some] for link in motion.mechanism.links})
+    motion, solids = run.motion, solids_of(run)
     poses = {link.name: motion.pose(link.name) for link in motion.mechanism.links}
     bodies = {name: Body(pieces_of(s), s.spin) for name, s in solids.links.items()}
-    return Built(motion.mechanism, solids, bodies, poses, cam_profiles(motion))
+    return Built(motion.mechanism, run.accuracy, solids, bodies, poses, cam_profiles(motion))
 
 
 def pieces_of(solid: Solid) -> tuple[Piece, ...]:
