@@ -15,6 +15,7 @@ from mechviz.accuracy import cache
 from mechviz.accuracy.apply import with_setting
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
+from mechviz.accuracy.kept import PROFILE
 from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
 from mechviz.accuracy.panel import PANEL
 from mechviz.accuracy.recorded import write_rrd
@@ -79,6 +80,20 @@ def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch)
     iterated = [p.error for p in points if p.dial.endswith("tolerance")]
     assert iterated[-1] == ladder_module.LEAST_ERROR and max(iterated) < 1e-1
     assert iterated[0] > iterated[-1]
+
+
+@pytest.mark.parametrize(("name", "plane"), [("cam-roller", True), ("cam-globoid", False), ("cam-inverse-slide", False)])
+def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypatch):
+    """Their polygons halve their sagitta twice where their points are doubled; solid and inverse cams have no such profile."""
+    once(monkeypatch)
+    for other in ("_frames", "_differentiation", "_tessellation", "_recording"):
+        monkeypatch.setattr(ladder_module, other, lambda *_: [])
+    points = [p for p in ladder(load(name), budget=0.0) if p.dial == "cam profile"]
+    assert bool(points) is plane
+    if plane:
+        errors = {p.options["profile"]: p.error for p in points}
+        assert errors[2160] == pytest.approx(errors[4320] * 4.0, rel=0.05)
+        assert [p.options["profile"] for p in points if p.current] == [PROFILE]
 
 
 def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):

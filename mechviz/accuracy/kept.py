@@ -19,7 +19,7 @@ from .quantities import Quantity, quantities
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["FINEST", "PROFILE", "kept_dials", "plain_stride", "profile_away", "rounding"]
+__all__ = ["FINEST", "PROFILE", "kept_dials", "plain_stride", "plane_cams", "profile_away", "rounding"]
 
 Real = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def _joined(found: Sequence[Quantity], time: Real, step: int, last: int, target:
 
 def _points(run: Run, chord: float) -> int:
     """Points with which the profiles of all planar cams are within ``chord`` [m]: their error falls with their square."""
-    contours = [p.contour for r in run.compiled.model.relations for p in _placed(r.geometry)]
+    contours = [p.contour for p in plane_cams(run)]
     if not contours:
         return PROFILE
     count = 360
@@ -117,9 +117,10 @@ def _points(run: Run, chord: float) -> int:
     return count
 
 
-def _placed(geometry: Any) -> list[Any]:
-    """The planar cams of a relation: those that have a contour."""
-    return [p for p in (geometry, getattr(geometry, "mate", None)) if getattr(p, "contour", None) is not None]
+def plane_cams(run: Run) -> list[Any]:
+    """The planar cams of a run, second ones of conjugate pairs among them: those that have a contour."""
+    found = [p for r in run.compiled.model.relations for p in (r.geometry, getattr(r.geometry, "mate", None))]
+    return [p for p in found if getattr(p, "contour", None) is not None]
 
 
 def profile_away(contour: Any, count: int) -> float:

@@ -16,6 +16,7 @@ from mechcore.errors import MechanismError
 
 from .estimate import poses_apart
 from .fit import achieved, duration, fit_frames, provider
+from .kept import PROFILE, plane_cams, profile_away
 from .quantities import quantities
 from .timing import Timed, timed
 
@@ -107,7 +108,7 @@ def ladder(
         steps["integrator"] = lambda: _integrator(base, budget)
     steps["tessellation"] = lambda: _tessellation(base, budget)
     steps["recording"] = lambda: _recording(base, budget)
-    if any(r.geometry is not None for r in base.compiled.model.relations):
+    if plane_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
     chosen = [step for dial, step in steps.items() if only is None or dial in only]
     found: list[Point] = []
@@ -313,27 +314,16 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
 
 
 def _profiles(run: Run, budget: float) -> Iterator[Point]:
-    """Points of cam profiles: how far the polygon is from the profile, relative to its size."""
-    from mechcore.cams import cam_contour
+    """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
+    from ..meshes.profiles import profile_points
 
-    cams = [r.geometry for r in run.compiled.model.relations if r.geometry is not None]
-    for count in (90, 180, 360, 720, 1080, 2160, 4320):
+    cams, size = plane_cams(run), run.motion.model.size
 
-        def draw(n: int = count) -> list[Any]:
-            out = []
-            for placed in cams:
-                contour = cam_contour(placed.cam)
-                each = max(n // contour.count, 8)
-                out.append((contour, each, contour(np.arange(contour.count * each + 1) / each)[0]))
-            return out
+    def draw(count: int) -> list[Any]:
+        return [profile_points(placed, count) for placed in cams]
 
-        worst = 0.0
-        for contour, each, z in draw():
-            between = contour((np.arange(len(z) - 1) + 0.5) / each)[0]
-            chord = z[1:] - z[:-1]
-            away = np.abs(np.imag((between - z[:-1]) * np.conj(chord))) / np.maximum(np.abs(chord), 1e-300)
-            worst = max(worst, float(away.max()) / float(np.abs(z).max()))
+    for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.kept.profile or PROFILE}):
+        worst = max(profile_away(placed.contour, count) for placed in cams) / size
+        spent = timed(partial(draw, count), budget)
         here = count == run.kept.profile
-        yield _at(
-            "cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, timed(draw, budget), current=here
-        )
+        yield _at("cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, spent, current=here)
