@@ -234,7 +234,7 @@ class _Work:
 
     def near(self, q: float, way: Array) -> Array:
         """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
-        force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(len(way), -1)
+        force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(way.size, _GAUSS[0].size)
         return np.asarray(way * (force @ _GAUSS[1]))
 
     def gain(self, q: float, way: Array) -> Array:
@@ -318,8 +318,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
             energy[first] = kinetic + work.near(start, length * f[first])
         else:
             first = ends[0] & (size * f < width)
-            if first.any():
-                energy[first] = work.near(start, length * f[first])
+            energy[first] = work.near(start, length * f[first])
         if ends[1]:
             last = ~first & (size * rest < width)
             energy[last] = work.near(start + length, -length * rest[last])
