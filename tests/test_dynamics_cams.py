@@ -264,3 +264,42 @@ def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
         rough = with_brake(mechanism, 6.0)
         pairs = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.pairs)
         simulate(replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)), 0.1, liftoffs=[Liftoff(pair="K")])
+
+
+def let_free(name: str, start: float, speed: float) -> Mechanism:
+    """A gallery scene's mechanism without friction, its drive free."""
+    mechanism = mechviz.load(name).mechanism
+    drive = replace(mechanism.drives[0], law=Free(start=start, speed=speed))
+    return replace(mechanism, drives=(drive,), effects=tuple(e for e in mechanism.effects if e != "friction"))
+
+
+@pytest.mark.parametrize(("start", "speed"), [(0.0, 1.0), (2.0, 0.0)])
+def test_a_free_camshaft_is_found_by_its_energy_wherever_it_starts(start: float, speed: float):
+    """On a dwell the spring does no work: there may be no place near enough to the start to be integrated from it."""
+    found = simulate(let_free("cam-roller", start, speed), 0.5)
+    assert found.method == "energy"
+    assert np.abs(found.drift(np.linspace(0.0, 0.5, 51))).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "guide", "start", "speed", "end"), [("cam-barrel", "S", 0.0, 20.0, 0.3), ("cam-inverse", "P", -0.65, 2.0, 0.65)]
+)
+def test_a_roller_in_a_groove_follows_a_free_drive(name: str, guide: str, start: float, speed: float, end: float):
+    """Windows end on the knots of its law; over the pieces put together the contact is that of each."""
+    mechanism = let_free(name, start, speed)
+    found, by_energy = (simulate(mechanism, end, method=method) for method in ("gauss", "energy"))
+    t = np.linspace(0.0, end, 41)
+    assert np.abs(found.drift(t)).max() < 1e-9
+    view, other = found.view(t), by_energy.view(t)
+    np.testing.assert_allclose(view.coordinate("O")[:, :2], other.coordinate("O")[:, :2], rtol=1e-7, atol=1e-9)
+    (cam,) = placed_cams(view)
+    rows, x = cam.rows(view), cam.argument(view)
+    lift = view.coordinate(guide)[:, 0]
+    np.testing.assert_allclose(rows.coordinate - rows.coordinate[0], lift - lift[0], atol=1e-12)
+    np.testing.assert_array_equal(rows.angle, x)
+    assert len(set(cam.segment(view))) >= 2
+    # no other force drives the follower: the flank that presses is the one that accelerates it
+    force, a = contact_force(found.forces(view), cam), view.coordinate(guide)[:, 2]
+    pressed = np.abs(a) > 1e-3 * np.abs(a).max()
+    assert pressed.sum() > 10
+    np.testing.assert_array_equal(np.sign(force[pressed]), np.sign(a[pressed]))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..laws.curve import MotionCurve
     from ..motion import Motion
 
-__all__ = ["ContactRows", "PlacedCam", "argument_of", "on_knots"]
+__all__ = ["ContactRows", "PlacedCam", "argument_of", "on_knots", "rows_by_parts", "segment_of"]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -51,12 +51,33 @@ def on_knots(law: MotionCurve, x: Array) -> Array:
 def argument_of(cam: Any, motion: Motion) -> Real:
     """Place of the driving link of a placed cam in its law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m]
     on its ``bed``."""
+    if hasattr(motion, "joined"):  # of several mechanisms, frame by frame
+        return np.asarray(motion.joined(cam.argument))
     if cam.bed is not None:
         x = cam.sense * motion.state.slide[motion.model.joint_index[cam.bed]] + cam.phase
     else:
         turn = motion.rotation(motion.model.index[cam.links[0]]) * np.conj(motion.rotation(motion.model.index[cam.carrier]))
         x = cam.sense * np.angle(turn) + cam.phase
     return np.array(np.broadcast_to(np.asarray(x, float), (motion.frames,)))
+
+
+def segment_of(cam: Any, motion: Motion) -> Real:
+    """Number of the segment of the law in which a placed cam is, by frame (F)."""
+    law = cam.cam.law
+    x = cam.argument(motion) * cam.ahead
+    local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
+    return np.asarray(np.searchsorted(cam.knots, local, side="right"), float)
+
+
+def rows_by_parts(cam: Any, motion: Any, multiplier: Array) -> ContactRows:
+    """The contact of a placed cam over a motion that is joined of several, as ``motion.parts`` says."""
+    signs = np.broadcast_to(multiplier, (motion.frames,))
+    found = [(frames, cam.rows(part, signs[frames])) for frames, part in motion.parts]
+    out = {f.name: np.empty(motion.frames, getattr(found[0][1], f.name).dtype) for f in fields(ContactRows)}
+    for frames, rows in found:
+        for name, values in out.items():
+            values[frames] = getattr(rows, name)
+    return ContactRows(**out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,16 +247,11 @@ class PlacedCam:
 
     def argument(self, motion: Motion) -> Real:
         """The law's argument (F): [rad] within one turn, or [m]."""
-        if hasattr(motion, "joined"):  # of several mechanisms, frame by frame
-            return np.asarray(motion.joined(self.argument))
         return argument_of(self, motion)
 
     def segment(self, motion: Motion) -> Real:
         """Number of the segment of the law in which the cam is, by frame (F)."""
-        law = self.cam.law
-        x = self.argument(motion) * self.ahead
-        local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-        return np.asarray(np.searchsorted(self.knots, local, side="right"), float)
+        return segment_of(self, motion)
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
@@ -295,15 +311,8 @@ class PlacedCam:
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
-        parts: Any = getattr(motion, "parts", None)
-        if parts is not None:
-            signs = np.broadcast_to(multiplier, (motion.frames,))
-            found = [(frames, self.rows(part, signs[frames])) for frames, part in parts]
-            out = {f.name: np.empty(motion.frames, getattr(found[0][1], f.name).dtype) for f in fields(ContactRows)}
-            for frames, rows in found:
-                for name, values in out.items():
-                    values[frames] = getattr(rows, name)
-            return ContactRows(**out)
+        if hasattr(motion, "parts"):
+            return rows_by_parts(self, motion, multiplier)
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])

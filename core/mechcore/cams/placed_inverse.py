@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
 from .closures import InverseCam
-from .placed import ContactRows
+from .placed import ContactRows, rows_by_parts
 from .placed_roller import PlacedRoller
 
 if TYPE_CHECKING:
@@ -98,6 +98,8 @@ class PlacedInverse(PlacedRoller):
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        if hasattr(motion, "parts"):
+            return rows_by_parts(self, motion, multiplier)
         angle, s = self.argument(motion), self.law(self.argument(motion))
         _, n, away = self._at(motion)
         n = n * np.sign(np.real(np.conj(n) * away))

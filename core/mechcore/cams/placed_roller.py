@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .followers import Roller
-from .placed import argument_of, on_knots
+from .placed import argument_of, on_knots, segment_of
 
 if TYPE_CHECKING:
     from ..motion import Motion
@@ -77,6 +77,10 @@ class PlacedRoller:
     def argument(self, motion: Motion) -> Real:
         """The law's argument (F): [rad] within one turn, or [m] of a driving link that slides."""
         return argument_of(self, motion)
+
+    def segment(self, motion: Motion) -> Real:
+        """Number of the segment of the law in which the cam is, by frame (F)."""
+        return segment_of(self, motion)
 
     def world(self, motion: Motion) -> Array:
         """Direction of the theory's first axis in the world (F), complex."""

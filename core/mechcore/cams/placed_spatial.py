@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
-from .placed import ContactRows
+from .placed import ContactRows, rows_by_parts
 from .placed_roller import PlacedRoller
 from .spatial import Globoid, SpatialCam, spatial_limits
 
@@ -185,11 +185,18 @@ class PlacedSpatial(PlacedRoller):
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the normal in space (F) [N] from the frictionless reaction on the follower; positive: the lifting flank."""
+        if hasattr(motion, "parts"):
+            out = np.empty(motion.frames)
+            for frames, part in motion.parts:
+                out[frames] = self.pressing(part, reaction[frames])
+            return out
         n = self._shadow(self._touch(motion).normal) * self.world(motion)
         return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
     def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
+        if hasattr(motion, "parts"):
+            return rows_by_parts(self, motion, multiplier)
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)
