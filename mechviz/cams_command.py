@@ -34,6 +34,7 @@ def cams(
         from mechcore.spec import CamDrawn
 
         from .cam_report import cam_lines, drawn_lines
+        from .scene.cam_ratings import whole_step
 
         if method == "exact" and (step is not None or lines is not None):
             fail("--step and --lines are for --method graphical.")
@@ -42,8 +43,8 @@ def cams(
         if least is not None and not 0.0 <= least < math.inf:
             fail(f"--margin {margin}: a contact force is wanted, zero or more.")
         angle = quantity_of(loaded, step, "step", "angle")
-        turns = None if angle is None else 2.0 * math.pi / angle if angle > 0.0 else 0.0
-        if turns is not None and not (3.5 < turns < 1e5 and abs(turns - round(turns)) < 1e-6):
+        whole = None if angle is None else whole_step(angle)
+        if angle is not None and whole is None:
             fail(f"--step {step} does not make a turn. Usual are 30, 15, 10 or 5 deg.")
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
@@ -53,5 +54,5 @@ def cams(
         print("\n".join([run.scene.title, "", *found]))
         if method == "graphical":
             plain = CamDrawn(step=math.radians(10.0))
-            asked = None if turns is None and lines is None else CamDrawn(step=angle or plain.step, lines=lines or plain.lines)
+            asked = None if whole is None and lines is None else CamDrawn(step=whole or plain.step, lines=lines or plain.lines)
             print("\n".join(["", *(drawn_lines(run.motion, asked) or drawn_lines(run.motion, plain))]))

@@ -17,6 +17,7 @@ from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, least_s
 from mechcore.spec import CamDrawn, CamRating
 from mechviz.cli import app
 from mechviz.run import run_scene
+from mechviz.scene.cam_ratings import whole_step
 from mechviz.scene.catalogue import GALLERY_FOLDER
 from mechviz.tables import tables
 
@@ -200,6 +201,13 @@ def test_faults_of_ratings(keys, words):
     with pytest.raises(MechanismError) as error:
         mechviz.loads(BASE.replace("RATING", keys))
     assert words in str(error.value)
+
+
+def test_a_step_makes_a_whole_turn_in_the_scene_and_in_the_command_alike():
+    assert whole_step(np.pi / 2) == np.pi / 2 and whole_step(0.17453292519943) == 2.0 * np.pi / 36
+    assert whole_step(2.0 * np.pi / 100_000) == 2.0 * np.pi / 100_000
+    for step in (0.0, -0.5, 1.0, 2.0 * np.pi / 3, 2.0 * np.pi / 100_001, 1e-320, np.inf, np.nan):
+        assert whole_step(step) is None
 
 
 def test_the_command_tells_limits_springs_and_the_drawing():

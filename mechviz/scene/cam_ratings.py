@@ -17,7 +17,7 @@ from .tables import Table, refuse
 if TYPE_CHECKING:
     from .convert import Converter
 
-__all__ = ["MATERIALS", "GraphicalDocument", "RatingDocument", "graphical_of", "rating_of"]
+__all__ = ["MATERIALS", "GraphicalDocument", "RatingDocument", "graphical_of", "rating_of", "whole_step"]
 
 MATERIALS: Mapping[str, tuple[float, float]] = {
     "steel": (2.1e11, 0.30),
@@ -29,7 +29,7 @@ MATERIALS: Mapping[str, tuple[float, float]] = {
 }
 """Young's modulus [Pa] and Poisson's ratio: usual values of handbooks; grades differ by a tenth, plastics by more."""
 
-_FEWEST = 4  # steps of a turn
+_FEWEST, _MOST = 4, 100_000  # steps of a turn
 
 
 class RatingDocument(Table):
@@ -107,8 +107,16 @@ def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: 
     resolution = convert.si(graphical.resolution, across, f"{path}.resolution")
     if math.isnan(step) or math.isnan(resolution):
         return None
-    turns = 2.0 * math.pi / step if step > 0.0 else 0.0
-    if turns < _FEWEST - 1e-9 or abs(turns - round(turns)) > 1e-6 or turns > 1e5:
+    whole = whole_step(step)
+    if whole is None:
         convert.note(f"{path}.step", f"{math.degrees(step):g} deg do not make a turn.", "Usual are 30, 15, 10 or 5 deg.")
         return None
-    return CamDrawn(step=2.0 * math.pi / round(turns), lines=graphical.lines, resolution=resolution)
+    return CamDrawn(step=whole, lines=graphical.lines, resolution=resolution)
+
+
+def whole_step(step: float) -> float | None:
+    """The step [rad] that makes exactly a turn in 4 to 100,000 steps, where ``step`` is that but for rounding; else None."""
+    turns = 2.0 * math.pi / step if step > 0.0 else 0.0
+    if not _FEWEST - 1e-9 <= turns <= _MOST or abs(turns - round(turns)) > 1e-6:
+        return None
+    return 2.0 * math.pi / round(turns)
