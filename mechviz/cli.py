@@ -445,7 +445,7 @@ def vibrations(
 
 
 def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
-    """A length [m] or time [s] from an option: a text with a unit, or a number in the scene's units."""
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
     from .scene.units import QuantityError, Units
 
     if text is None:

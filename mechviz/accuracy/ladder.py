@@ -19,6 +19,7 @@ from .fit import achieved, duration, fit_frames, provider
 from .kept import PROFILE, plane_cams, profile_away
 from .quantities import quantities
 from .timing import Timed, timed
+from .words import ORDERS
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
@@ -33,7 +34,6 @@ Advance = Callable[[int, int], None]
 
 FRAMES = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 DIVISIONS = (24, 72, 180, 360, 1080, 3600)  # frames of a cycle at which rates are compared
-ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 CHORDS = (3e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)  # [m] of a mechanism of 0.2 m, scaled with its size
 LEAST_ERROR = 1e-16

@@ -16,6 +16,7 @@ from pydantic.fields import FieldInfo
 from mechcore.laws import RISES
 
 from ..scene import Scene
+from ..scene.cams import SOLIDS
 from ..scene.document import SceneDocument
 from ..scene.fields import Quantity
 from ..scene.tables import Table
@@ -350,7 +351,7 @@ def _range(document: SceneDocument, path: Path, value: float, kind: str, least: 
 def _plane_cam(document: SceneDocument, path: Path) -> bool:
     """Whether a value in the profile of a cam belongs to one that turns in the plane."""
     profile: Any = getattr(document.pairs[str(path[1])], "profile", None)
-    return all(getattr(profile, kind, None) is None for kind in ("barrel", "rib", "end", "globoid"))
+    return all(getattr(profile, kind, None) is None for kind in SOLIDS)
 
 
 def _turn(document: SceneDocument, path: Path) -> float:
