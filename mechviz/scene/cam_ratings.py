@@ -117,6 +117,6 @@ def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: 
 def whole_step(step: float) -> float | None:
     """The step [rad] that makes exactly a turn in 4 to 100,000 steps, where ``step`` is that but for rounding; else None."""
     turns = 2.0 * math.pi / step if step > 0.0 else 0.0
-    if not _FEWEST - 1e-9 <= turns <= _MOST or abs(turns - round(turns)) > 1e-6:
+    if not _FEWEST - 1e-6 <= turns <= _MOST + 1e-6 or abs(turns - round(turns)) > 1e-6:
         return None
     return 2.0 * math.pi / round(turns)
