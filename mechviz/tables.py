@@ -195,7 +195,7 @@ def _cams(run: Run) -> Iterator[Table]:
         s = cam.law(rows.angle)
         per = "m" if cam.bed else "rad"
         lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
-        if run.simulation is not None and run.simulation.liftoffs:
+        if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.liftoffs):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
             yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])

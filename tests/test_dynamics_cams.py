@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from mechcore.spec import CamPair, Drive, Force, Friction, Mechanism, Torque
 from mechviz.record import Recording, write_recording
 from mechviz.record.simulations import lanes_of
 from mechviz.run import run_scene
+from mechviz.tables import tables
 
 MASS, STIFFNESS, CLOSED = 0.4, 4e3, 0.06 + 0.05  # of `translating` with a roller of 10 mm; spring's deflection at zero lift
 G = 9.81
@@ -303,3 +306,46 @@ def test_a_roller_in_a_groove_follows_a_free_drive(name: str, guide: str, start:
     pressed = np.abs(a) > 1e-3 * np.abs(a).max()
     assert pressed.sum() > 10
     np.testing.assert_array_equal(np.sign(force[pressed]), np.sign(a[pressed]))
+
+
+BESIDE = """
+[links]
+frame = { points = { O2 = [200, 0], P = [260, -110] } }
+crank = { points = { O2 = [0, 0], A = [60, 0] }, mass = "0.6 kg", centre = [20, 0], inertia = "4e-4 kg m^2" }
+lever = { points = { P = [0, 0] }, mass = "0.9 kg", centre = [0, 60], inertia = "0.002 kg m^2" }
+
+[pairs]
+O2 = { revolute = ["frame", "crank"], drive = { speed = "950 rpm", start = -40 } }
+P = { revolute = ["frame", "lever"] }
+
+[pairs.K2]
+cam = ["crank", "lever"]
+closure = "form"
+follower = { groove = 8, guide = "P", point = "A" }
+
+[pairs.K2.profile]
+base = 0
+phase = 42
+lift = [{ over = 12 }, { over = 60, to = -22, law = "3-4-5" }, { over = 12 }]
+"""
+
+
+def merged(into: dict, more: dict) -> dict:
+    return into | {k: merged(into[k], v) if isinstance(v, dict) and k in into else v for k, v in more.items()}
+
+
+def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
+    """Only the cam that may be left has a gap; the other one's contact is that of the crank's angle throughout."""
+    text = resources.files("mechviz").joinpath("gallery", "valve-float.toml").read_text(encoding="utf-8")
+    data = merged(tomllib.loads(text), tomllib.loads(BESIDE)) | {"run": {"frames": 40, "duration": "14 ms"}}
+    data["pairs"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
+    run = run_scene(mechviz.Scene.build(**data))
+    assert [h.kind for h in run.simulation.happenings][:1] == ["lost"]
+    found = {t.path[1:]: t for t in tables(run) if t.path[1] == "cams"}
+    assert ("cams", "K", "gap") in found and ("cams", "K2", "gap") not in found
+    cam = next(c for c in placed_cams(run.motion) if c.name == "K2")
+    lift = found["cams", "K2", "lift"].values[:, 0]
+    x = np.degrees(-0.6981317007977318 + 950 * np.pi / 30 * run.motion.time)
+    s = np.clip((x + 30.0) / 60.0, 0.0, 1.0)
+    np.testing.assert_allclose(np.degrees(lift), -22.0 * (10 * s**3 - 15 * s**4 + 6 * s**5), atol=1e-9)
+    assert len(set(cam.segment(run.motion))) == 3
