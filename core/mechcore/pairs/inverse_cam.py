@@ -50,16 +50,15 @@ def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
         forward, sign = guide_in(carrier, bed)
         straight, axis = sign * forward, place_on(builder, carrier, bed, tip)
         arm, terms = 0.0, ((), ((bed.name, 1.0),))
-    slides = isinstance(guide, Prismatic)
     angles: Terms = ()
     joints: Terms = ()
-    if slides:
-        up, sign = guide_in(carrier, guide)  # type: ignore[arg-type]  # prismatic here
+    if isinstance(guide, Prismatic):
+        up, sign = guide_in(carrier, guide)
         axes, centre, hub = up / 1j, axis, 0j
         side = guide.links.index(carrier)
-        turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))  # type: ignore[union-attr]
+        turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))
         # at coordinate zero the driven link's axes lie where the guide puts them
-        start = place_on(builder, carrier, guide, 0j)  # type: ignore[arg-type]
+        start = place_on(builder, carrier, guide, 0j)
         origin, mount = turn * (centre - start), turn * axes
         joints = ((guide.name, -sign),)
         if sign < 0.0:
@@ -74,7 +73,7 @@ def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
         angles = ((pair.links[1], -arm), (carrier, arm))
     phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0
     straight = None if straight is None else straight / axes
-    cam = InverseCam(law, hub, arm, pair.face.radius, not slides, phase, straight)
+    cam = InverseCam(law, hub, arm, pair.face.radius, not isinstance(guide, Prismatic), phase, straight)
     placed = PlacedInverse(
         name=pair.name, links=pair.links, carrier=carrier, guide=pair.guide, cam=cam, way=way, centre=centre, axes=axes, own=origin,
         mount=mount, tip=point_of(driving, pair.point), sense=pair.sense, bed=pair.bed, pressure_limit=pair.pressure_limit,
