@@ -42,12 +42,6 @@ class Solid:
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
     spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
 
-    def display_mesh(self) -> trimesh.Trimesh:
-        """A mesh with normals and colours at its vertices for viewers; split along its edges, so not watertight."""
-        mesh = trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
-        mesh.visual.vertex_colors = self.colors
-        return mesh
-
 
 @dataclass(frozen=True, eq=False)
 class Solids:

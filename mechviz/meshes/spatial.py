@@ -6,7 +6,6 @@ between the surface is ruled, as the flank of a cylindrical roller nearly is. Le
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -316,8 +315,3 @@ def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygo
     outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
     shell = plate(outline, (low, high), 0.0)
     return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.pair]))]
-
-
-def spun_links(model: Model) -> Mapping[str, SpatialDrawing]:
-    """Links that turn about an axis in the plane."""
-    return {drawing.cam: drawing for drawing in model.spatial}

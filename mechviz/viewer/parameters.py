@@ -151,7 +151,7 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
     found = []
     for spot in _spots(scene.document):
         if spot.options and isinstance(spot.value, str) and spot.path[0] in ("pairs", "loads", "links"):
-            found.append(Choice(spot.path, _group(spot.path), _label(scene.document, spot.path), spot.value, spot.options))
+            found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, spot.options))
     return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
 
 
@@ -249,7 +249,7 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
     if quantity is None and number >= 0.0:
         bound = 0.0
     hard_low = max(high - span, bound) if high > low else bound
-    label = _label(document, path)
+    label = _label(path)
     if along:
         label = f"{path[1]} {next(iter(document.links[str(path[1])].points))}–{path[3]}"
     return Parameter(path, _group(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
@@ -432,7 +432,7 @@ def _group(path: Path) -> str:
     return "Other"
 
 
-def _label(document: SceneDocument, path: Path) -> str:
+def _label(path: Path) -> str:
     """What a value is called: the item and the key, without the words that the group says already."""
     parts = [str(p) for p in path if not isinstance(p, int)]
     axis = ("x", "y")

@@ -131,10 +131,6 @@ class Scene3D:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
 
-    def look_from_front(self, client: viser.ClientHandle) -> None:
-        """Bring a browser's camera back to the front, fitted to its window."""
-        self.cameras.look(client, "front")
-
     def _box(self, show: Show) -> Real:
         box = _joined(show.bounds, self.arrows.reach(), 0.15 * show.size)
         for coil in show.coils:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -291,8 +291,3 @@ def flat_base_chart(law: MotionCurve, ranges: ArrayLike, count: int = 721) -> Re
     s = np.hstack([law(x, 2, "left"), law(x, 2, "right")])
     beta = np.asarray(ranges, float)[:, None]
     return np.maximum(-(s[0] + s[2] / beta**2).min(axis=-1), 0.0)
-
-
-def with_offset(cam: Cam, offset: float) -> Cam:
-    """The same law with another offset of a translating follower."""
-    return replace(cam, follower=Follower(Translating(offset), cam.follower.face))

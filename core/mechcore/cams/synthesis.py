@@ -196,12 +196,6 @@ class Synthesis:
         """Centres of a milling cutter of radius ``tool`` [m] in the cam's axes: the working curve offset outwards."""
         return self.working + self.cam.flank * tool * self.normal
 
-    def curvature_centre(self) -> Complex:
-        """Centre of curvature of the pitch curve (round faces) or of the profile (flat ones), ground axes; infinite if straight."""
-        if isinstance(self.cam.follower.face, Flat):
-            return self.contact - self.radius * self._normal
-        return self.reference[0] - self.pitch_radius * self._normal
-
 
 @dataclass(frozen=True, eq=False)
 class Cam:

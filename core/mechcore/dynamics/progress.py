@@ -442,7 +442,7 @@ class Progress:
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         self.lost.append((t, all_lost if stays else lost))
-        self._push(t, self.lost[-1][1], self.compiled, q, v, stay if stays else rebound)
+        self._push(t, self.lost[-1][1], q, v, stay if stays else rebound)
         where = self.lifting.where(name, self.compiled, q, v, t)
         unit = "rad/s" if self.lifting.contacts[name].rotary else "m/s"
         what = "contact regained" if stays else "bounces"
@@ -495,21 +495,20 @@ class Progress:
         towards = second if upper else -second  # how fast it falls back onto the stop
         rebound = stop.restitution * abs(hit)
         rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
-        others = [s.pair for s in self._rested()]
         before = v
-        v, lost = impact(self.compiled, stop.pair, others, 0.0 if rests else stop.restitution, hit, q, v, t)
+        v, lost = impact(self.compiled, stop.pair, self._rests(), 0.0 if rests else stop.restitution, hit, q, v, t)
         self.lost.append((t, lost))
-        self._push(t, lost, self.compiled, q, before, v)
+        self._push(t, lost, q, before, v)
         words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
         self.happenings.append(Happening(t, "impact", stop.name, words))
         if rests and towards > 0:
             v = self._rest(t, k, q, v)
         return v
 
-    def _push(self, t: float, lost: float, compiled: Compiled, q: Array, before: Array, after: Array) -> None:
+    def _push(self, t: float, lost: float, q: Array, before: Array, after: Array) -> None:
         """Account for the work that prescribed drives do in an impact, which does not slow them."""
-        if len(q) < len(compiled.mechanism.drives):
-            motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
+        if len(q) < len(self.compiled.mechanism.drives):
+            motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
             self.pushed.append((t, float(np.diff(kinetic_energy_of(motion))[0]) + lost))
 
     def _rotary(self, pair: str) -> bool:

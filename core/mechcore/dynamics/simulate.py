@@ -60,7 +60,7 @@ def simulate(
     known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
-    _validate(compiled, duration, tolerance, liftoffs, stops)
+    _validate(compiled, duration, tolerance, liftoffs)
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
@@ -96,7 +96,7 @@ def simulate(
     return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe).go(q, v)
 
 
-def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff], stops: Sequence[Stop]) -> None:
+def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
     faults = []
     if not (np.isfinite(duration) and duration > 0):
         faults.append(Fault("dynamics.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
