@@ -333,7 +333,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
         words += ": the group reaches a limit of its motion on this branch."
-    remedy = "Change a length by more than that"
+    remedy = "Change the length of one of its links by more than that"
     if block.redundant:
         *_, mobility = gruebler(model)
         over = len(model.mechanism.drives) - mobility

@@ -174,7 +174,9 @@ def influence_lines(base: Answer, found: list[Influence], accuracy: float) -> li
     lines = [head + (f" {'fluctuation':>12}" if simulated else "")]
 
     def percent(value: float, digits: int = 3) -> str:
-        return "-" if np.isnan(value) else f"{100.0 * value:.{digits}g} %"
+        if np.isnan(value):
+            return "-"
+        return f"{100.0 * value:.0f} %" if abs(value) >= 10.0 ** (digits - 2) else f"{100.0 * value:.{digits}g} %"
 
     for i in found:
         row = f"{i.name:<{width}}  {i.kind:<6} {'yes' if i.named else 'no':<12} "
@@ -200,4 +202,5 @@ def _price(i: Influence) -> str:
     """What an effect costs, in words; what is less than the spread of the times is not told as a number."""
     if abs(i.cost) <= max(i.spread, 0.01):
         return "its price is lost in the noise of the times"
-    return f"costs {100.0 * i.cost:.2g} % more time" if i.cost > 0.0 else f"saves {-100.0 * i.cost:.2g} % of the time"
+    share = f"{abs(100.0 * i.cost):.0f}" if abs(i.cost) >= 0.1 else f"{abs(100.0 * i.cost):.2g}"
+    return f"costs {share} % more time" if i.cost > 0.0 else f"saves {share} % of the time"

@@ -315,7 +315,10 @@ class SceneBuilder:
         return self
 
     def friction(self, **defaults: Any) -> SceneBuilder:
-        """Friction of all pairs that do not say otherwise: ``coefficient``, ``radius`` of pins, ``length`` of bearings."""
+        """Friction of all revolute, sliding and slot pairs that do not say otherwise.
+
+        ``coefficient``, ``radius`` of pins, ``length`` of bearings.
+        """
         self._data["friction"] = defaults
         return self
 

@@ -190,7 +190,7 @@ class SceneDocument(Table):
     shaking: ShakingDocument | None = None
     """Shaking force and moment on the frame."""
     friction: FrictionDefaults | None = None
-    """Friction of all pairs that do not say otherwise, used only where effects names friction."""
+    """Friction of all revolute, sliding and slot pairs that do not say otherwise, used only where effects names friction."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     accuracy: AccuracyEntry | None = None

@@ -122,7 +122,9 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
     if "friction" in mechanism.effects and braked(mechanism.pairs):
         raise MechanismError(
             Fault(
-                "effects", "with friction the contact force is not linear in the spring's.", "Leave friction out to size a spring."
+                "effects",
+                "no least spring is computed with friction: the contact force is not linear in the spring's.",
+                "Leave friction out to size a spring.",
             )
         )
     now = contact_force(forces, cam)
