@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from .command_line import clear_errors, fail, load_scene, quantity_of, solve, warn_of_accuracy
+
 __all__ = ["cams"]
 
 
@@ -28,8 +30,6 @@ def cams(
     ] = None,
 ) -> None:
     """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact."""
-    from .cli import clear_errors, fail, load_scene, quantity_of, solve, warn_of_accuracy
-
     with clear_errors(scene):
         from mechcore.spec import CamDrawn
 

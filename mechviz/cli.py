@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .accuracy.command import accuracy as accuracy_command
 from .accuracy.command import effects as effects_command
 from .cams_command import cams
+from .command_line import (
+    clear_errors,
+    fail,
+    interruptible,
+    load_scene,
+    no_output,
+    progress_bar,
+    quantity_of,
+    say,
+    solve,
+    warn_of_accuracy,
+)
 from .hard.command import hard
 from .laws import laws
 from .sharing import film, share, shot
@@ -49,108 +57,6 @@ AccuracyOpt = Annotated[
         "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all dials follow [default: the scene's]"
     ),
 ]
-
-
-def say(text: str) -> None:
-    """Talk, to stderr."""
-    with suppress(OSError):  # nobody listens
-        print(text, file=sys.stderr, flush=True)
-
-
-def fail(text: str, code: int = 2) -> NoReturn:
-    """Say what is wrong and leave."""
-    say(text)
-    raise typer.Exit(code)
-
-
-@contextmanager
-def clear_errors(source: str) -> Iterator[None]:
-    """Every expected fault as a message of ours; never a traceback."""
-    try:
-        yield
-        sys.stdout.flush()
-    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit; the writer leaves a note on both
-        note = "\n".join(getattr(e, "__notes__", ())) or "Interrupted: nothing was written."
-        fail(note, 130 if isinstance(e, KeyboardInterrupt) else 143)
-    except OSError as e:
-        raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
-    except ValueError as e:
-        from mechcore.errors import MechanismError  # here: listing the gallery must not load numpy and scipy
-
-        if not isinstance(e, MechanismError):
-            raise
-        from .scene import SceneError
-
-        fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
-
-
-def refuse(error: OSError) -> int:
-    """Says which file cannot be used; gives the exit code."""
-    say(f"{error.filename}: {error.strerror or error}.")
-    return 2
-
-
-def no_output(error: OSError) -> int:
-    """Gives up on stdout, silently where its reader has left (as `head` does); gives the exit code."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    if isinstance(error, BrokenPipeError):
-        return 0
-    say(f"the output cannot be written: {(error.strerror or str(error)).lower()}.")
-    return 1
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order."""
-    before = {
-        signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
-        signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_: sys.exit(143)),
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def load_scene(source: str) -> Scene:
-    from .scene import load
-
-    return load(source)
-
-
-def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
-    from .run import run_scene
-
-    if scene.simulation is None:
-        return run_scene(scene, frames=frames, cycles=cycles, accuracy=accuracy)
-    with progress_bar("simulating") as bar:
-        return run_scene(
-            scene, frames=frames, cycles=cycles, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000)
-        )
-
-
-def warn_of_accuracy(run: Run) -> None:
-    """Say where a wanted accuracy is not reached."""
-    if run.accuracy.target is not None:
-        from .accuracy.words import target_words
-
-        for line in target_words(run):
-            if line.startswith("warning"):
-                say(line)
-
-
-@contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr for long work; silent where stderr is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @app.command()
@@ -442,22 +348,6 @@ def vibrations(
                 say(f"{output} written.")
         except (OutputError, RecordingError) as e:
             fail(str(e), 1)
-
-
-def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
-    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
-    from .scene.units import QuantityError, Units
-
-    if text is None:
-        return None
-    try:
-        value: float | str = float(text)
-    except ValueError:
-        value = text
-    try:
-        return Units(**scene.document.units.model_dump()).si(value, kind)
-    except QuantityError as e:
-        fail(f"--{option}: {e} {e.remedy}")
 
 
 @app.command()

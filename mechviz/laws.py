@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .command_line import clear_errors, fail
+
 if TYPE_CHECKING:
     from mechcore.laws import MotionCurve
 
@@ -23,8 +25,6 @@ def laws(
     plot: Annotated[Path | None, typer.Option("--plot", help="write the curves over each other (.svg)")] = None,
 ) -> None:
     """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other."""
-    from .cli import clear_errors, fail
-
     with clear_errors("laws"):
         from mechcore.laws import RISES
 

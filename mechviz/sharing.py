@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .command_line import clear_errors, fail, interruptible, load_scene, progress_bar, say, solve
+
 if TYPE_CHECKING:
     from .record import Recording
     from .share.pictures import Look
@@ -40,7 +42,6 @@ def share(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
-    from .cli import clear_errors, fail, interruptible, progress_bar, say
     from .files import OutputError, check_target, replacing
 
     with clear_errors(source):
@@ -85,7 +86,6 @@ def shot(
 
     A PNG is made by Chromium and looks like the shared page; an SVG needs no browser: a drawing seen from the front.
     """
-    from .cli import clear_errors, fail, interruptible
     from .files import OutputError, check_target
     from .share.browser import ChromiumError, find_chromium
 
@@ -139,7 +139,6 @@ def film(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
-    from .cli import clear_errors, fail, interruptible, progress_bar
     from .files import OutputError, check_target
     from .share.browser import ChromiumError, find_chromium
 
@@ -167,7 +166,6 @@ def film(
 
 def _recording(source: str, frames: int | None, cycles: int | None) -> Recording:
     """The recording that is meant, or one made of the scene."""
-    from .cli import fail, interruptible, load_scene, progress_bar, solve
     from .record import Recording, RecordingError
     from .share.source import is_recording, recorded
 
@@ -192,15 +190,12 @@ def _recording(source: str, frames: int | None, cycles: int | None) -> Recording
 
 
 def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:
-    from .cli import fail
-
     if path.suffix.lower() not in endings:
         fail(f"--output {path}: {what} is written as {' or '.join(e[1:].upper() for e in endings)}. Give a name that ends in "
              f"{' or '.join(endings)}.")  # fmt: skip
 
 
 def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
-    from .cli import fail
     from .share.pictures import VIEWS, Look
 
     if view not in VIEWS:
@@ -214,7 +209,6 @@ def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
 
 def _quantity(text: str | None, option: str, unit: str, kind: str) -> float | None:
     """A time [s] or an angle [rad] of an option; a bare number is in ``unit``."""
-    from .cli import fail
     from .scene.units import QuantityError, Units
 
     if text is None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..command_line import clear_errors, fail, load_scene, progress_bar
+
 if TYPE_CHECKING:
     from .cache import Measured
     from .ladder import Point
@@ -34,8 +36,6 @@ def accuracy(
     from .timing import one_thread
 
     one_thread()
-    from ..cli import clear_errors, fail, load_scene, progress_bar
-
     if output is not None and output.suffix.lower() not in (".svg", ".png"):
         fail(f"{output}: diagrams are written as SVG or PNG. Give a name that ends in .svg or .png.")
     with clear_errors(scene):
@@ -123,8 +123,6 @@ def effects(
     from .timing import one_thread
 
     one_thread()
-    from ..cli import clear_errors, fail, load_scene, progress_bar
-
     if not 0.0 < accuracy < 1.0:
         fail(f"--accuracy: {accuracy:g} is no relative change. Give a number between 0 and 1, such as 0.01.")
     with clear_errors(scene):

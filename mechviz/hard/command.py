@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ..command_line import clear_errors, fail, progress_bar
 from .families import FAMILIES
 
 __all__ = ["hard"]
@@ -22,7 +23,6 @@ def hard(
     Singular positions, benchmarks at which other programs fail, undercut cams, jams, stick-slip, impacts, chaos, careless input.
     Each expectation is computed apart from the program: a closed form, a balance, another method.
     """
-    from ..cli import clear_errors, fail, progress_bar
     from . import all_cases
     from .table import as_data, summary, table
 
