@@ -13,7 +13,7 @@ from mechcore import compile_mechanism
 from mechcore.dynamics import Stop, simulate
 from mechcore.dynamics.accounts import kinetic_energy_of
 from mechcore.dynamics.chart import Chart
-from mechcore.dynamics.impacts import impact, rates_at, rows_at
+from mechcore.dynamics.impacts import impact, jacobian_at, rates_at
 from mechcore.dynamics.reduced import motion_at
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Drive, Mechanism
@@ -42,7 +42,7 @@ def test_rates_of_a_stop_are_those_of_finite_differences(pair: str):
     assert rate == pytest.approx((x[2] - x[0]) / (2 * h), rel=1e-6)
     assert second == pytest.approx((x[2] - 2 * x[1] + x[0]) / h**2, rel=1e-5)
     x = coordinate(compiled, pair, [q - h, q + h], [t, t])
-    assert rows_at(compiled, [pair], q, v, t)[0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
+    assert jacobian_at(compiled, [pair], q, v, t)[0, 0] == pytest.approx((x[1] - x[0]) / (2 * h), rel=1e-6)
 
 
 @pytest.mark.parametrize(("pair", "restitution"), [("B", 0.5), ("C", 0.0), ("C", 0.7)])

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from ..motion import Motion
 from ..solve import Compiled
 from .free import Free
-from .reduced import free_of, moving, reduced_equations, solved
+from .reduced import constrained, free_of, moving, reduced_equations
 
-__all__ = ["Chart", "differences", "rows_of"]
+__all__ = ["Chart", "differences", "jacobian_of"]
 
 Array = NDArray[np.float64]
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
-def rows_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
+def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
     """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
     are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
     lead = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
@@ -59,13 +59,10 @@ class Chart:
         r = reduced_equations(motion, units)
         if not self.rests:
             return r.acceleration(), np.zeros((len(t), 0))
-        rows, second = rows_of(motion, units, self.rests)
-        f, p = rows.shape[2], rows.shape[1]
-        full = np.zeros((len(t), f + p, f + p))
-        full[:, :f, :f], full[:, :f, f:], full[:, f:, :f] = r.inertia, -rows.swapaxes(1, 2), rows
-        found = solved(full, np.concatenate([r.force - r.bias, -second], axis=1))
+        rows, second = jacobian_of(motion, units, self.rests)
+        found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
         found[:, self.held] = 0.0
-        return found[:, :f], found[:, f:]
+        return found, holding
 
     def holding(self, q: Array, v: Array, t: Array) -> Array:
         """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""

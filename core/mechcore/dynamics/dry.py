@@ -26,10 +26,10 @@ from ..friction.result import FrictionResult
 from ..kinetostatics import Forces, transmit
 from ..motion import Motion
 from ..solve import Compiled
-from .chart import differences, rows_of
-from .reduced import free_of, moving, reduced_equations, solved, with_rates
+from .chart import differences, jacobian_of
+from .reduced import constrained, free_of, moving, reduced_equations, with_rates
 
-__all__ = ["Dry", "DrySystem", "answers_to", "forces_with", "rates_of"]
+__all__ = ["Dry", "DrySystem", "forces_with", "rates_of"]
 
 Array = NDArray[np.float64]
 
@@ -88,22 +88,6 @@ def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Seq
     return Forces(motion, applied, *passed[:2], GivenFriction(motion, applied, elements, found, passed))
 
 
-def answers_to(inertia: Array, force: Array, rows: Array, second: Array | None = None) -> Array:
-    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f): M a = Q + G' p and G a + b = 0, ``rows`` G (n, p, f)."""
-    f, p = rows.shape[2], rows.shape[1]
-    if p:
-        g = rows.reshape(len(rows), *[1] * (force.ndim - 2), p, f)
-        full = np.zeros((*np.broadcast_shapes(inertia.shape[:-2], g.shape[:-2]), f + p, f + p))
-        full[..., :f, :f], full[..., :f, f:], full[..., f:, :f] = inertia, -g.swapaxes(-1, -2), g
-        right = np.zeros((*force.shape[:-1], p)) if second is None else -second
-        inertia, force = full, np.concatenate([force, right], axis=-1)
-    try:
-        return np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)[..., :f]
-    except np.linalg.LinAlgError:  # one of many, frame by frame
-        each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
-        return solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)[..., :f]
-
-
 class DrySystem:
     """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
 
@@ -123,7 +107,7 @@ class DrySystem:
         r, found = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
         missing = (r.inertia @ found.acceleration[..., None])[..., 0] + r.bias - r.force - np.einsum("nef,ne->nf", tau, found.value)
-        rows, _ = rows_of(motion, units, self.rests)
+        rows, _ = jacobian_of(motion, units, self.rests)
         return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array:
@@ -138,8 +122,8 @@ class DrySystem:
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
         r = reduced_equations(motion, units)
-        rows, rest = rows_of(motion, units, self.rests)
-        first = answers_to(r.inertia, r.force - r.bias, rows, rest)
+        rows, rest = jacobian_of(motion, units, self.rests)
+        first, _ = constrained(r.inertia, r.force - r.bias, rows, rest)
         second = [d[2] for d in motion.drives]
         for place, i in enumerate(free_of(self.compiled)):
             second[i] = first[:, place]
@@ -148,7 +132,7 @@ class DrySystem:
         if self.breaking:
             elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
-        answers = answers_to(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
+        answers, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
         stuck = np.flatnonzero(self.signs == 0.0)
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..solve import Compiled
-from .chart import rows_of
+from .chart import jacobian_of
 from .reduced import free_of, motion_at, moving, reduce
 
-__all__ = ["impact", "rates_at", "rows_at"]
+__all__ = ["impact", "jacobian_at", "newton_impact", "rates_at"]
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: 
     return float(rate), float(second)
 
 
-def rows_at(compiled: Compiled, pairs: Sequence[str], q: Array, v: Array, t: float) -> Array:
+def jacobian_at(compiled: Compiled, pairs: Sequence[str], q: Array, v: Array, t: float) -> Array:
     """Rates of pairs' coordinates per unit rate of each free coordinate (p, f), prescribed drives standing still."""
-    return rows_of(*moving(compiled, q[None], v[None], np.array([t])), pairs)[0][0]
+    return jacobian_of(*moving(compiled, q[None], v[None], np.array([t])), pairs)[0][0]
 
 
 def impact(
@@ -43,12 +43,20 @@ def impact(
     Its impulse spreads over all coordinates by the reduced masses; pairs ``resting`` on other stops stay there.
     """
     inertia = reduce(compiled, q[None], v[None], np.array([t])).inertia[0]
-    rows = rows_at(compiled, [pair, *resting], q, v, t)
-    mobility = np.linalg.solve(inertia, rows.T)
+    change, lost = newton_impact(inertia, jacobian_at(compiled, [pair, *resting], q, v, t), hit, restitution)
+    return v + change, lost
+
+
+def newton_impact(inertia: Array, jacobian: Array, hit: float, restitution: float) -> tuple[Array, float]:
+    """Change of the rates (f,) by an impact after Newton, and energy that is lost [J]; ``inertia`` (f, f).
+
+    ``jacobian`` (1 + c, f): of what comes at the rate ``hit`` and leaves at minus ``restitution`` times it, then of what keeps
+    its rate.
+    """
+    mobility = np.linalg.solve(inertia, jacobian.T)
     push = mobility[:, 0]
-    if resting:
+    if len(jacobian) > 1:
         others = mobility[:, 1:]
-        push = push - others @ np.linalg.solve(rows[1:] @ others, rows[1:] @ push)
-    mass = 1.0 / float(rows[0] @ push)
-    after = v - push * ((1.0 + restitution) * hit * mass)
-    return after, 0.5 * mass * hit * hit * (1.0 - restitution**2)
+        push = push - others @ np.linalg.solve(jacobian[1:] @ others, jacobian[1:] @ push)
+    mass = 1.0 / float(jacobian[0] @ push)
+    return np.asarray(-push * ((1.0 + restitution) * hit * mass)), 0.5 * mass * hit * hit * (1.0 - restitution**2)

@@ -23,6 +23,7 @@ from ..spec import Drive
 from .chart import Chart
 from .collocation import Window
 from .free import Free
+from .impacts import newton_impact
 from .integrate import Solution
 from .reduced import free_of, motion_at, reduce, tangents
 
@@ -172,9 +173,10 @@ class Lifting:
 
         return parting
 
-    def landing(self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, factor: float) -> tuple[Array, float, float]:
-        """Rates (f,) after the impact of a follower on its cam, ``factor`` 1 plus restitution; speed of approach; energy that is
-        lost [J]."""
+    def landing(
+        self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, restitution: float
+    ) -> tuple[Array, float, float]:
+        """Rates (f,) after the impact of a follower on its cam; speed of approach; energy that is lost [J]."""
         compiled, row = self.known[lifted], np.array([t])
         k = self.place(name, lifted)
         contact = self.contacts[name]
@@ -185,11 +187,8 @@ class Lifting:
         slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
         inertia = reduce(compiled, q[None], v[None], row).inertia[0]
-        mobility = np.linalg.solve(inertia, gradient)
-        mass = 1.0 / float(gradient @ mobility)
-        after = v - mobility * (factor * hit * mass)
-        e = factor - 1.0
-        return after, -hit, 0.5 * mass * hit * hit * (1.0 - e * e)
+        change, lost = newton_impact(inertia, gradient[None], hit, restitution)
+        return v + change, -hit, lost
 
     def followed(self, name: str, motion: Motion) -> Array:
         """The guide's coordinate (F,) at which the follower would touch its cam."""

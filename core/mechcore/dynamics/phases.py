@@ -12,9 +12,9 @@ from ..errors import Fault, MechanismError
 from ..friction.elements import Element, elements_of
 from ..motion import Motion
 from ..solve import Compiled
-from .chart import rows_of
-from .dry import DrySystem, answers_to, rates_of
-from .reduced import free_of, moving, reduced_equations
+from .chart import jacobian_of
+from .dry import DrySystem, rates_of
+from .reduced import constrained, free_of, moving, reduced_equations
 
 __all__ = ["WORDS", "Key", "Phases", "braking_elements", "keys_of", "rubbing", "senses"]
 
@@ -104,14 +104,14 @@ class Phases:
         elements = elements_of(motion)
         tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
         inertia = reduced_equations(motion, units).inertia
-        answer = answers_to(inertia[:, None], tau[None], rows_of(motion, units, self.rests)[0])[0].T
+        answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
         return np.asarray(v - answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
 
     def _led(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)
-        inertia, (rows, _) = reduced_equations(motion, units).inertia, rows_of(motion, units, self.rests)
-        freely, really = (np.einsum("nef,nef->ne", tau, answers_to(inertia[:, None], tau, g))[0] for g in (rows[:, :0], rows))
+        inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
+        freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
         return np.asarray(~(really > LED * freely))
 
     def _either_way(self, row: tuple[Array, Array, Array]) -> Array:

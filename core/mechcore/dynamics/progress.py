@@ -23,7 +23,7 @@ from .curve import Curve
 from .dry import DrySystem
 from .free import Free
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
-from .impacts import impact, rates_at, rows_at
+from .impacts import impact, jacobian_at, rates_at
 from .integrate import Solution, integrate
 from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond, pressing
 from .phases import WORDS, Key, Phases, keys_of, rubbing, senses
@@ -436,9 +436,9 @@ class Progress:
         assert self.lifting is not None
         e = self.lifting.contacts[name].restitution
         k, fewer = self.lifting.place(name, self.lifted), self.lifted - {name}
-        rebound, hit, lost = self.lifting.landing(name, self.lifted, t, q, v, 1.0 + e)
+        rebound, hit, lost = self.lifting.landing(name, self.lifted, t, q, v, e)
         held = np.delete(q, k)
-        stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 1.0)
+        stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 0.0)
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         self.lost.append((t, all_lost if stays else lost))
@@ -480,7 +480,7 @@ class Progress:
         left = self._rates(stop, q, v, t)[0]
         self.resting[k] = stop
         self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
-        g = rows_at(self.compiled, [stop.pair], q, v, t)[0]
+        g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
         return np.asarray(v - g * (left / float(g @ g)))
 
     def _pull(self, system: Chart | DrySystem, stop: Stop) -> Gauge:

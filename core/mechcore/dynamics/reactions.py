@@ -12,7 +12,7 @@ from ..effects import sum_up
 from ..effects.pair_effort import pair_wrench
 from ..kinetostatics import Forces, solve_forces, transmit
 from ..motion import Motion
-from .chart import rows_of
+from .chart import jacobian_of
 from .dry import DrySystem, forces_with
 from .free import Free
 from .happenings import Stop
@@ -40,7 +40,7 @@ def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Seque
     if not resting:
         return forces
     free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
-    rows, _ = rows_of(motion, tangents(motion, free), [stop.pair for stop in resting])
+    rows, _ = jacobian_of(motion, tangents(motion, free), [stop.pair for stop in resting])
     efforts = np.stack([forces.effort(motion.mechanism.drives[i].pair) for i in free], axis=1)
     inner = rows @ rows.swapaxes(1, 2)
     found = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]

@@ -20,7 +20,18 @@ from ..motion import Motion
 from ..solve import Compiled, solve_motion
 from .free import Free
 
-__all__ = ["ReducedEquations", "free_of", "motion_at", "moving", "reduce", "reduced_equations", "solved", "tangents", "with_rates"]
+__all__ = [
+    "ReducedEquations",
+    "constrained",
+    "free_of",
+    "motion_at",
+    "moving",
+    "reduce",
+    "reduced_equations",
+    "solved",
+    "tangents",
+    "with_rates",
+]
 
 Array = Any
 Real = NDArray[np.float64]
@@ -52,6 +63,26 @@ def solved(matrix: Real, rhs: Real) -> Real:
         out = np.full(rhs.shape, np.nan)
         out[fine] = np.linalg.solve(matrix[fine], rhs[fine, :, None])[..., 0]
         return out
+
+
+def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None = None) -> tuple[Real, Real]:
+    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f), and what holds the constraints, p (n, ..., c).
+
+    M a = Q + G' p and G a + b = 0, ``jacobian`` G (n, c, f), ``second`` b (n, c) or none; not a number where that is singular.
+    """
+    c, f = jacobian.shape[1:]
+    if c:
+        g = jacobian.reshape(len(jacobian), *[1] * (force.ndim - 2), c, f)
+        full = np.zeros((*np.broadcast_shapes(inertia.shape[:-2], g.shape[:-2]), f + c, f + c))
+        full[..., :f, :f], full[..., :f, f:], full[..., f:, :f] = inertia, -g.swapaxes(-1, -2), g
+        right = np.zeros((*force.shape[:-1], c)) if second is None else -second
+        inertia, force = full, np.concatenate([force, right], axis=-1)
+    try:
+        found = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
+    except np.linalg.LinAlgError:  # one of many, frame by frame
+        each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
+        found = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
+    return found[..., :f], found[..., f:]
 
 
 def free_of(compiled: Compiled) -> list[int]:
