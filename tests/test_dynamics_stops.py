@@ -14,7 +14,7 @@ from mechcore.dynamics import Stop, simulate
 from mechcore.dynamics.accounts import kinetic_energy_of
 from mechcore.dynamics.chart import Chart
 from mechcore.dynamics.impacts import impact, jacobian_at, rates_at
-from mechcore.dynamics.reduced import motion_at
+from mechcore.dynamics.reduced import constrained, motion_at
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import Drive, Mechanism
 
@@ -98,3 +98,17 @@ def test_what_rests_on_one_stop_stays_when_another_is_hit():
     )
     free = impact(compiled, "J", [], 0.4, 2.0, q, v, 0.0)[0]
     assert free[1] == pytest.approx(-0.8) and abs(free[0]) > 0.1
+
+
+def test_accelerations_and_what_holds_them_satisfy_the_bordered_equations():
+    """M a = Q + G' p and G a + b = 0, the sign of p included; where one frame is singular, only that one is not a number."""
+    rng = np.random.default_rng(3)
+    root, g = rng.standard_normal((5, 4, 4)), rng.standard_normal((5, 2, 4))
+    inertia, force, second = root @ root.swapaxes(1, 2) + np.eye(4), rng.standard_normal((5, 4)), rng.standard_normal((5, 2))
+    a, p = constrained(inertia, force, g, second)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", inertia, a), force + np.einsum("nci,nc->ni", g, p), atol=1e-10)
+    np.testing.assert_allclose(np.einsum("nci,ni->nc", g, a), -second, atol=1e-10)
+    g[2] = 0.0
+    again, _ = constrained(inertia, force, g, second)
+    assert np.isnan(again[2]).all()
+    np.testing.assert_allclose(np.delete(again, 2, axis=0), np.delete(a, 2, axis=0), rtol=1e-10)
