@@ -155,8 +155,15 @@ def friction_events(forces: Forces) -> list[Event]:
     drives = ", ".join(d.pair for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
     for first, last in runs(locked):
-        whole = "over the whole run" if locked.all() else f"until {time[last]:.6g} s, {at_drive(motion, float(time[first]))}"
-        found.append(Event(float(time[first]), "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
+        start, end = float(time[first]), float(time[last])
+        there = at_drive(motion, end)
+        if len(motion.mechanism.drives) == 1:  # it need not be named twice
+            there = there.removeprefix(f"drive {drives} at ")
+        span = f"from {start:.6g} s to {end:.6g} s ({at_drive(motion, start)} to {there})"
+        if first == last:
+            span = f"at {start:.6g} s ({at_drive(motion, start)})"
+        whole = "over the whole run" if locked.all() else span
+        found.append(Event(start, "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
     found += _cost(forces, friction)
     return sorted(found, key=lambda e: e.time)
 
