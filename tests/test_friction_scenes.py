@@ -17,7 +17,7 @@ from mechcore.plan import make_plan
 from mechcore.spec import Drive, Friction, Link, PinSlot, Prismatic
 from mechviz.hard.rubbing import sleeve
 from mechviz.record import inspect
-from mechviz.record.inspection import format_inspection
+from mechviz.record.inspection import _losses, format_inspection
 from mechviz.report import check_lines
 from mechviz.scene import Scene, SceneBuilder, json_schema
 from recordings import made
@@ -237,6 +237,39 @@ def test_inspection_lists_losses_and_jams():
     jam = format_inspection(inspect(made("jamming-sleeve").path))
     assert "jams to the end of the run" in jam and " nan " not in jam
     assert "where it jams: there are no forces beyond" in jam
+
+
+def test_losses_of_a_run_that_jams_at_its_beginning_are_those_of_its_other_frames():
+    """Of a power that is 2 W and 4 W where it is known: as such a recording has it, and one that jams throughout."""
+    whole = inspect(made("slider-crank-friction").path)
+    none = float("nan")
+
+    class Rows:
+        time = np.array([0, 1, 2, 3, 4, 5]) * 10**9
+
+        def __init__(self, values):
+            self.values = np.array(values)
+
+    class Jammed:
+        def __init__(self, values):
+            self.values = values
+
+        def has(self, *path):
+            return path[2] == "O"
+
+        def rows(self, *path, component):
+            return Rows(self.values)
+
+    def text(*values: float) -> str:
+        found = _losses(Jammed(values), {"joints": {"O": {}, "B": {}}})
+        told = replace(whole, start=0.0, end=5.0, losses=tuple(f[:2] for f in found), losses_over=found[0][2])
+        return format_inspection(told)
+
+    late = text(none, none, 2.0, 2.0, none, 4.0)
+    assert "Friction losses, mean over 2 s to 3 s, 5 s: at the other frames it jams" in late
+    assert f"  {'all':<12}  {2:>12.5g} W" in late and "nan" not in late
+    assert "Friction losses: it jams over the whole run, there are no forces" in text(*[none] * 6)
+    assert "Friction losses, mean of the run" in text(*[2.0] * 6)
 
 
 def test_check_and_record_say_where_friction_jams_or_locks():

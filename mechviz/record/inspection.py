@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from mechcore.events import runs
+
 from ..accuracy.estimate import COLUMNS
 from .errors import RecordingError
 from .reader import LoggedEvent, Recording, Rows
@@ -22,6 +24,8 @@ HEALTH = (
     ("power_balance", ""),
     ("energy_drift", ""),
 )
+
+Spans = tuple[tuple[float, float], ...]
 
 NOISE = 1e-9  # of the largest value of the same unit
 
@@ -69,7 +73,7 @@ class Inspection:
     skipped: tuple[str, ...]
     peaks: tuple[Peak, ...]
     losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
-    losses_until: float | None  # time of the first jam [s], up to which the losses are counted; None: the whole run
+    losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
     health: tuple[Peak, ...]
     events: tuple[LoggedEvent, ...]
 
@@ -103,7 +107,7 @@ def inspect(path: Path | str) -> Inspection:
         skipped=tuple(properties.get("skipped", ())),
         peaks=tuple(_peaks(recording, model)),
         losses=tuple((joint, loss) for joint, loss, _ in losses),
-        losses_until=min((end for _, _, end in losses if end is not None), default=None),
+        losses_over=losses[0][2] if losses else (),
         health=tuple(_health(recording)),
         events=recording.events,
     )
@@ -134,21 +138,43 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
     return [p for p in found if p is not None]
 
 
-def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float, float | None]]:
-    """Mean power that friction takes in each joint that has any [W], the largest first; up to where the mechanism jams [s]."""
+def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float, Spans]]:
+    """Mean power that friction takes in each joint that has any [W], the largest first, over the frames that have forces.
+
+    With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
+    """
     found = []
     for joint in model["joints"]:
         path = ("data", "joints", joint, "friction_loss")
         if recording.has(*path):
             rows = recording.rows(*path, component="Scalars:scalars")
             time, values = 1e-9 * rows.time.astype(float), rows.values.reshape(len(rows.time))
-            whole = bool(np.isfinite(values).all())
-            known = len(values) if whole else int(np.argmax(~np.isfinite(values)))
-            time, values = time[: max(known, 1)], values[: max(known, 1)]
-            span = float(np.ptp(time))
-            mean = float(np.trapezoid(values, time)) / span if span > 0 else float(values.mean())
-            found.append((joint, mean, None if whole else float(time[-1])))
+            parts = [slice(first, last + 1) for first, last in runs(np.isfinite(values))]
+            spans = tuple((float(time[part][0]), float(time[part][-1])) for part in parts)
+            span = sum(end - start for start, end in spans)
+            work = sum(float(np.trapezoid(values[part], time[part])) for part in parts)
+            if parts:
+                found.append((joint, work / span if span > 0 else float(np.nanmean(values)), spans))
+            else:
+                found.append((joint, 0.0, ()))
     return sorted(found, key=lambda item: -item[1])
+
+
+def _loss_lines(found: Inspection) -> list[str]:
+    """Losses and over which part of the run they are averaged."""
+    spans = found.losses_over
+    if not spans:
+        return ["Friction losses: it jams over the whole run, there are no forces"]
+    begins, ends = spans[0][0] <= found.start, spans[-1][1] >= found.end
+    if len(spans) == 1 and begins:
+        over = "of the run" if ends else f"up to {spans[0][1]:.6g} s, where it jams: there are no forces beyond"
+    else:
+        parts = ", ".join(f"{start:.6g} s to {end:.6g} s" if start < end else f"{start:.6g} s" for start, end in spans)
+        over = f"over {parts}: at the other frames it jams and there are no forces"
+    total = sum(loss for _, loss in found.losses)
+    lines = [f"Friction losses, mean {over}"]
+    lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
+    return [*lines, f"  {'all':<12}  {total:>12.5g} W"]
 
 
 def _health(recording: Recording) -> list[Peak]:
@@ -215,12 +241,7 @@ def format_inspection(found: Inspection) -> str:
     if found.peaks:
         lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
     if found.losses:
-        total = sum(loss for _, loss in found.losses)
-        until = found.losses_until
-        span = "of the run" if until is None else f"up to {until:.6g} s, where it jams: there are no forces beyond"
-        lines += ["", f"Friction losses, mean {span}"]
-        lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
-        lines.append(f"  {'all':<12}  {total:>12.5g} W")
+        lines += ["", *_loss_lines(found)]
     if found.health:
         lines += ["", "Worst health", *_peak_lines(found.health)]
     lines += ["", "Events", *(f"  {e.level:<4}  {e.text}" for e in found.events)]
