@@ -93,3 +93,28 @@ def test_spatial_cams_are_bored_and_keyed(name):
     assert Polygon(disc.exterior).area - disc.area == pytest.approx(bore.area, rel=1e-6)
     assert bar.area == pytest.approx(24 * radius**2 * np.sin(2 * np.pi / 48), rel=1e-6)
     assert 0.0 < wedge.area < bore.area - bar.area and disc.distance(wedge) > 0.0
+
+
+CRANK_WITH_CAM = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { A = [0, 0], G = [0, 90] } }
+crank = { points = { A = [0, 0], B = [60, 0] } }
+follower = { points = { T = [0, 0] } }
+[pairs]
+A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+S = { prismatic = ["frame", "follower"], at = ["G", "T"], along = [0, 1] }
+[pairs.K]
+cam = ["crank", "follower"]
+profile = { base = 30, lift = [{ over = 180, to = 12 }, { over = 180, to = 0 }] }
+follower = { roller = 8, guide = "S", point = "T" }
+"""
+
+
+@pytest.mark.parametrize(("point", "chord"), [("60, 0", 5e-4), ("60, 0", 1e-3), ("60, 0", 2.85e-3), ("2, 0", None), ("2, 0", 5e-3)])
+def test_a_keyed_boss_on_a_crank_is_built_with_facets_of_any_size(point, chord):
+    """The chamfer of the boss once cut off the corners of the keyway: its end face could not be divided into triangles."""
+    scene = mechviz.loads(CRANK_WITH_CAM.replace("60, 0", point))
+    crank = build_solids(scene.mechanism, chord=chord, profile=90).links["crank"]
+    assert parts_of(crank, "key") and all(part.is_watertight for part in crank.parts)
+    assert sum(part.volume for part in crank.parts) == pytest.approx(crank.mesh.volume) and min(p.volume for p in crank.parts) > 0.0

@@ -10,7 +10,7 @@ from mechcore.spec import Vec2
 
 from .outline import disc, polygons
 
-__all__ = ["key_outline", "keyed_bore", "keyway_reach"]
+__all__ = ["key_outline", "keyed_bore", "keyway_corner", "keyway_reach"]
 
 # A key by DIN 6885 (d = 22 to 30 mm: 8 x 7 mm, 3.3 mm of it in the hub), a little higher so that it is seen, in radii of its shaft.
 _HALF = 0.27  # half its width
@@ -22,6 +22,11 @@ _RIM = 1.12  # of the keyway's reach: the least radius of a hub around it
 def keyway_reach(shaft: float) -> float:
     """The least radius of a hub around the keyway on a shaft of this radius."""
     return _RIM * (1.0 + _HIGH) * shaft
+
+
+def keyway_corner(shaft: float) -> float:
+    """The radius on which the outer corners of the keyway on a shaft of this radius lie."""
+    return float(np.hypot(1.0 + _HIGH, _HALF)) * shaft
 
 
 def keyed_bore(centre: Vec2, shaft: float, hole: float, towards: Vec2, segments: int) -> Polygon:

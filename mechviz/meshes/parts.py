@@ -17,7 +17,7 @@ from mechcore.spec import Vec2
 
 from .draft import Draft, Piece
 from .extrude import Groove, Profile, Shell, Turned, plate, revolve
-from .keys import key_outline, keyed_bore, keyway_reach
+from .keys import key_outline, keyed_bore, keyway_corner, keyway_reach
 from .model import Axle, Model
 from .outline import clean, disc, pedestal, polygons
 from .palette import BELT, PIN, Color
@@ -102,8 +102,11 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
         above, below = _boss_heights(model, levels, k, layer)
         hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
         above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
-        upper = _boss(boss, radius, high, above, size.bevel)
-        lower = _boss(boss, radius, low, -below, size.bevel)
+        chamfer = size.bevel
+        if bore is not None:  # even the middles of the sides of a boss's end face stay clear of the corners of its keyway
+            chamfer = min(chamfer, 0.4 * (boss * float(np.cos(np.pi / model.segments)) - keyway_corner(axle.pin)))
+        upper = _boss(boss, radius, high, above, chamfer)
+        lower = _boss(boss, radius, low, -below, chamfer)
         turned.append(Turned(centre, upper, lower, bore))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
         keys += [_key(axle, (low - below, high + above), model)] if bore else []
