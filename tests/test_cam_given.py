@@ -10,11 +10,13 @@ from mechcore import MechanismError, compile_mechanism, default_times, solve_for
 from mechcore.cams import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating, cam_contour, cam_on_base
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import bulged, circle, moved, polygon, spline_contour
+from mechcore.cams.crossing import self_crossing
 from mechcore.cams.given import lift_of
 from mechcore.cams.happenings import cam_events, placed_cams
 from mechcore.laws import Segment, program
 from mechviz.cam_export import cam_outlines, export_profiles
 from mechviz.run import run_scene
+from mechviz.scene import SceneError
 from mechviz.scene.cam_files import read_dxf, read_points
 from mechviz.scene.catalogue import GALLERY_FOLDER
 
@@ -238,3 +240,52 @@ def test_faults_of_given_profiles(old, new, words):
     said = " ".join(str(error.value).split())
     for word in words:
         assert word in said, said
+
+
+@pytest.mark.parametrize(
+    ("scene", "unit", "words"),
+    [
+        ("cam-measured.csv", "-1 mm", "negative"),
+        ("cam-drawing.dxf", "-1 mm", "negative"),
+        ("cam-measured.csv", "0 mm", "is zero"),
+        ("cam-measured.csv", "1 kg", "is a mass, a length is wanted"),
+        ("cam-measured.csv", "nan", "not a finite number"),
+        ("cam-measured.csv", "1e-300 m", "no unit of a drawing"),
+        ("cam-drawing.dxf", "1e-300 m", "no unit of a drawing"),
+        ("cam-measured.csv", "1 cm", "10 mm, but 'cam-measured.csv' says that its unit is 1 mm"),
+        ("cam-drawing.dxf", "1 in", "25.4 mm, but 'cam-drawing.dxf' says that its unit is 1 mm"),
+    ],
+)
+def test_what_is_no_unit_of_a_file(scene, unit, words):
+    name = scene.partition(".")[0]
+    text = text_of(name).replace(f'file = "{scene}"', f'file = "{scene}"\nfile_unit = "{unit}"')
+    with pytest.raises(SceneError) as refused:
+        mechviz.loads(text)
+    assert [f.path for f in refused.value.faults] == ["pairs.K.profile.file_unit"] and words in refused.value.faults[0].message
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (lambda t: 40.0 * np.sin(2.0 * t) + 40.0j * np.sin(t), "profiles that cross themselves are no cam"),
+        (lambda t: 0.0 * t + 40.0, "its 50 points coincide"),
+        (lambda t: 40.0 * np.exp(1j * np.repeat(t[::10], 10)), "all but 5 coincide"),
+    ],
+    ids=["eight", "one point", "five points"],
+)
+def test_measured_points_that_are_no_cam(points, words, tmp_path):
+    z = points(2.0 * np.pi * np.arange(50) / 50)
+    (tmp_path / "p.csv").write_text("x [mm],y [mm]\n" + "".join(f"{p.real:.17g},{p.imag:.17g}\n" for p in z))
+    with pytest.raises(SceneError) as refused:
+        mechviz.loads(text_of("cam-measured").replace('"cam-measured.csv"', f"'{tmp_path / 'p.csv'}'"))
+    assert [f.path for f in refused.value.faults] == ["pairs.K.profile.file"] and words in refused.value.faults[0].message
+
+
+def test_where_a_profile_crosses_itself():
+    """An eight whose lobes cross off its points; simple outlines, also hollow ones, do not."""
+    t = 2.0 * np.pi * (np.arange(60) + 0.3) / 60
+    place = self_crossing(spline_contour(0.01 + 0.04 * np.sin(2 * t) + 0.04j * np.sin(t))[0])
+    assert place is not None and abs(place - 0.01) < 1e-5
+    assert abs(self_crossing(polygon([0.0, 0.02 + 0.02j, 0.02, 0.02j])) - (0.01 + 0.01j)) < 1e-12
+    for simple in (tangent_cam(), lobes(), circle(0.03, 0.01), polygon([0.03, 0.03j, -0.03, -0.03j, 0.001 - 0.001j])):
+        assert self_crossing(simple) is None

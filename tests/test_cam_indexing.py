@@ -120,3 +120,31 @@ def test_faults_of_indexing_cams(name, old, new, words):
     said = " ".join(str(error.value).split())
     for word in words:
         assert word in said, said
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "path", "words"),
+    [
+        (
+            "cam-indexing-barrel",
+            'point = "T" }',
+            'point = "T", second = { roller = 8, point = "E" } }',
+            "follower.second",
+            "barrel",
+        ),
+        ("cam-indexing", "radius = 3 }", "radius = 30 }", "friction.radius", "not thinner"),
+        ("cam-indexing", "rollers = 10", "rollers = 2", "profile.globoid.rollers", "too small. Give at least 6."),
+        ("cam-indexing", "rollers = 10", "rollers = 5", "profile.globoid.rollers", "too small. Give at least 6."),
+        ("cam-indexing", "depth = 12", "depth = 1e6", "profile.globoid.depth", "smaller"),
+        ("cam-indexing-barrel", "depth = 10", "depth = 1e6", "profile.barrel.depth", "smaller"),
+        ("cam-inverse-slide", "phase = 42", 'phase = "42 deg"', "profile.phase", "length is wanted"),
+        ("cam-inverse-slide", "[pairs.K.profile]", "graphical = { step = 5 }\n[pairs.K.profile]", "graphical", "disc cam"),
+    ],
+)
+def test_one_fault_is_told_once_and_where_it_is(name, old, new, path, words):
+    text = (GALLERY_FOLDER / f"{name}.toml").read_text()
+    assert old in text
+    with pytest.raises(ValueError) as refused:
+        compile_mechanism(mechviz.loads(text.replace(old, new)).mechanism)
+    (fault,) = refused.value.faults
+    assert fault.path == f"pairs.K.{path}" and words in f"{fault.message} {fault.remedy}"

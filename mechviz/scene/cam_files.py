@@ -170,8 +170,12 @@ def read_points(path: Path) -> tuple[Complex, float | None]:
     if len(points) < 7:
         raise _bad(f"it has {len(points)} points.", "Give at least 7.")
     z = np.array(points)
+    if not np.any(z != z[0]):
+        raise _bad(f"its {len(z)} points coincide.", "Give the points once round the cam, in order.")
     near = _SAME * float(np.abs(z - z.mean()).max())  # ends of pieces that are written twice
     z = z[np.abs(z - np.roll(z, 1)) > near] if abs(z[0] - z[-1]) <= near else z[np.abs(np.diff(z, prepend=np.inf)) > near]
+    if len(z) < 7:
+        raise _bad(f"of its {len(points)} points all but {len(z)} coincide with the one before.", "Give at least 7 that differ.")
     return z, unit
 
 

@@ -33,6 +33,7 @@ SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
 FACES = ("knife", "roller", "mushroom", "flat", "groove")
 _STEEPEST = math.radians(89.0)
+_FINEST_UNIT = 1e-9  # of a drawing [m]
 
 
 class LiftSegment(ProgramSegment):
@@ -124,7 +125,7 @@ class BlankDocument(Table):
     """Depth of the groove, height of the rib, width of the end face."""
     thickness: Size | None = None
     """Rib: its thickness between the two rollers."""
-    rollers: Annotated[int, Field(strict=True, ge=3, le=100)] | None = None
+    rollers: Annotated[int, Field(strict=True, ge=6, le=100)] | None = None
     """Barrel: an indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
@@ -133,7 +134,7 @@ class GloboidDocument(Table):
 
     depth: Size
     """Depth of the groove: the roller's length along the arm, half of it on either side of the follower's point."""
-    rollers: Annotated[int, Field(strict=True, ge=3, le=100)] | None = None
+    rollers: Annotated[int, Field(strict=True, ge=6, le=100)] | None = None
     """An indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
@@ -157,8 +158,8 @@ class ProfileDocument(Table):
     """Given profile: a spline through measured points in the axes of the cam's link."""
     file: Text | None = None
     """Given profile: a DXF drawing with one closed outline, or a CSV table of points. Path from the folder of the scene file."""
-    file_unit: Length | None = None
-    """Length of the unit of the file, such as "1 mm". Default: what the file says."""
+    file_unit: Size | None = None
+    """Length of the unit of a file that does not state one, such as "1 mm"."""
     tolerance: Extent | None = None
     """Points, CSV: how far (root mean square) the spline may pass from them. Default 0."""
     radius: Annotated[list[RadiusSegment], Field(min_length=1)] | None = None
@@ -266,6 +267,9 @@ def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault
             yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
         if second is not None and pair.closure != "form" and not pair.unread:
             yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
+        lone = [key for key in (*SOLIDS, "bed") if getattr(pair.profile, key, None) is not None]
+        if second is not None and lone:
+            yield Fault(f"{path}.follower.second", f"a second roller does not go with {lone[0]}.", "Leave it out.")
 
 
 def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Pair | None:
@@ -374,6 +378,20 @@ def _program(
 
 def given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
     """A given profile in the axes of the cam's link [m]; faults of it are noted."""
+    from mechcore.cams.crossing import self_crossing
+
+    found = _shape(profile, base, path, convert)
+    # circles and radii over the polar angle never cross themselves
+    place = self_crossing(found) if found is not None and profile.eccentric is None and profile.radius is None else None
+    if place is None:
+        return found
+    key = next(k for k in SHAPES if getattr(profile, k) is not None)
+    why = f"it crosses itself near [{1e3 * place.real:.4g}, {1e3 * place.imag:.4g}] mm: profiles that cross themselves are no cam."
+    convert.note(f"{path}.{key}", why, "Give the points once round the cam, in order.")
+    return None
+
+
+def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
     from mechcore.cams import contour as shapes
 
     try:
@@ -420,20 +438,29 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
         convert.note(f"{path}.file", f"there is no file '{name}'.", "Give its path from the folder of the scene file.")
         return None
     stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
+    if stated is not None and not stated >= _FINEST_UNIT:  # NaN is noted already
+        if not math.isnan(stated):
+            convert.note(f"{path}.file_unit", f"{stated:g} m is no unit of a drawing.", 'Give one such as "1 mm".')
+        return None
     tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
     if place.suffix.lower() == ".dxf":
         if profile.tolerance is not None:
             convert.note(f"{path}.tolerance", "a drawing is taken as it is.", "Leave it out.")
         z, bulges, unit = read_dxf(place)
-        scale = stated or unit
-        outline = None if scale is None else shapes.bulged(scale * z, bulges)
     else:
         z, unit = read_points(place)
-        scale = stated or unit
-        outline = None if scale is None else shapes.spline_contour(scale * z, tolerance)[0]
-    if outline is None:
+        bulges = None
+    scale = stated or unit
+    if scale is None:
         convert.note(f"{path}.file_unit", f"'{name}' does not say its unit.", 'Add file_unit = "1 mm".')
-    return outline
+        return None
+    if unit is not None and abs(scale - unit) > 1e-9 * unit:
+        why = f"{1e3 * scale:g} mm, but '{name}' says that its unit is {1e3 * unit:g} mm."
+        convert.note(f"{path}.file_unit", why, "Leave it out, or correct the file.")
+        return None
+    if math.isnan(tolerance):
+        return None
+    return shapes.spline_contour(scale * z, tolerance)[0] if bulges is None else shapes.bulged(scale * z, bulges)
 
 
 def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:

@@ -177,6 +177,9 @@ def friction_spec(
 def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: list[Friction | None], convert: Converter) -> None:
     """Note a fault where friction is named and no pair has any."""
     if "friction" in effects and pairs and not any(f is not None for f in found):
+        rubbing = [f"pairs.{name}" for name, pair in pairs.items() if pair.friction is not None]
+        if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
+            return  # a pair with friction is faulty itself
         first = next((name for name, pair in pairs.items() if pair.kind in FRICTION_KEYS), "")
         where = f"pairs.{first}" if first else "a pair"
         remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'

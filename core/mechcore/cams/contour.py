@@ -370,7 +370,7 @@ def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = 
     if not pieces or (closed and len(pieces) < 2):
         raise MechanismError(Fault("contour", f"{len(z)} vertices make no outline.", "Give at least two, and arcs or a third."))
     contour = Contour(tuple(pieces), closed)
-    if closed and contour.area < 0.0:
+    if closed and contour.area < -1e-12 * contour.size**2:  # an eight of equal lobes has none, either way round
         return bulged(z[::-1], -np.roll(b[::-1], -1), closed)
     return _checked(pieces, closed)
 

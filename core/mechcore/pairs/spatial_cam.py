@@ -143,11 +143,14 @@ def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: f
 def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float]:
     """The range of the roller's axis that touches: from the cam's axis, or from the pivot of a globoid's arm [m]."""
     if blank.kind == "globoid":
+        if not 0.0 < blank.depth < 2.0 * arm:
+            why = f"a depth of {1e3 * blank.depth:.6g} mm about the end of an arm of {1e3 * arm:.6g} mm."
+            raise fault_of(pair, "profile.globoid.depth", why, "Give a smaller one.")
         return arm - 0.5 * blank.depth, arm + 0.5 * blank.depth
     if not 0.0 < blank.depth < blank.radius:
         raise fault_of(
             pair,
-            "profile",
+            f"profile.{blank.kind}.depth",
             f"a depth of {1e3 * blank.depth:.6g} mm in a radius of {1e3 * blank.radius:.6g} mm.",
             "Give a smaller one.",
         )
