@@ -83,6 +83,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         )
     if "friction" in scene.mechanism.effects and not free:
         lines += _friction(motion)
+    if not free:
+        lines += _contact(motion, [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else [])
     if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads) and not free:
         lines += _belts(motion)
     if any(isinstance(p, CamPair) and (p.rating is not None or p.drawn is not None) for p in scene.mechanism.pairs) and not free:
@@ -101,6 +103,21 @@ def _friction(motion: Motion) -> list[str]:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
     return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
+
+
+def _contact(motion: Motion, decided: list[str]) -> list[str]:
+    """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
+    if not (motion.mechanism.effects or motion.mechanism.loads) or not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
+        return []
+    from mechcore.cams.happenings import cam_events, placed_cams
+
+    pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
+    if not pressed:
+        return []
+    found = [e for e in cam_events(motion, solve_forces(motion)) if e.item in pressed and e.text.startswith("contact ")]
+    said = [e for e in found if e.text.split()[1] in ("lost", "regained")]
+    lines = [f"{e.item}: {e.text.replace(' at ', f' at {e.time:.6g} s, ', 1)}" for e in said]
+    return [f"{'' if k else 'contact':<10} {line}" for k, line in enumerate(lines or ["no follower leaves its cam over the run"])]
 
 
 def _cams(motion: Motion) -> list[str]:

@@ -11,6 +11,7 @@ import mechviz
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.cams.happenings import cam_events, contact_force, placed_cams
 from mechviz.meshes import build_solids
+from mechviz.report import check_lines
 from mechviz.run import run_scene
 from mechviz.scene import SceneError
 from mechviz.tables import tables
@@ -126,6 +127,15 @@ def test_the_lectures_constant_acceleration(name, c1, a0):
     at = np.pi + (0.0 if knocks else 0.5 * np.pi)
     left, right = (np.pi * cam.law(at, 1, side)[1] for side in ("left", "right"))
     np.testing.assert_allclose(right - left, -2.0 * (a0 + c1), atol=1e-12)
+
+
+def test_check_says_where_a_follower_leaves_its_cam():
+    motion, forces = solved("valve-train")
+    lost = [f"contact lost at {e.time:.6g} s, " for e in cam_events(motion, forces) if e.text.startswith("contact lost")]
+    lines = check_lines(mechviz.load("valve-train"))
+    assert len(lost) == 2 and all(any(words in line for line in lines) for words in lost)
+    assert "contact    no follower leaves its cam over the run" in check_lines(mechviz.load("cam-roller"))
+    assert not any(line.startswith("contact") for line in check_lines(mechviz.load("cam-groove")))  # held by its form
 
 
 def test_contact_is_lost_where_the_force_changes_its_sign():
