@@ -21,6 +21,7 @@ from .keys import key_outline, keyed_bore, keyway_corner, keyway_reach
 from .model import Axle, Model
 from .outline import clean, disc, pedestal, polygons
 from .palette import BELT, PIN, Color
+from .spatial import turrets_reach
 from .stack import Levels
 
 __all__ = ["Part", "Prism", "make_parts"]
@@ -306,6 +307,9 @@ def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     for front in (False, True):
         side = [stand for stand in stands if stand.front == front]
         low, high = levels.plate(levels.top + 1 if front else -1)
+        if not front:  # below the rollers that pass over the foot of their turret
+            sunk = max(0.0, high + levels.size.clearance - turrets_reach(model, levels))
+            low, high = low - sunk, high - sunk
         feet = unary_union([pedestal(stand.centre, size.r, model.segments) for stand in side])
         for foot in polygons(feet):
             columns: list[Turned] = []

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .parts import Part
     from .stack import Levels
 
-__all__ = ["SpatialDrawing", "Spin", "find_spatial", "spatial_parts", "spin_transforms"]
+__all__ = ["SpatialDrawing", "Spin", "find_spatial", "spatial_parts", "spin_transforms", "turrets_reach"]
 
 Real = NDArray[np.float64]
 
@@ -200,6 +200,12 @@ def _height(model: Model, levels: Levels, drawing: SpatialDrawing) -> float:
     if drawing.flat:
         return 0.5 * (low + high)
     return low - 0.5 * model.proportions.r - drawing.placed.blank.radius / drawing.size
+
+
+def turrets_reach(model: Model, levels: Levels) -> float:
+    """How far down rollers reach that lie all around their turret's pivot; infinite where there are none."""
+    lying = [drawing for drawing in model.spatial if drawing.flat and drawing.placed.blank.rollers]
+    return min((_height(model, levels, d) - d.placed.cam.radius / d.size for d in lying), default=np.inf)
 
 
 def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Part]:
