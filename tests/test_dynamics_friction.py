@@ -14,7 +14,7 @@ from mechcore import MechanismError
 from mechcore.dynamics import Free, Stop, simulate
 from mechcore.laws import ConstantSpeed
 from mechcore.loads import Factor, Force
-from mechcore.spec import Drive, Friction, Link, Mechanism, Pair, Prismatic
+from mechcore.spec import Drive, Friction, Link, Mechanism, Pair, Prismatic, Revolute
 
 
 def _spring(stiffness: float, link: str = "mass") -> Force:
@@ -349,3 +349,37 @@ def test_stops_impacts_and_prescribed_drives_beside_friction(lead: str, kinds: s
         slides = np.abs(rate) > 1e-6
         assert moment[slides] == pytest.approx(-np.sign(rate[slides]) * radius * reaction[slides], rel=1e-9)
         assert np.all(np.abs(moment) <= radius / 0.15 * 0.2 * reaction * (1 + 1e-9) + 1e-12)
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10])
+def test_a_stop_with_friction_at_its_pair_lets_go_and_never_pulls(tolerance):
+    """The lower bar rests on a stop, friction holds it for an instant after the load on the stop has gone, then it leaves."""
+    bar = {"mass": 1.2, "centre": (0.15, 0.0), "inertia": 0.009}
+    links = (
+        Link(name="frame", points={"O": (0.0, 0.0)}),
+        Link(name="upper", points={"O": (0.0, 0.0), "J": (0.3, 0.0)}, **bar),
+        Link(name="lower", points={"J": (0.0, 0.0)}, mass=0.9, centre=(0.13, 0.0), inertia=0.00507),
+    )
+    hinge = Friction(coefficient=0.2, radius=0.01)
+    pairs = (
+        Revolute(name="O", links=("frame", "upper"), points=("O", "O")),
+        Revolute(name="J", links=("upper", "lower"), points=("J", "J"), friction=hinge),
+    )
+    start = (Drive(pair="O", law=Free(np.radians(40.0), 0.0)), Drive(pair="J", law=Free(np.radians(50.0), 0.0)))
+    m = Mechanism(
+        name="d", frame="frame", links=links, pairs=pairs, drives=start, effects=("inertia", "gravity", "friction"), loads=()
+    )
+    stop = Stop(name="low", pair="J", at=float(np.radians(45.0)), side="lower", restitution=0.4)
+    high = Stop(name="high", pair="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
+    run = simulate(m, 0.92, tolerance=tolerance, stops=[stop, high])
+    held = []
+    for piece in run.pieces:
+        for _ in piece.resting:
+            t = np.linspace(piece.start, piece.end, 9)
+            q, v, _ = piece.way(t)
+            held.append(piece.system.holding(q, v, t))
+    assert held and min(float(h.min()) for h in held) > -1e-9
+    assert max(float(h.max()) for h in held) > 0.1
+    left = [h.time for h in run.happenings if h.kind == "release"]
+    assert len(left) == len(set(left)) and not {h.time for h in run.happenings if h.kind == "contact"} & set(left)
+    assert float(run(np.array([left[-1] + 0.1]))[0][0, 1]) > stop.at + 0.05

@@ -29,7 +29,7 @@ from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_bey
 from .phases import WORDS, Key, Phases, keys_of, rubbing, senses
 from .pieces import Piece
 from .reactions import piece_forces
-from .reduced import motion_at
+from .reduced import motion_at, reduce
 from .simulation import Simulation
 
 __all__ = ["Method", "Progress", "table_tolerance"]
@@ -41,6 +41,7 @@ TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a st
 LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
+PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 
 
@@ -86,6 +87,7 @@ class Progress:
         self.phases: Phases | None = None  # of dry friction
         self.sliding: dict[Key, float] = {}  # which way its elements slide, 0: stick
         self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
+        self.left: dict[int, float] = {}  # when something left a stop last: it does not come back to it at that instant
         self.told = (0, 0, 0)  # happenings, losses, works of impacts that have been observed
 
     def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
@@ -149,7 +151,7 @@ class Progress:
 
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
-        v = self._touching(t, q, v)
+        v = self._unpressed(t, q, self._touching(t, q, v))
         system = self._system()
         dry = [] if self.phases is None else self.phases.gauges()
         led = [] if self.phases is None else self.phases.led_gauges()
@@ -237,9 +239,7 @@ class Progress:
             elif kind == "cam":
                 q, v = self._land(time, q, v, k) if k in self.lifted else self._let_go(time, q, v, k)
             elif kind == "release":
-                stop = self.resting.pop(k)
-                self.happenings.append(Happening(time, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
-                v = self._settle(time, q, v)
+                v = self._leave(time, q, v, k)
             else:
                 watch = self.looks[k][0]
                 self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
@@ -325,11 +325,13 @@ class Progress:
             tiny = TOUCH * max(1.0, float(np.abs(v).max()))
             if speed > tiny:
                 v = self._settle(t, q, self._impact(t, q, v, k))
-            elif speed > -tiny:
+            elif speed > -tiny and self.left.get(k) != t:
                 push = sign * self._rates(stop, q, v, t)[1]
                 if abs(push) <= TOUCH:  # it decides in the next instant
-                    push = sign * self._rates(stop, q, v, t + 1e-6 * self.duration)[1]
-                if push > 0.0:
+                    soon = 1e-6 * self.duration
+                    a = np.asarray(self._system()(q[None], v[None], np.array([t])))[0]
+                    push = sign * self._rates(stop, q + soon * v, v + soon * a, t + soon)[1]
+                if push > TOUCH:  # else friction holds it
                     v = self._settle(t, q, self._rest(t, k, q, v))
         return v
 
@@ -482,6 +484,24 @@ class Progress:
         self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
         g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
         return np.asarray(v - g * (left / float(g @ g)))
+
+    def _leave(self, t: float, q: Array, v: Array, k: int) -> Array:
+        """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
+        stop = self.resting.pop(k)
+        self.left[k] = t
+        self.happenings.append(Happening(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+        return self._settle(t, q, v)
+
+    def _unpressed(self, t: float, q: Array, v: Array) -> Array:
+        """Stops that would have to pull from the beginning of a piece on, let go, for no load passes zero later; rates after it."""
+        for k, stop in list(self.resting.items()):
+            row = q[None], v[None], np.array([t])
+            r = reduce(self.compiled, *row)
+            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ self._system()(*row)[0]))
+            g = float(np.linalg.norm(jacobian_at(self.compiled, [stop.pair], q, v, t)[0]))
+            if g * float(self._pull(self._system(), stop)(*row)[0]) < -PULLS * size:
+                v = self._leave(t, q, v, k)
+        return v
 
     def _pull(self, system: Chart | DrySystem, stop: Stop) -> Gauge:
         """What the stop has to hold: positive while something presses on it."""
