@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import Fault, MechanismError
 from ..solve import Compiled
 from .chart import jacobian_of
 from .reduced import free_of, motion_at, moving, reduce
@@ -15,6 +16,7 @@ from .reduced import free_of, motion_at, moving, reduce
 __all__ = ["impact", "jacobian_at", "newton_impact", "rates_at"]
 
 Array = NDArray[np.float64]
+HELD = 1e-11  # part of the largest rate per unit rate of a coordinate, below which prescribed drives or other stops hold a pair
 
 
 def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: float) -> tuple[float, float]:
@@ -40,10 +42,16 @@ def impact(
 ) -> tuple[Array, float]:
     """Rates (f,) after the impact of a pair's coordinate, at the rate ``hit``, on its stop; energy that is lost [J].
 
-    Its impulse spreads over all coordinates by the reduced masses; pairs ``resting`` on other stops stay there.
+    Its impulse spreads over all coordinates by the reduced masses; pairs ``resting`` on other stops stay there. Raises
+    `MechanismError` where prescribed drives or those stops lead the pair.
     """
     inertia = reduce(compiled, q[None], v[None], np.array([t])).inertia[0]
-    change, lost = newton_impact(inertia, jacobian_at(compiled, [pair, *resting], q, v, t), hit, restitution)
+    jacobian = jacobian_at(compiled, [pair, *resting], q, v, t)
+    if np.linalg.matrix_rank(jacobian, tol=HELD * float(np.abs(jacobian).max(initial=1e-300))) < len(jacobian):
+        side = "upper" if hit > 0.0 else "lower"
+        why = f"at t = {t:.6g} s {pair} strikes its {side} stop, but prescribed drives or other stops lead it: no impulse stops it."
+        raise MechanismError(Fault(f"pairs.{pair}.stops", why, "Move the stop beyond the motion, or leave it out."))
+    change, lost = newton_impact(inertia, jacobian, hit, restitution)
     return v + change, lost
 
 

@@ -151,7 +151,8 @@ class Progress:
 
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
-        v = self._unpressed(t, q, self._touching(t, q, v))
+        q, v = self._touching(t, q, v)
+        v = self._unpressed(t, q, v)
         system = self._system()
         dry = [] if self.phases is None else self.phases.gauges()
         led = [] if self.phases is None else self.phases.led_gauges()
@@ -229,6 +230,7 @@ class Progress:
             if time > end + 1e-14 * self.duration:
                 break
             if kind == "stop":
+                q, v = self._part(time, q, v, self.limits[k][0])
                 v = self._settle(time, q, self._impact(time, q, v, k))
             elif kind == "border":
                 q, v = self._take_over(q, v)
@@ -312,9 +314,10 @@ class Progress:
             self.liftoffs,
         )
 
-    def _touching(self, t: float, q: Array, v: Array) -> Array:
+    def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
-        for k, (stop, gauge, upper) in enumerate(self.limits):
+        for k in range(len(self.limits)):
+            stop, gauge, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
             if k in self.resting:
                 continue
             sign = 1.0 if upper else -1.0
@@ -324,6 +327,7 @@ class Progress:
             speed = sign * self._rates(stop, q, v, t)[0]
             tiny = TOUCH * max(1.0, float(np.abs(v).max()))
             if speed > tiny:
+                q, v = self._part(t, q, v, stop)
                 v = self._settle(t, q, self._impact(t, q, v, k))
             elif speed > -tiny and self.left.get(k) != t:
                 push = sign * self._rates(stop, q, v, t)[1]
@@ -332,8 +336,9 @@ class Progress:
                     a = np.asarray(self._system()(q[None], v[None], np.array([t])))[0]
                     push = sign * self._rates(stop, q + soon * v, v + soon * a, t + soon)[1]
                 if push > TOUCH:  # else friction holds it
+                    q, v = self._part(t, q, v, stop)
                     v = self._settle(t, q, self._rest(t, k, q, v))
-        return v
+        return q, v
 
     def _system(self) -> Any:
         """The equations of motion of the present piece."""
@@ -433,6 +438,21 @@ class Progress:
             v = self._settle(t, q, v)
         return q, v
 
+    def _part(self, t: float, q: Array, v: Array, stop: Stop) -> tuple[Array, Array]:
+        """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
+        sense = -1.0 if stop.side == "upper" else 1.0
+        for name, contact in {} if self.lifting is None else self.lifting.contacts.items():
+            if name not in self.lifted and contact.guide == stop.pair and contact.away == sense:
+                q, v = self._let_go(t, q, v, name)
+        return q, v
+
+    def _off(self, t: float, q: Array, v: Array) -> None:
+        """Stops from which an impact on a cam has thrown what rested on them."""
+        for k, stop in list(self.resting.items()):
+            rate = (-1.0 if stop.side == "upper" else 1.0) * self._rates(stop, q, v, t)[0]
+            if rate > TOUCH * max(1.0, float(np.abs(v).max(initial=0.0))):
+                self._leave(t, q, v, k)
+
     def _land(self, t: float, q: Array, v: Array, name: str) -> tuple[Array, Array]:
         """A follower comes back to its cam: an impact, after which it bounces or stays."""
         assert self.lifting is not None
@@ -451,12 +471,14 @@ class Progress:
         kind = "regained" if stays else "impact"
         self.happenings.append(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
         if not stays:
+            self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
         self.lifted = fewer
         compiled = self.lifting.known[fewer]
         self._lead(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
         self._rub(t, held, v)
+        self._off(t, held, v)
         return held, self._settle(t, held, v)
 
     def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Array, v: Array) -> float:
