@@ -34,18 +34,19 @@ def cams(
         from mechcore.spec import CamDrawn
 
         from .cam_report import cam_lines, drawn_lines
-        from .scene.cam_ratings import whole_step
+        from .scene.cam_ratings import step_fault, whole_step
+        from .scene.convert import LARGEST
 
         if method == "exact" and (step is not None or lines is not None):
             fail("--step and --lines are for --method graphical.")
         loaded = load_scene(scene)
         least = quantity_of(loaded, margin, "margin", "force")
-        if least is not None and not 0.0 <= least < math.inf:
-            fail(f"--margin {margin}: a contact force is wanted, zero or more.")
+        if least is not None and not 0.0 <= least <= LARGEST:
+            fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST:g} N.")
         angle = quantity_of(loaded, step, "step", "angle")
         whole = None if angle is None else whole_step(angle)
         if angle is not None and whole is None:
-            fail(f"--step {step} does not make a turn. Usual are 30, 15, 10 or 5 deg.")
+            fail(f"--step {step}: {' '.join(step_fault(angle))}")
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
         found = cam_lines(run.motion, run.forces, margin=least)

@@ -329,3 +329,10 @@ def test_fit_is_the_least_number_of_frames():
     fit = fit_frames(scene, dials)
     at = provider(scene, dials)
     assert achieved(at, 1.0, fit.frames, 3).error <= 1e-5 < achieved(at, 1.0, int(0.6 * fit.frames), 3).error
+
+
+def test_a_number_of_a_few_is_told_with_those_that_are_known():
+    text = load("cam-roller").text.replace("[links]", "[accuracy]\ndifferences = 3\n\n[links]", 1)
+    with pytest.raises(MechanismError) as refused:
+        loads(text)
+    assert [str(f) for f in refused.value.faults] == ["accuracy.differences: 3 is not one of 2, 4, 6. Write one of these."]

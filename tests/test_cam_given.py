@@ -289,3 +289,14 @@ def test_where_a_profile_crosses_itself():
     assert abs(self_crossing(polygon([0.0, 0.02 + 0.02j, 0.02, 0.02j])) - (0.01 + 0.01j)) < 1e-12
     for simple in (tangent_cam(), lobes(), circle(0.03, 0.01), polygon([0.03, 0.03j, -0.03, -0.03j, 0.001 - 0.001j])):
         assert self_crossing(simple) is None
+
+
+def test_a_tolerance_that_leaves_nothing_of_the_points():
+    t = 2.0 * np.pi * np.arange(40) / 40
+    for tolerance in (0.0301, 0.05):
+        with pytest.raises(MechanismError) as refused:
+            spline_contour(0.03 * np.exp(1j * t), tolerance)
+        assert "scatter by 30 mm" in str(refused.value)
+    with pytest.raises(SceneError) as told:
+        mechviz.loads(text_of("cam-measured").replace('"0.004 mm"', '"50 mm"'))
+    assert [f.path for f in told.value.faults] == ["pairs.K.profile.tolerance"]

@@ -21,7 +21,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import CamPair, Drive, Force, Friction, Mechanism, Torque
 from mechviz.record import Recording, write_recording
-from mechviz.record.simulations import lanes_of
+from mechviz.record.simulations import lanes_of, simulation_events
 from mechviz.run import run_scene
 from mechviz.tables import tables
 
@@ -349,3 +349,19 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
     s = np.clip((x + 30.0) / 60.0, 0.0, 1.0)
     np.testing.assert_allclose(np.degrees(lift), -22.0 * (10 * s**3 - 15 * s**4 + 6 * s**5), atol=1e-9)
     assert len(set(cam.segment(run.motion))) == 3
+
+
+def test_a_face_too_short_is_told_while_the_follower_touches():
+    text = resources.files("mechviz").joinpath("gallery", "valve-float.toml").read_text(encoding="utf-8")
+    data = tomllib.loads(text) | {"run": {"frames": 120, "duration": "14 ms"}}
+    data["pairs"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
+    data["pairs"]["K"]["follower"]["face"] = [2, 2]
+    run = run_scene(mechviz.Scene.build(**data))
+    told = [e for e in simulation_events(run) if "the contact leaves the face" in e.text]
+    (cam,) = placed_cams(run.motion)
+    outside = np.abs(cam.rows(run.motion).eccentricity) > 2e-3
+    touching = np.abs(run.simulation.gap("K", run.motion)) < 1e-12
+    assert (outside & ~touching).any(), "it flies where the law's contact would be beyond the face"
+    assert told and {e.level for e in told} == {"WARN"}
+    starts = np.flatnonzero(np.diff((outside & touching).astype(int), prepend=0) == 1)
+    np.testing.assert_array_equal([e.time for e in told], run.motion.time[starts])

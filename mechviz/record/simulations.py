@@ -41,7 +41,21 @@ def simulation_events(run: Run) -> list[Event]:
     if run.steady is not None:
         found.insert(0, Event(0.0, "INFO", run.steady.pair, steady_lines(run.steady)[0]))
     others = [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
-    return found + [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
+    found += [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
+    return found + list(_cam_limits(run, simulation))
+
+
+def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
+    """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
+    if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
+        return
+    from mechcore.cams.happenings import limit_events, placed_cams
+
+    lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.liftoffs}
+    for cam in placed_cams(run.motion):
+        changes = lanes[cam.name] if cam.name in lifting else [(0.0, "touches")]
+        place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
+        yield from limit_events(run.motion, cam, np.array([state == "touches" for _, state in changes])[np.maximum(place, 0)])
 
 
 def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:

@@ -12,12 +12,12 @@ from mechcore.spec import CamDrawn, CamRating
 
 from .faults import did_you_mean
 from .fields import Angle, Effort, Number, Pressure, Range, Size, Text
-from .tables import Table, refuse
+from .tables import Table, Unknown, refuse
 
 if TYPE_CHECKING:
     from .convert import Converter
 
-__all__ = ["MATERIALS", "GraphicalDocument", "RatingDocument", "graphical_of", "rating_of", "whole_step"]
+__all__ = ["MATERIALS", "GraphicalDocument", "RatingDocument", "graphical_of", "rating_of", "step_fault", "whole_step"]
 
 MATERIALS: Mapping[str, tuple[float, float]] = {
     "steel": (2.1e11, 0.30),
@@ -30,6 +30,7 @@ MATERIALS: Mapping[str, tuple[float, float]] = {
 """Young's modulus [Pa] and Poisson's ratio: usual values of handbooks; grades differ by a tenth, plastics by more."""
 
 _FEWEST, _MOST = 4, 100_000  # steps of a turn
+_THINNEST = 1e-9  # width of a contact [m]
 
 
 class RatingDocument(Table):
@@ -59,7 +60,7 @@ class RatingDocument(Table):
             if getattr(self, key) is not None and self.width is None and self.sound("width"):
                 found.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
         for k, name in enumerate(self.materials or []):
-            if isinstance(name, str) and name not in MATERIALS:
+            if not isinstance(name, Unknown) and isinstance(name, str) and name not in MATERIALS:
                 near = did_you_mean(name, MATERIALS, what="Materials")
                 found.append((f"materials[{k}]", f"'{name}' is no material.", near or "Give modulus = [...] instead."))
         for k, ratio in enumerate(self.poisson or []):
@@ -92,8 +93,11 @@ def rating_of(rating: RatingDocument, path: str, convert: Converter) -> CamRatin
         a, b = convert.row(rating.modulus, "pressure", f"{path}.modulus")
         modulus = (a, b)
         poisson = (0.3, 0.3) if rating.poisson is None else (float(rating.poisson[0]), float(rating.poisson[1]))
+    width = number(rating.width, "length", "width")
+    if width is not None and width < _THINNEST:
+        convert.note(f"{path}.width", f"{width:g} m is below {_THINNEST:g} m.", "Check the number and its unit.")
     return CamRating(
-        width=number(rating.width, "length", "width"),
+        width=width,
         modulus=modulus,
         poisson=poisson,
         limit=number(rating.limit, "pressure", "limit"),
@@ -109,7 +113,7 @@ def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: 
         return None
     whole = whole_step(step)
     if whole is None:
-        convert.note(f"{path}.step", f"{math.degrees(step):g} deg do not make a turn.", "Usual are 30, 15, 10 or 5 deg.")
+        convert.note(f"{path}.step", *step_fault(step))
         return None
     return CamDrawn(step=whole, lines=graphical.lines, resolution=resolution)
 
@@ -120,3 +124,14 @@ def whole_step(step: float) -> float | None:
     if not _FEWEST - 1e-6 <= turns <= _MOST + 1e-6 or abs(turns - round(turns)) > 1e-6:
         return None
     return 2.0 * math.pi / round(turns)
+
+
+def step_fault(step: float) -> tuple[str, str]:
+    """What is wrong with a step [rad] that ``whole_step`` does not take, and the remedy."""
+    turns = 2.0 * math.pi / step if step > 0.0 else math.inf
+    size = f"{math.degrees(step):g} deg"
+    if step > 0.0 and turns > _MOST:
+        return f"{size} are {turns:.6g} steps of a turn, more than {_MOST}.", f"Give at least {360.0 / _MOST:g} deg."
+    if turns < _FEWEST:
+        return f"{size} are {turns:.4g} steps of a turn, less than {_FEWEST}.", f"Give at most {360.0 / _FEWEST:g} deg."
+    return f"{size} do not make a turn.", "Usual are 30, 15, 10 or 5 deg."

@@ -416,7 +416,7 @@ def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter)
             return shapes.polar_contour(curve)
     except MechanismError as error:
         for f in error.faults:
-            key = next(k for k in SHAPES if getattr(profile, k) is not None)
+            key = "tolerance" if f.path == "contour.tolerance" else next(k for k in SHAPES if getattr(profile, k) is not None)
             convert.note(f"{path}.{key}", f.message, f.remedy)
     return None
 

@@ -78,7 +78,8 @@ def words_of(detail: Any, loc: Loc) -> list[Fault]:
         known = re.findall(r"'([^']*)'", context["expected"])
         near = closest(value, known) if isinstance(value, str) else ""
         remedy = f"Did you mean '{near}'?" if near else "Write one of these."
-        return [Fault(path, f"{describe(value)} is not one of {listing(known)}.", remedy)]
+        numbers = context["expected"].replace(" or ", ", ")
+        return [Fault(path, f"{describe(value)} is not one of {listing(known) if known else numbers}.", remedy)]
     if kind in ("too_long", "too_short"):
         return [_wrong_length(path, loc, value, context)]
     if kind == "greater_than_equal":

@@ -403,6 +403,10 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
         z = z[::-1]
     if np.any(np.abs(np.diff(z)) == 0.0):
         raise MechanismError(Fault("contour", "a measured point twice in a row.", "Leave one out."))
+    spread = float(np.sqrt(np.mean(np.abs(z - z.mean()) ** 2)))
+    if closed and tolerance >= spread:  # then the smoothest periodic spline is a single point
+        why = f"{1e3 * tolerance:g} mm: the points themselves scatter by {1e3 * spread:.4g} mm, so that nothing of them is left."
+        raise MechanismError(Fault("contour.tolerance", why, "Give the scatter of the measurement."))
     data = np.append(z, z[0]) if closed else z
     tck: Any
     tck, u = splprep([data.real, data.imag], k=degree, s=len(z) * tolerance**2, per=closed)

@@ -18,7 +18,7 @@ from .placed import PlacedCam
 from .placed_inverse import PlacedInverse
 from .placed_spatial import PlacedSpatial
 
-__all__ = ["AnyCam", "cam_events", "contact_force", "lost_ranges", "placed_cams"]
+__all__ = ["AnyCam", "cam_events", "contact_force", "limit_events", "lost_ranges", "placed_cams"]
 
 Real = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
             continue
         found += _shocks(motion, cam)
         found += _leaps(motion, cam)
-        found += _beyond(motion, cam)
+        found += limit_events(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
         pair = next(p for p in motion.mechanism.pairs if p.name == cam.name)
@@ -230,13 +230,14 @@ def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     return found
 
 
-def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
-    """Pressure angles beyond the limit, and contacts beyond the ends of a flat face."""
+def limit_events(motion: Motion, cam: AnyCam, touches: NDArray[np.bool_] | None = None) -> Iterator[Event]:
+    """Pressure angles beyond the limit, and contacts beyond the ends of a flat face, where the follower ``touches`` its cam (F)."""
     rows = cam.rows(motion)
+    on = np.ones(motion.frames, bool) if touches is None else touches
     x = _arguments(motion, cam)
     if cam.pressure_limit is not None:
         size = np.abs(rows.pressure_angle)
-        for first, last in runs(size > cam.pressure_limit):
+        for first, last in runs(on & (size > cam.pressure_limit)):
             k = first + int(np.argmax(size[first : last + 1]))
             text = (
                 f"pressure angle up to {np.degrees(size[k]):.4g} deg (limit {np.degrees(cam.pressure_limit):.4g} deg) from "
@@ -245,7 +246,7 @@ def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
     face = cam.face
     if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
-        for first, last in runs((rows.eccentricity < -face.left) | (rows.eccentricity > face.right)):
+        for first, last in runs(on & ((rows.eccentricity < -face.left) | (rows.eccentricity > face.right))):
             far = rows.eccentricity[first : last + 1]
             worst = float(far[np.argmax(np.abs(far))])
             text = (
