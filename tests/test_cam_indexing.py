@@ -106,7 +106,7 @@ def test_scenes_read_as_they_were_written(name):
         ("cam-indexing", 'closure = "form"', 'closure = "force"', ["pairs.K.closure", "Give closure = 'form'"]),
         ("cam-indexing", "globoid = {", "base = 0\ngloboid = {", ["pairs.K.profile.base", "Leave it out"]),
         ("cam-indexing", "rollers = 10", "rollers = 2", ["pairs.K.profile.globoid.rollers"]),
-        ("cam-indexing", "rollers = 10", "rollers = 5", ["pairs.K.profile.globoid.rollers", "Give 6 or more"]),
+        ("cam-indexing", "rollers = 10", "rollers = 5", ["pairs.K.profile.globoid.rollers", "Give at least 6"]),
         ("cam-indexing", "roller = 9", "roller = 20", ["pairs.K.follower.roller", "no rib between them"]),
         ("cam-indexing-barrel", "P = [96, 0]", "P = [140, 0]", ["pairs.K.profile.barrel", "the rollers pass its axis at up to"]),
         ("cam-indexing-barrel", "barrel = {", "end = {", ["rollers do not go with end"]),
