@@ -99,6 +99,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
         ((("frames = 100", "frames = 100\ncycles = 2"),), "2 cycles of a motion that forces decide."),
         ((("frames = 100", 'frames = 100\nmethod = "gaus"'),), "Did you mean 'gauss'?"),
         ((("frames = 100", "frames = 100\ntolerance = 2"),), "2 is no tolerance."),
+        ((('"2 s"', '"1e-12 s"'),), "run.duration 1e-12 s for 100 frames: the clock of a recording counts nanoseconds"),
         ((("free =", "fre ="),), "unknown key 'fre'. Did you mean 'free'?"),
         ((('rpm" } }', 'rpm" }, stops = [{ at = -40, side = "upper" }] }'),), "the motion starts above this upper stop."),
         ((('rpm" } }', 'rpm" }, stops = [{ at = 40 }] }'),), "'side' is missing"),
@@ -248,3 +249,33 @@ def test_a_follower_leaves_its_cam_where_a_seat_holds_it_up(tmp_path: Path):
 def test_a_stop_into_which_a_cam_drives_its_follower_is_refused():
     with pytest.raises(MechanismError, match=r"(?s)pairs.S.stops.*S strikes its upper stop, but prescribed drives"):
         run_scene(_seated("upper", 0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            (('"2 s"', '"1e9 s"'), ('"10 rpm"', '"0 rpm"')),
+            r"(?s)run.duration.*1e\+09 s are .* periods; motions are followed over 50,000 at most",
+        ),
+        ((('"10 rpm"', '"1e7 rpm"'),), r"(?s)pairs.O.free.speed.*it would go 333333 turns in 2 s"),
+        (
+            (("frames =", 'method = "energy"\nframes ='), (" } }\n", ' }, stops = [{ at = 80, side = "upper" }] }\n')),
+            r"run\.method",
+        ),
+    ],
+)
+def test_runs_that_nobody_would_wait_for_are_refused_by_the_scene_s_keys(changes, words):
+    text = PENDULUM
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new) if old != " } }\n" else text[: text.rindex(old)] + new
+    with pytest.raises(MechanismError, match=words):
+        run_scene(mechviz.loads(text))
+
+
+def test_a_start_beyond_a_stop_of_a_pair_that_is_led_is_told_in_units():
+    text = next(e for e in mechviz.gallery() if e.name == "valve-float").path.read_text()
+    text = text.replace("angle = 180 }", 'angle = 180, stops = [{ at = -90, side = "upper" }] }')
+    with pytest.raises(MechanismError, match=r"(?s)pairs\.S\.stops.*starts 60.5 mm above the upper stop 'S upper' at -90 mm"):
+        run_scene(mechviz.loads(text))

@@ -193,6 +193,9 @@ def simulation_spec(
         watches.append(Watch(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
     run = document.run
     duration = math.nan if run.duration is None else convert.si(run.duration, "time", "run.duration")
+    if 0.0 < duration < 1e-9 * run.frames:
+        why = f"{duration:.6g} s for {run.frames} frames: the clock of a recording counts nanoseconds, one a frame at least."
+        convert.note("run.duration", why, f"Give {1e-9 * run.frames:.3g} s or more, or fewer frames.")
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
     return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs, run.steady)
 

@@ -111,13 +111,10 @@ class Progress:
         for s, gauge, upper in self.limits:
             beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
             if beyond > 1e-12:
-                raise MechanismError(
-                    Fault(
-                        f"stops.{s.name}",
-                        f"the motion starts {beyond:.6g} beyond it.",
-                        "Start on the other side, or move the stop.",
-                    )
-                )
+                size, unit = (180.0 / np.pi, "deg") if self._rotary(s.pair) else (1e3, "mm")
+                why = f"the motion starts {size * beyond:.6g} {unit} {'above' if upper else 'below'} the {s.side} stop"
+                why += f" '{s.name}' at {size * s.at:.6g} {unit}."
+                raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
         if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
             q, v = self._take_over(q, v)
         self._rub(0.0, q, v)

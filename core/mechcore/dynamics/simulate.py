@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..effects import effects_of
 from ..errors import Fault, MechanismError
-from ..solve import Compiled, compile_mechanism
-from ..spec import Mechanism
+from ..solve import MOST_TURNS, TURN, Compiled, compile_mechanism
+from ..spec import Drive, Mechanism
 from .chart import Chart
 from .charts import curve_around
 from .collocation import Window
@@ -80,6 +80,11 @@ def simulate(
     if isinstance(system, Curve) and not system.rest and not stops and not watches and method in ("auto", "energy"):
         found = by_energy(system, q[0], v[0], duration, tolerance=float(np.clip(1e-3 * tolerance, 1e-13, 1e-7)))
         if found is not None:
+            if found.period is not None and duration > MOST_TURNS * found.period:
+                why = (
+                    f"{duration:.6g} s are {duration / found.period:.6g} periods; motions are followed over {MOST_TURNS:,} at most."
+                )
+                raise MechanismError(Fault("run.duration", why, f"Give at most {MOST_TURNS * found.period:.3g} s."))
             whole = Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
             if observe is not None:
                 observe(whole)
@@ -87,9 +92,9 @@ def simulate(
     if method == "energy":
         raise MechanismError(
             Fault(
-                "dynamics.method",
+                "run.method",
                 '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
-                "the position alone, no stops and no watches.",
+                "the position alone, no friction, no stops and no watches.",
                 'Choose "auto", "gauss" or "radau".',
             )
         )
@@ -99,9 +104,9 @@ def simulate(
 def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
     faults = []
     if not (np.isfinite(duration) and duration > 0):
-        faults.append(Fault("dynamics.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
+        faults.append(Fault("run.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
     if not 1e-15 <= tolerance <= 0.1:
-        faults.append(Fault("dynamics.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
+        faults.append(Fault("run.tolerance", f"{tolerance!r} is out of range.", "Give a number from 1e-15 to 0.1."))
     mechanism = compiled.mechanism
     if compiled.accuracy.differentiation != "exact":
         why = "forces decide the motion: its rates are what is solved for."
@@ -109,10 +114,23 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     if "inertia" not in mechanism.effects:
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
+    _check_turns(compiled, free, duration, faults)
     if not free and not liftoffs:
         faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
     if faults:
         raise MechanismError(faults)
+
+
+def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, faults: list[Fault]) -> None:
+    """Starts so fast that nobody would wait for all the turns, as of prescribed drives."""
+    model = compiled.model
+    for d in free:
+        rotary = model.joints[model.joint_index[d.pair]].coordinate == "angle"
+        speed = abs(float(d.law(0.0)[1])) / (TURN if rotary else TURN * model.size)
+        if speed * duration > MOST_TURNS:
+            far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")
+            why = f"at this speed it would go {far} in {duration:.6g} s; motions are followed over {MOST_TURNS:,} at most."
+            faults.append(Fault(f"pairs.{d.pair}.free.speed", why, "Start slower, or run a shorter time."))
 
 
 def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
