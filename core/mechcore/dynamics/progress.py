@@ -514,11 +514,13 @@ class Progress:
     def _unpressed(self, t: float, q: Array, v: Array) -> Array:
         """Stops that would have to pull from the beginning of a piece on, let go, for no load passes zero later; rates after it."""
         for k, stop in list(self.resting.items()):
-            row = q[None], v[None], np.array([t])
+            soon, system = 1e-6 * self.duration, self._system()
+            a = np.asarray(system(q[None], v[None], np.array([t])))[0]
+            row = np.array([q, q + soon * v]), np.array([v, v + soon * a]), np.array([t, t + soon])  # a load may begin at zero
             r = reduce(self.compiled, *row)
-            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ self._system()(*row)[0]))
+            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ a))
             g = float(np.linalg.norm(jacobian_at(self.compiled, [stop.pair], q, v, t)[0]))
-            if g * float(self._pull(self._system(), stop)(*row)[0]) < -PULLS * size:
+            if g * float(self._pull(system, stop)(*row).max()) < -PULLS * size:
                 v = self._leave(t, q, v, k)
         return v
 
