@@ -58,7 +58,7 @@ def find_scene(source: str | Path) -> Path:
         Fault(
             "scene",
             f"neither a gallery scene nor a file is called {text!r}.",
-            f"Did you mean '{near}'?" if near else listed,
+            f"Did you mean '{near}'? {listed}" if near else listed,
         ),
     )
 
