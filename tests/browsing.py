@@ -46,7 +46,7 @@ CANVAS = """() => { const r = document.querySelector('canvas[data-engine]').getB
     return [r.left, r.top, r.width, r.height]; }"""
 SEEN = """name => { let node = window.__viserMutable.nodeRefFromName[name]; if (!node) return false;
     for (; node; node = node.parent) if (!node.visible) return false; return true; }"""
-CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid].chart.data;
+CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid]?.chart?.data; if (!d) return [];
     return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
 
 

@@ -358,8 +358,8 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
     page.get_by_role("option", name="pair B: reaction [N]").click()
     until(page, lambda: slot.quantity.label == "pair B: reaction", "the new quantity")
     uuid = slot.chart._impl.uuid
-    page.wait_for_function("uuid => !!(window.__viserTestpoints.uplots[uuid] || false)", arg=uuid)
-    assert page.evaluate(CURSOR, uuid) == pytest.approx([270, 270])
+    page.wait_for_function("uuid => !!window.__viserTestpoints.uplots[uuid]?.chart", arg=uuid)
+    until(page, lambda: page.evaluate(CURSOR, uuid) == pytest.approx([270, 270]), "the cursor of the new plot")
     curve = page.evaluate("uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])", uuid)
     assert max(curve) == pytest.approx(viewer.run.forces.reaction("B")[:, 0].max())
     viewer.plots.choose(slot, first)
