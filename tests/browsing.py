@@ -106,7 +106,7 @@ def caught_up(viewer: Any, page: Any) -> None:
     assert viewer.player.wait()
     mark = next(_marks)
     message = RunJavascriptMessage(source=f"window.mechvizMark = {mark};")
-    message.redundancy_key = lambda: "mark of a test"  # type: ignore[method-assign]
+    message.redundancy_key = lambda: "mark of a test"  # type: ignore[method-assign]  # only the newest is kept for later pages
     viewer.server._websock_server.queue_message(message)  # among all others, hence after those before it
     viewer.server.flush()
     page.wait_for_function("mark => window.mechvizMark >= mark", arg=mark)
