@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..clearance import journals_of
 from ..errors import Fault, MechanismError
-from ..friction.elements import elements_of
 from ..solve import Compiled
 from .accounts import kinetic_energy_of
 from .atlas import STRAINED, strain, take_over
@@ -22,11 +21,12 @@ from .collocation import Window
 from .curve import Curve
 from .dry import DrySystem
 from .free import Free
+from .friction_state import FrictionState
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .impacts import impact, jacobian_at, rates_at
 from .integrate import Solution, integrate
 from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_beyond, pressing
-from .phases import WORDS, Key, Phases, keys_of, rubbing, senses
+from .log import Happened, Log
 from .pieces import Piece
 from .reactions import piece_forces
 from .reduced import motion_at, reduce
@@ -70,25 +70,20 @@ class Progress:
         self.observe = observe
         self.stops, self.watches, self.progress = stops, watches, progress
         self.original = compiled
-        self.rubs = "friction" in compiled.mechanism.effects
+        self.log = Log()
+        self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON * duration, self.log)
         self.liftoffs = tuple(liftoffs)
         self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
         self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
-        self.pushed: list[tuple[float, float]] = []
         self._lead(compiled, *system)
         self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
-        plain = not (self.rubs or liftoffs or journals_of(compiled.mechanism))
+        plain = not (self.friction.counts or liftoffs or journals_of(compiled.mechanism))
         self.unwatched = 0  # windows in which nothing can come near enough to matter
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
         self.pieces: list[Piece] = []
-        self.happenings: list[Happening] = []
-        self.lost: list[tuple[float, float]] = []
         self.evaluations = 0
-        self.phases: Phases | None = None  # of dry friction
-        self.sliding: dict[Key, float] = {}  # which way its elements slide, 0: stick
         self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
         self.left: dict[int, float] = {}  # when something left a stop last: it does not come back to it at that instant
-        self.told = (0, 0, 0)  # happenings, losses, works of impacts that have been observed
 
     def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
@@ -117,7 +112,7 @@ class Progress:
                 raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
         if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
             q, v = self._take_over(q, v)
-        self._rub(0.0, q, v)
+        self.friction.begin(self.compiled, 0.0, q, v)
         v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
         t = 0.0
@@ -125,7 +120,7 @@ class Progress:
             t, q, v, ended = self._piece(t, q, v)
             if ended:
                 break
-            if len(self.happenings) > MOST_HAPPENINGS:
+            if len(self.log.happenings) > MOST_HAPPENINGS:
                 raise MechanismError(
                     Fault(
                         "dynamics",
@@ -133,33 +128,21 @@ class Progress:
                         "Simulate a shorter time.",
                     )
                 )
-        return Simulation(
-            self.original,
-            tuple(self.pieces),
-            tuple(self.happenings),
-            "radau" if self.method == "radau" else "gauss",
-            self.tolerance,
-            self.evaluations,
-            tuple(self.lost),
-            tuple(self.stops),
-            tuple(self.pushed),
-            self.liftoffs,
-        )
+        return self._simulation(self.pieces, self.evaluations, self.log.whole())
 
     def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
         q, v = self._touching(t, q, v)
         v = self._unpressed(t, q, v)
         system = self._system()
-        dry = [] if self.phases is None else self.phases.gauges()
-        led = [] if self.phases is None else self.phases.led_gauges()
+        dry, led = self.friction.gauges()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
         def after(window: Window) -> float | None:
             first.clear()
-            if self.rubs and not len(q):
-                self._led(window)
+            if not len(q):
+                self.friction.follow(self.compiled, window)
             for k, (_, gauge, upper) in enumerate(self.limits):
                 if k not in self.resting:
                     at = first_zero(gauge, window, t, upper)
@@ -194,7 +177,8 @@ class Progress:
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             if self.observe is not None:
-                self.observe(self._news(self._stretch(window.start, until, Solution([window]), system)))
+                stretch = self._stretch(window.start, until, Solution([window]), system)
+                self.observe(self._simulation([stretch], 0, self.log.news()))
             if self.progress is not None:
                 self.progress(until)
             return first[0][0] if first else None
@@ -241,7 +225,7 @@ class Progress:
                 v = self._leave(time, q, v, k)
             else:
                 watch = self.looks[k][0]
-                self.happenings.append(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
+                self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
                 ended = ended or watch.ends
         return end, q, v, ended
 
@@ -294,22 +278,10 @@ class Progress:
         """Pairs that rest on stops."""
         return tuple(stop.pair for stop in self._rested())
 
-    def _news(self, piece: Piece) -> Simulation:
-        """A stretch, with what happened at its beginning."""
-        a, b, c = self.told
-        self.told = len(self.happenings), len(self.lost), len(self.pushed)
-        return Simulation(
-            self.original,
-            (piece,),
-            tuple(self.happenings[a:]),
-            "radau" if self.method == "radau" else "gauss",
-            self.tolerance,
-            0,
-            tuple(self.lost[b:]),
-            tuple(self.stops),
-            tuple(self.pushed[c:]),
-            self.liftoffs,
-        )
+    def _simulation(self, pieces: Sequence[Piece], evaluations: int, happened: Happened) -> Simulation:
+        method = "radau" if self.method == "radau" else "gauss"
+        found = happened.happenings, method, self.tolerance, evaluations, happened.lost
+        return Simulation(self.original, tuple(pieces), *found, tuple(self.stops), happened.pushed, self.liftoffs)
 
     def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
@@ -339,41 +311,14 @@ class Progress:
 
     def _system(self) -> Any:
         """The equations of motion of the present piece."""
-        if self.phases is not None:
-            return self.phases.system()
+        dry = self.friction.system()
+        if dry is not None:
+            return dry
         return Chart(self.compiled, self._rests()) if self.resting else self.system
 
-    def _rub(self, t: float, q: Array, v: Array) -> None:
-        """Friction of the present mechanism, which has other contacts than before: what slides goes on. Where every drive is
-        prescribed nothing has to be found; statics tells friction."""
-        self.phases = rubbing(self.compiled, q, v, t, self.sliding, SOON * self.duration) if len(q) else None
-
     def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
-        """Decide what slides and what sticks from now on; speeds after it: nothing is left of what sticks."""
-        if self.phases is None:
-            return v
-        for pair, word in self.phases.decide(t, q, v, loose, self._rests()):
-            self._tell(t, pair, word)
-        self.sliding |= dict(zip(self.phases.keys, self.phases.signs, strict=True))
-        return self.phases.at_rest(t, q, v)
-
-    def _tell(self, t: float, pair: str, word: str) -> None:
-        """A pair begins to stick or to slide."""
-        kind = "stick" if word == "stick" else "slip"
-        text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
-        found = Happening(t, kind, pair, text)
-        if found not in self.happenings[-4:]:  # a pair may have friction of several kinds
-            self.happenings.append(found)
-
-    def _led(self, window: Window) -> None:
-        """Where every drive is prescribed, say which way pairs slide in a window; it ends where that changes."""
-        middle = np.array([window.start + 0.5 * window.length])
-        motion = motion_at(self.compiled, *window(middle)[:2], middle)
-        turning = window.length < 10.0 * SOON * self.duration  # back: there it is at rest for nothing but an instant
-        for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
-            if sign != self.sliding.get(key, 0.0) and not (turning and sign == 0.0):
-                self._tell(window.start, key[0], WORDS[float(sign)])
-                self.sliding[key] = float(sign)
+        """Decide what slides and what sticks from now on; speeds after it."""
+        return self.friction.settle(t, q, v, self._rests(), loose)
 
     # -- cams that only press -----------------------------------------------------------------------------------------
     def _contacts(self) -> list[tuple[str, Gauge, float]]:
@@ -392,7 +337,7 @@ class Progress:
     def _parting(self, name: str) -> Gauge:
         """Positive where a cam in contact would have to pull."""
         assert self.lifting is not None
-        if not self.rubs:
+        if not self.friction.counts:
             return self.lifting.parting(name, self.lifted)
         system = self._system()
         resting = self._rested()
@@ -430,8 +375,8 @@ class Progress:
             compiled, q, v = self.lifting.compiled(more, q, v, t, name)
             self.lifted = more
             self._lead(compiled, Chart(compiled), None)
-            self.happenings.append(Happening(t, "lost", name, f"contact lost at {where}"))
-            self._rub(t, q, v)
+            self.log.tell(Happening(t, "lost", name, f"contact lost at {where}"))
+            self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
         return q, v
 
@@ -460,13 +405,14 @@ class Progress:
         stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 0.0)
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
-        self.lost.append((t, all_lost if stays else lost))
-        self._push(t, self.lost[-1][1], q, v, stay if stays else rebound)
+        gone = all_lost if stays else lost
+        self.log.lose(t, gone)
+        self._push(t, gone, q, v, stay if stays else rebound)
         where = self.lifting.where(name, self.compiled, q, v, t)
         unit = "rad/s" if self.lifting.contacts[name].rotary else "m/s"
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
-        self.happenings.append(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
+        self.log.tell(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
         if not stays:
             self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
@@ -474,22 +420,15 @@ class Progress:
         compiled = self.lifting.known[fewer]
         self._lead(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
-        self._rub(t, held, v)
+        self.friction.begin(self.compiled, t, held, v)
         self._off(t, held, v)
         return held, self._settle(t, held, v)
 
     def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Array, v: Array) -> float:
         """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
         assert self.lifting is not None
-        return float(self.lifting.parting(name, fewer, self._friction_of)(q[None], v[None], np.array([t]))[0])
-
-    def _friction_of(self, compiled: Compiled, q: Array, v: Array, t: float) -> Any:
-        """The equations of motion at an instant of a mechanism with other contacts; None where it has no friction."""
-        phases = rubbing(compiled, q, v, t, self.sliding, SOON * self.duration) if self.rubs and len(q) else None
-        if phases is None:
-            return None
-        phases.decide(t, q, v, rests=self._rests())
-        return phases.system()
+        friction = partial(self.friction.equations_of, rests=self._rests())
+        return float(self.lifting.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
 
     def _rates(self, stop: Stop, q: Array, v: Array, t: float) -> tuple[float, float]:
         """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""
@@ -500,7 +439,7 @@ class Progress:
         stop = self.limits[k][0]
         left = self._rates(stop, q, v, t)[0]
         self.resting[k] = stop
-        self.happenings.append(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        self.log.tell(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
         g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
         return np.asarray(v - g * (left / float(g @ g)))
 
@@ -508,7 +447,7 @@ class Progress:
         """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
         stop = self.resting.pop(k)
         self.left[k] = t
-        self.happenings.append(Happening(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+        self.log.tell(Happening(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
         return self._settle(t, q, v)
 
     def _unpressed(self, t: float, q: Array, v: Array) -> Array:
@@ -538,10 +477,10 @@ class Progress:
         rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
         before = v
         v, lost = impact(self.compiled, stop.pair, self._rests(), 0.0 if rests else stop.restitution, hit, q, v, t)
-        self.lost.append((t, lost))
+        self.log.lose(t, lost)
         self._push(t, lost, q, before, v)
         words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
-        self.happenings.append(Happening(t, "impact", stop.name, words))
+        self.log.tell(Happening(t, "impact", stop.name, words))
         if rests and towards > 0:
             v = self._rest(t, k, q, v)
         return v
@@ -550,7 +489,7 @@ class Progress:
         """Account for the work that prescribed drives do in an impact, which does not slow them."""
         if len(q) < len(self.compiled.mechanism.drives):
             motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
-            self.pushed.append((t, float(np.diff(kinetic_energy_of(motion))[0]) + lost))
+            self.log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
 
     def _rotary(self, pair: str) -> bool:
         model = self.compiled.model
