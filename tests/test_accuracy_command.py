@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from html import unescape
 from pathlib import Path
@@ -240,19 +241,34 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
     with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
         tab = viewer.inspector.accuracy
         assert tab is not None and "estimated errors" in tab.errors.content
+        assert tab.wanted.value == "1e-3"
+        viewer.player.seek(20)
         tab.measure()
         tab.wait()
         assert "<br>" not in unescape(tab.errors.content), "lines stand below each other"
         assert "<svg" in tab.diagram.content and len(tab.choice.options) > 8
+        titles = [unescape(t) for t in re.findall("<title>(.*?)</title>", tab.diagram.content)]
+        assert set(tab.choice.options[1:]) == set(titles), "a click on a point tells the entry of the list"
+        assert {p.options["frames"] for p in tab._points if p.current} == {160}, "as it is, and fitted"
         tab.choice.value = next(o for o in tab.choice.options if "quintics, 128 frames" in o)
         tab._pick(None)
         assert viewer.studio.wait()
         assert viewer.run.scene.frames == 128 and viewer.run.accuracy.interpolation == 5
+        timeline = viewer.inspector.timeline
+        assert viewer.player.frame == 16 and ">16</span> of 128" in timeline._place.content, "the same part of the run"
+        assert timeline.slider.value == 16 and timeline.slider.max == 128
         viewer.inspector.settle()
+        assert [(p.options["frames"], p.method) for p in tab._points if p.current] == [(128, "quintics")], "the ring has moved"
         assert f"between frames {np.nanmax(viewer.run.errors.between):.1e}" in tab.errors.content, "it says so of the present run"
         viewer.studio.undo()
         assert viewer.studio.wait()
         assert viewer.run.accuracy.interpolation == 3
+        tab.wanted.value = "1e-6"
+        tab._want(None)
+        assert viewer.studio.wait()
+        assert (
+            viewer.run.scene.accuracy.target == 1e-6 and viewer.run.scene.frames == 265 and viewer.run.errors.between.max() < 1e-6
+        )
 
 
 # -- effects -----------------------------------------------------------------------------------------------------------------------

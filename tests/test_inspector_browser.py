@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ from browsing import (
     SEEN,
     browser,
     caught_up,
+    heard,
     next_frames,
     open_tab,
     open_viewer,
@@ -22,11 +24,13 @@ from browsing import (
     until,
 )
 
+import mechviz.accuracy.ladder as ladder_module
 from mechviz import scene
+from mechviz.accuracy.timing import Timed
 from mechviz.run import run_scene
 from mechviz.scene import load
 from mechviz.solids import solids_of
-from mechviz.viewer import Viewer
+from mechviz.viewer import Viewer, accuracy_tab
 from mechviz.viewer.solids3d import link_path
 
 __all__ = ["browser"]  # a fixture
@@ -197,6 +201,23 @@ def test_effects_are_switched_and_weighed(viewer, page):
     page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
     assert peak > 0.0
     page.get_by_text("pure kinematics").wait_for(state="detached")
+
+
+def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
+    monkeypatch.setattr(ladder_module, "FRAMES", (40, 90))
+    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
+    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
+    count = itertools.count(1)
+    open_tab(page, "Accuracy")
+    tab = viewer.inspector.accuracy
+    tab.measure()
+    tab.wait()
+    caught_up(viewer, page)
+    page.locator("circle").filter(has_text="quintics, 90 frames").dispatch_event("click")
+    heard(viewer)
+    assert tab.choice.value.startswith("frames: quintics, 90 frames")
+    assert viewer.studio.wait()
+    assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
 
 
 def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):

@@ -24,9 +24,9 @@ class Canvas:
         """A polyline."""
         self.shapes.append(("line", {"points": points, "color": color, "width": width, "dash": dash}))
 
-    def dot(self, x: float, y: float, radius: float, color: str, *, filled: bool = True) -> None:
-        """A disc, or a ring."""
-        self.shapes.append(("dot", {"x": x, "y": y, "radius": radius, "color": color, "filled": filled}))
+    def dot(self, x: float, y: float, radius: float, color: str, *, filled: bool = True, title: str = "") -> None:
+        """A disc, or a ring. ``title``: what SVG viewers say where the pointer is on it or next to it."""
+        self.shapes.append(("dot", {"x": x, "y": y, "radius": radius, "color": color, "filled": filled, "title": title}))
 
     def text(self, x: float, y: float, words: str, *, size: float = 12.0, anchor: Anchor = "start", color: str = "#222222") -> None:
         """Words with their base line at y."""
@@ -42,7 +42,12 @@ class Canvas:
                 parts.append(f'<polyline points="{points}" fill="none" stroke="{s["color"]}" stroke-width="{s["width"]}"{dash}/>')
             elif kind == "dot":
                 look = f'fill="{s["color"]}"' if s["filled"] else f'fill="none" stroke="{s["color"]}" stroke-width="2"'
-                parts.append(f'<circle cx="{s["x"]:.1f}" cy="{s["y"]:.1f}" r="{s["radius"]}" {look}/>')
+                circle = f'<circle cx="{s["x"]:.1f}" cy="{s["y"]:.1f}" r="{s["radius"]}" {look}'
+                if s["title"]:  # an edge that is not seen: a pointer need not meet the dot itself
+                    parts.append(f'{circle} stroke="#000" stroke-opacity="0" stroke-width="9" pointer-events="all">')
+                    parts.append(f"<title>{escape(s['title'])}</title></circle>")
+                else:
+                    parts.append(f"{circle}/>")
             else:
                 place = f'x="{s["x"]:.1f}" y="{s["y"]:.1f}" font-size="{s["size"]}" text-anchor="{s["anchor"]}" fill="{s["color"]}"'
                 parts.append(f"<text {place}>{escape(s['words'])}</text>")

@@ -8,69 +8,134 @@ from collections.abc import Callable
 from .canvas import Canvas
 from .ladder import Point, cheapest, pareto
 
-__all__ = ["COLOURS", "PANEL", "draw_panel"]
+__all__ = ["COLOURS", "PANEL", "draw_key", "draw_panel", "key_rows", "setting_words"]
 
 COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
 PANEL = (430.0, 320.0)
-LEFT, TOP, RIGHT, BOTTOM = 62.0, 66.0, 14.0, 44.0
-GRID = "#e3e6ea"
+LEFT, TOP, RIGHT, BOTTOM = 62.0, 51.0, 14.0, 44.0
+ROW = 15.0  # from one row of names of methods to the next
+GRID, FRONT, NOW, BEST = "#e3e6ea", "#c9ced6", "#111111", "#d6336c"
 
 Place = Callable[[float, float], tuple[float, float]]
 """Where a time [s] and an error lie on the sheet."""
 
 
-def draw_panel(sheet: Canvas, x0: float, y0: float, dial: str, points: list[Point], target: float | None) -> Place:
+def setting_words(point: Point, front: bool) -> str:
+    """A setting in a line; ``front``: nothing is quicker and more exact."""
+    words = f"{point.dial}: {point.method}, {point.value}: {point.error:.0e} in {1e3 * point.seconds:.3g} ms"
+    return f"{words} *" if front else words
+
+
+def draw_panel(
+    sheet: Canvas,
+    x0: float,
+    y0: float,
+    dial: str,
+    points: list[Point],
+    target: float | None,
+    size: tuple[float, float] = PANEL,
+) -> Place:
     """Draw the finite points of a dial with its upper left corner at (x0, y0); where a time and an error lie."""
-    width, height = PANEL[0] - LEFT - RIGHT, PANEL[1] - TOP - BOTTOM
-    ticks = _ticks([p.seconds for p in points])
+    rows = _names(sheet, x0, y0 + 30.0, size[0], list(dict.fromkeys(p.method for p in points)))
+    top = TOP + ROW * rows
+    width, height = size[0] - LEFT - RIGHT, size[1] - top - BOTTOM
+    ticks = _ticks([p.seconds for p in points], max(2, int(width / 50.0)))
     low_e, high_e = _decades([p.error for p in points])
 
     def place(t: float, e: float) -> tuple[float, float]:
         u = math.log(t / ticks[0]) / math.log(ticks[-1] / ticks[0])
         v = (math.log10(e) - low_e) / (high_e - low_e)
-        return x0 + LEFT + width * min(max(u, 0.0), 1.0), y0 + TOP + height * (1.0 - min(max(v, 0.0), 1.0))
+        return x0 + LEFT + width * min(max(u, 0.0), 1.0), y0 + top + height * (1.0 - min(max(v, 0.0), 1.0))
 
     sheet.text(x0 + LEFT, y0 + 14, dial, size=13)
     for tick in ticks:
         x, _ = place(tick, 10.0**low_e)
-        sheet.line([(x, y0 + TOP), (x, y0 + TOP + height)], GRID)
-        sheet.text(x, y0 + TOP + height + 15, seconds_words(tick), size=10, anchor="middle")
+        sheet.line([(x, y0 + top), (x, y0 + top + height)], GRID)
+        sheet.text(x, y0 + top + height + 15, seconds_words(tick), size=10, anchor="middle")
     for decade in range(low_e, high_e + 1, max(1, math.ceil((high_e - low_e) / 6))):
         _, y = place(ticks[0], 10.0**decade)
         sheet.line([(x0 + LEFT, y), (x0 + LEFT + width, y)], GRID)
         sheet.text(x0 + LEFT - 6, y + 4, f"1e{decade}", size=10, anchor="end")
-    sheet.text(x0 + LEFT + width / 2, y0 + PANEL[1] - 12, "time", size=11, anchor="middle")
-    sheet.text(x0 + LEFT - 6, y0 + TOP - 8, "error", size=11, anchor="end")
-    if target is not None and low_e < math.log10(target) < high_e:
-        _, y = place(ticks[0], target)
-        sheet.line([(x0 + LEFT, y), (x0 + LEFT + width, y)], "#222222", dash=True)
-        sheet.text(x0 + LEFT + 4, y - 4, f"wanted {target:g}", size=10)
-    sheet.line([place(p.seconds, p.error) for p in pareto(points)], "#c9ced6", width=7.0)
-    _curves(sheet, x0, y0, points, place)
+    sheet.text(x0 + LEFT + width / 2, y0 + size[1] - 12, "time, median", size=11, anchor="middle")
+    sheet.text(x0 + 4, y0 + top - 8, "relative error", size=11)
+    front = pareto(points)
+    sheet.line([place(p.seconds, p.error) for p in front], FRONT, width=7.0)
+    _curves(sheet, points, {id(p) for p in front}, place)
     for p in points:
         if p.current:
-            sheet.dot(*place(p.seconds, p.error), 7.0, "#111111", filled=False)
+            sheet.dot(*place(p.seconds, p.error), 7.0, NOW, filled=False)
     best = cheapest(points, target) if target is not None else None
     if best is not None:
-        sheet.dot(*place(best.seconds, best.error), 10.0, "#d6336c", filled=False)
+        sheet.dot(*place(best.seconds, best.error), 10.0, BEST, filled=False)
+    if target is not None and low_e < math.log10(target) < high_e:
+        _wanted(sheet, x0 + LEFT, width, place(ticks[0], target)[1], target, [place(p.seconds, p.error) for p in points])
     return place
 
 
-def _curves(sheet: Canvas, x0: float, y0: float, points: list[Point], place: Place) -> None:
-    """The settings of each method, joined in the order of the ladder, and their names; fitted ones stand by themselves."""
-    at, row = x0 + LEFT, y0 + 30
+def draw_key(sheet: Canvas, x0: float, y0: float, target: float | None) -> None:
+    """What the band and the rings mean, in as many rows as `key_rows` says, the first with its base line at y0."""
+    at, row = x0, y0
+    for kind, words, wide in _key(target):
+        if at + wide > sheet.width and at > x0:
+            at, row = x0, row + 18
+        if kind == FRONT:
+            sheet.line([(at, row - 4), (at + 16, row - 4)], FRONT, width=7.0)
+        else:
+            sheet.dot(at + 8, row - 4, 6.0, kind, filled=False)
+        sheet.text(at + 22, row, words, size=10)
+        at += wide
+
+
+def key_rows(width: float, target: float | None) -> int:
+    """Rows of the key on a sheet of some width."""
+    rows, at = 1, 14.0
+    for _, _, wide in _key(target):
+        if at + wide > width and at > 14.0:
+            rows, at = rows + 1, 14.0
+        at += wide
+    return rows
+
+
+def _key(target: float | None) -> list[tuple[str, str, float]]:
+    """Colour, words and width of the marks."""
+    marks = [(FRONT, "Pareto front: nothing is quicker and more exact"), (NOW, "the setting in use")]
+    marks += [(BEST, f"the cheapest that reaches {target:g}")] if target is not None else []
+    return [(color, words, 40 + 4.9 * len(words)) for color, words in marks]
+
+
+def _names(sheet: Canvas, x0: float, y0: float, width: float, methods: list[str]) -> int:
+    """The methods with their colours, in as many rows as they need: how many."""
+    at, row = x0 + LEFT, 0
+    for k, method in enumerate(methods):
+        wide = 22 + 5.2 * len(method)
+        if at + wide - 6 > x0 + width - 4 and at > x0 + LEFT:
+            at, row = x0 + LEFT, row + 1
+        sheet.dot(at + 4, y0 + ROW * row - 4, 3.5, COLOURS[k % len(COLOURS)])
+        sheet.text(at + 11, y0 + ROW * row, method, size=9.5)
+        at += wide
+    return row + 1
+
+
+def _curves(sheet: Canvas, points: list[Point], front: set[int], place: Place) -> None:
+    """The settings of each method, joined in the order of the ladder; fitted ones stand by themselves."""
     for k, method in enumerate(dict.fromkeys(p.method for p in points)):
         color = COLOURS[k % len(COLOURS)]
         own = [p for p in points if p.method == method]
         joined = [p for p in own if not p.note.startswith("fitted") and p.value != "as it is"]
         sheet.line([place(p.seconds, p.error) for p in joined], color, width=1.3)
         for p in own:
-            sheet.dot(*place(p.seconds, p.error), 3.2, color)
-        if at + 16 + 5.2 * len(method) > x0 + PANEL[0] - 4:
-            at, row = x0 + LEFT, row + 15
-        sheet.dot(at + 4, row - 4, 3.5, color)
-        sheet.text(at + 11, row, method, size=9.5)
-        at += 22 + 5.2 * len(method)
+            sheet.dot(*place(p.seconds, p.error), 3.2, color, title=setting_words(p, id(p) in front))
+
+
+def _wanted(sheet: Canvas, left: float, width: float, y: float, target: float, taken: list[tuple[float, float]]) -> None:
+    """The wanted error as a line across, with its name at the end where there is more room."""
+    sheet.line([(left, y), (left + width, y)], "#222222", dash=True)
+    words = f"wanted {target:g}"
+    half = 2.7 * len(words)
+    rooms = [
+        (min((math.hypot(u - x, v - y + 8.0) for u, v in taken), default=0.0), x) for x in (left + 4 + half, left + width - half)
+    ]
+    sheet.text(max(rooms)[1], y - 4, words, size=10, anchor="middle")
 
 
 def _decades(errors: list[float]) -> tuple[int, int]:
@@ -79,17 +144,17 @@ def _decades(errors: list[float]) -> tuple[int, int]:
     return a, max(b, a + 1)
 
 
-def _ticks(times: list[float]) -> list[float]:
-    """Round times around some: of the series 1, 2, 5, or over more than two decades powers of ten."""
+def _ticks(times: list[float], most: int = 7) -> list[float]:
+    """At most so many round times around some: of the series 1, 2, 5, or over more than two decades powers of ten."""
     first, last = math.floor(math.log10(min(times))) - 1, math.ceil(math.log10(max(times))) + 1
     for steps in ((1, 2, 5), (1,)):
         series = [step * 10.0**decade for decade in range(first, last + 1) for step in steps]
         below = max(k for k, t in enumerate(series) if t <= min(times) * 1.0001)
         above = min(k for k, t in enumerate(series) if t >= max(times) * 0.9999)
         found = series[below : max(above, below + 1) + 1]
-        if len(found) <= 7:
+        if len(found) <= most:
             return found
-    step = math.ceil(len(found) / 7)
+    step = math.ceil(len(found) / most)
     return [*found[:-1:step], found[-1]] if (len(found) - 1) % step else found[::step]
 
 

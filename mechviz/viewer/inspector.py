@@ -94,7 +94,7 @@ class Inspector:
             self.controls = Controls(server, tab, studio, callback)
             self.pivots = Pivots(server, studio, callback)
             self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
-            self.accuracy = AccuracyTab(server, tabs.add_tab("Errors"), studio, callback)
+            self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), studio, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
         self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
         if studio is None:

@@ -122,6 +122,8 @@ class Timeline:
         self._place.content = words.place_in_run(show, frame)
         if self.slider.max != max(show.frames - 1, 1):
             self.update(show)
+        if self.slider.value != frame:  # of a run with other frames the same part of the run has another number
+            self.slider.value = frame
 
     def show(self, frame: int, playing: bool) -> None:
         """Bring the numbers, the slider, the buttons and the strip's cursor to a frame."""
