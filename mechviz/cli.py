@@ -14,6 +14,7 @@ from .accuracy.command import accuracy as accuracy_command
 from .accuracy.command import effects as effects_command
 from .cams_command import cams
 from .command_line import (
+    check_targets,
     clear_errors,
     fail,
     interruptible,
@@ -37,7 +38,9 @@ app = typer.Typer(
     name="mechviz",
     help="Inspect and record mechanisms: kinematics, forces, solids, rerun recordings, a browser viewer.\n\n"
     "SCENE is the name of a gallery scene (see: mechviz scenes) or the path of a scene file.\n\n"
-    "Start with: mechviz record crank-rocker, then mechviz inspect recordings/crank-rocker.rrd, or mechviz view crank-rocker.",
+    "Start with: mechviz record crank-rocker, then mechviz inspect recordings/crank-rocker.rrd, or mechviz view crank-rocker.\n\n"
+    "Exit codes: 0 done; 2 it cannot be done as it is asked for (options, scene, recording, a file that cannot be written there); "
+    "1 something is in the way (a full disk, a port in use, no Chromium), or a hard case fails; 130 and 143 interrupted.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -149,13 +152,13 @@ def forces(
     """
     from mechcore.flywheel import flywheel
 
-    from .files import OutputError
     from .power_report import flywheel_lines, force_lines, power_csv
 
     if steady is not None:
         _print_steady(scene, steady, fluctuation)
         return
     with clear_errors(scene):
+        check_targets(csv, plot)
         run = solve(load_scene(scene), frames, cycles, accuracy)
         warn_of_accuracy(run)
         if run.forces is None:
@@ -164,19 +167,14 @@ def forces(
         print("\n".join(force_lines(run.forces)))
         if fluctuation is not None:
             print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation))))
-        if csv is not None:
-            try:
+        with interruptible():
+            if csv is not None:
                 print(power_csv(run.forces, csv))
-            except OutputError as e:
-                fail(str(e), 1)
-        if plot is not None:
-            from .polar import shaken, write_polar
+            if plot is not None:
+                from .polar import shaken, write_polar
 
-            try:
                 write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)})
-            except OutputError as e:
-                fail(str(e), 1)
-            print(plot)
+                print(plot)
 
 
 def _print_steady(source: str, turns: int, fluctuation: float | None) -> None:
@@ -214,7 +212,7 @@ def record(
     ] = None,
 ) -> None:
     """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
-    from .record import RecordingError, write_recording
+    from .record import write_recording
 
     with clear_errors(scene):
         loaded = load_scene(scene)
@@ -222,18 +220,16 @@ def record(
         if path is None:
             Path("recordings").mkdir(exist_ok=True)
             path = Path("recordings") / f"{loaded.name}.rrd"
+        check_targets(path)
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
         run = None if live is not None else solve(loaded, frames, cycles, accuracy)
-        try:
-            import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
-            with interruptible():
-                if run is None:
-                    run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
-                with progress_bar("recording") as bar:
-                    summary = write_recording(run, path, progress=bar)
-        except RecordingError as e:
-            fail(str(e), 1)
+        import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
+        with interruptible():
+            if run is None:
+                run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
+            with progress_bar("recording") as bar:
+                summary = write_recording(run, path, progress=bar)
         say(str(summary))
         print(path)
 
@@ -252,14 +248,11 @@ def _solve_live(scene: Scene, frames: int | None, cycles: int | None, accuracy: 
 @app.command()
 def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:
     """Print what a recording holds, without a viewer: links, joints, peaks of forces and torque, health, events."""
-    from .record import RecordingError, format_inspection
+    from .record import format_inspection
     from .record import inspect as inspect_recording
 
     with clear_errors(str(recording)):
-        try:
-            print(format_inspection(inspect_recording(recording)))
-        except RecordingError as e:
-            fail(str(e))
+        print(format_inspection(inspect_recording(recording)))
 
 
 @app.command()
@@ -277,26 +270,23 @@ def balance(
 ) -> None:
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     from .balance import balance_scene
-    from .files import OutputError
     from .polar import write_polar
     from .scene import dump
 
     with clear_errors(scene):
+        check_targets(output, plot)
         loaded = load_scene(scene)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
         found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
         print("\n".join(found.lines()))
-        if output is not None:
-            dump(found.scene, output)
-            say(f"{output} written.")
-        if plot is not None:
-            both = {"before": found.before, "with counterweights": found.after}
-            try:
-                write_polar(plot, loaded.title, found.motion, both)
-            except OutputError as e:
-                fail(str(e), 1)
-            print(plot)
+        with interruptible():
+            if output is not None:
+                dump(found.scene, output)
+                say(f"{output} written.")
+            if plot is not None:
+                write_polar(plot, loaded.title, found.motion, {"before": found.before, "with counterweights": found.after})
+                print(plot)
 
 
 @app.command()
@@ -322,8 +312,7 @@ def vibrations(
 
     Try: mechviz vibrations swinging-double-pendulum, then add --mode 2 -o mode2.rrd and open that with rerun.
     """
-    from .files import OutputError
-    from .record import RecordingError, write_recording
+    from .record import write_recording
     from .scene import dump
     from .vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
@@ -332,10 +321,11 @@ def vibrations(
     if output is not None and output.suffix not in (".rrd", ".toml"):
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
     with clear_errors(scene):
+        check_targets(csv, output)
         loaded = load_scene(scene)
         found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, found)))
-        try:
+        with interruptible():
             if csv is not None:
                 say(f"{vibrations_csv(found, csv)} written.")
             if mode is not None and output is not None:
@@ -343,11 +333,8 @@ def vibrations(
                 if output.suffix == ".toml":
                     dump(shown, output)
                 else:
-                    with interruptible():
-                        write_recording(solve(shown, None, None), output)
+                    write_recording(solve(shown, None, None), output)
                 say(f"{output} written.")
-        except (OutputError, RecordingError) as e:
-            fail(str(e), 1)
 
 
 @app.command()
@@ -366,7 +353,7 @@ def view(
 
     with clear_errors(scene):
         if scene.endswith(".rrd"):
-            from .record import Recording, RecordingError
+            from .record import Recording
 
             if (frames, cycles, accuracy) != (None, None, None):
                 fail("--frames, --cycles and --accuracy are for scenes: a recording is played as it is.")
@@ -374,8 +361,6 @@ def view(
                 fail("--live is for scenes: a recording is there at once.")
             try:
                 serve(Recording(scene), port=port)
-            except RecordingError as e:
-                fail(str(e))
             except ViewerError as e:
                 fail(str(e), 1)
             return
@@ -427,36 +412,34 @@ def export(
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(scene):
+        check_targets(csv, parquet, glb, threemf, *profiles.values())
         loaded = load_scene(scene)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)
         warn_of_accuracy(run)
         times = None if step is None else ex.even_times(run, step)
-        try:
-            with interruptible():
-                if csv is not None:
-                    ex.export_csv(run, csv, times)
-                    print(csv)
-                if parquet is not None:
-                    ex.export_parquet(run, parquet, times)
-                    print(parquet)
-                if stl is not None:
-                    for path in ex.export_stl(run, stl):
-                        print(path)
-                if glb is not None:
-                    from .gltf import ARROWS, export_glb
+        with interruptible():
+            if csv is not None:
+                ex.export_csv(run, csv, times)
+                print(csv)
+            if parquet is not None:
+                ex.export_parquet(run, parquet, times)
+                print(parquet)
+            if stl is not None:
+                for path in ex.export_stl(run, stl):
+                    print(path)
+            if glb is not None:
+                from .gltf import ARROWS, export_glb
 
-                    print(export_glb(run, glb, arrows=ARROWS if families is None else families))
-                if threemf is not None:
-                    from .threemf import export_3mf
+                print(export_glb(run, glb, arrows=ARROWS if families is None else families))
+            if threemf is not None:
+                from .threemf import export_3mf
 
-                    print(export_3mf(run, threemf))
-                for kind, path in profiles.items():
-                    from .cam_export import export_profiles
+                print(export_3mf(run, threemf))
+            for kind, path in profiles.items():
+                from .cam_export import export_profiles
 
-                    print(export_profiles(run, path, kind, lambda line: print(line, file=sys.stderr)))
-        except ex.ExportError as e:
-            fail(str(e), 1)
+                print(export_profiles(run, path, kind, lambda line: print(line, file=sys.stderr)))
 
 
 def _families(text: str | None) -> tuple[str, ...] | None:

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
+from .files import OutputError, check_target
+
 if TYPE_CHECKING:
     from .run import Run
     from .scene import Scene
 
 __all__ = [
-    "clear_errors", "fail", "interruptible", "load_scene", "no_output", "progress_bar", "quantity_of", "say", "solve",
-    "warn_of_accuracy",
+    "check_targets", "clear_errors", "fail", "interruptible", "load_scene", "no_output", "progress_bar", "quantity_of", "say",
+    "solve", "warn_of_accuracy",
 ]  # fmt: skip
 
 
@@ -43,6 +45,8 @@ def clear_errors(source: str) -> Iterator[None]:
     except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit; the writer leaves a note on both
         note = "\n".join(getattr(e, "__notes__", ())) or "Interrupted: nothing was written."
         fail(note, 130 if isinstance(e, KeyboardInterrupt) else 143)
+    except OutputError as e:
+        fail(str(e), e.code)
     except OSError as e:
         raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
     except ValueError as e:
@@ -53,6 +57,13 @@ def clear_errors(source: str) -> Iterator[None]:
         from .scene import SceneError
 
         fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
+
+
+def check_targets(*paths: Path | None) -> None:
+    """Refuse files that cannot be written where they are wanted, before anything is computed for them. Raises `OutputError`."""
+    for path in paths:
+        if path is not None:
+            check_target(path)
 
 
 def refuse(error: OSError) -> int:

@@ -13,21 +13,28 @@ __all__ = ["OutputError", "check_target", "put_in_place", "reason", "replacing"]
 
 
 class OutputError(Exception):
-    """A file that could not be written or read: what happened and what to do about it."""
+    """A file that could not be written or read: what happened and what to do about it.
 
-    def __init__(self, message: str, remedy: str = ""):
+    ``code``: exit code of commands; 2 where something else has to be asked for, 1 where the machine cannot do it as it is now.
+    """
+
+    code = 2
+
+    def __init__(self, message: str, remedy: str = "", code: int | None = None):
         self.message = message
         self.remedy = remedy
+        if code is not None:
+            self.code = code
         super().__init__(f"{message} {remedy}".strip())
 
 
 def reason(error: OSError, path: Path) -> OutputError:
     """Words for an operating system error at a path."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return OutputError(f"'{path}' cannot be written: the disk is full.", "Free some space or write elsewhere.")
+        return OutputError(f"'{path}' cannot be written: the disk is full.", "Free some space or write elsewhere.", 1)
     if error.errno == errno.EFBIG:
         return OutputError(
-            f"'{path}' cannot be written: it would be larger than the limit for files.", "Raise the limit or use fewer frames."
+            f"'{path}' cannot be written: it would be larger than the limit for files.", "Raise the limit or use fewer frames.", 1
         )
     words = (error.strerror or str(error)).lower()
     return OutputError(f"'{path}' cannot be written: {words}.", "Choose another place.")

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .command_line import clear_errors, fail
+from .command_line import clear_errors, fail, interruptible
+from .files import check_target, replacing
 
 if TYPE_CHECKING:
     from mechcore.laws import MotionCurve
@@ -31,9 +32,13 @@ def laws(
         chosen = {name: _parse(name) for name in (names or list(RISES))}
         if plot is not None and plot.suffix.lower() != ".svg":
             fail(f"{plot}: curves are written as SVG. Give a name that ends in .svg.")
+        if plot is not None:
+            check_target(plot)
         print("\n".join(laws_table(chosen)))
         if plot is not None:
-            plot.write_text(laws_svg(chosen), encoding="utf-8")
+            text = laws_svg(chosen)
+            with interruptible(), replacing(plot) as temporary:
+                temporary.write_text(text, encoding="utf-8")
             print(plot)
 
 

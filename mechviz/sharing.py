@@ -42,24 +42,18 @@ def share(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
-    from .files import OutputError, check_target, replacing
+    from .files import check_target, replacing
 
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
-        try:
-            check_target(path)
-        except OutputError as e:
-            fail(str(e), 1)
+        check_target(path)
         recording = _recording(source, frames, cycles)
         from .share import make_page
 
-        try:
-            with interruptible(), progress_bar("sharing") as bar:
-                text, chosen = make_page(recording, most=most, progress=bar)
-                with replacing(path) as temporary:
-                    temporary.write_text(text, encoding="utf-8")
-        except OutputError as e:
-            fail(str(e), 1)
+        with interruptible(), progress_bar("sharing") as bar:
+            text, chosen = make_page(recording, most=most, progress=bar)
+            with replacing(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
         held = (
             f"{len(chosen.chosen)} frames"
             if len(chosen.chosen) == chosen.total
@@ -86,8 +80,8 @@ def shot(
 
     A PNG is made by Chromium and looks like the shared page; an SVG needs no browser: a drawing seen from the front.
     """
-    from .files import OutputError, check_target
-    from .share.browser import ChromiumError, find_chromium
+    from .files import check_target
+    from .share.browser import find_chromium
 
     with clear_errors(source):
         from .share.pictures import moment
@@ -101,27 +95,18 @@ def shot(
         if sum(x is not None for x in (at, frame, angle)) > 1:
             fail("--at, --frame and --angle name the same thing. Give one of them.")
         when = {"at": _quantity(at, "at", "s", "time"), "angle": _quantity(angle, "angle", "deg", "angle")}
-        try:
-            if not drawing:
-                find_chromium()
-            check_target(output)
-        except OutputError as e:
-            fail(str(e), 1)
+        if not drawing:
+            find_chromium()
+        check_target(output)
         recording = _recording(source, frames, cycles)
-        try:
-            place = moment(recording, frame=frame, **when)
-        except OutputError as e:
-            fail(str(e))
-        try:
-            with interruptible():
-                if drawing:
-                    from .share.drawing import write_svg
+        place = moment(recording, frame=frame, **when)
+        with interruptible():
+            if drawing:
+                from .share.drawing import write_svg
 
-                    print(write_svg(recording, output, time=place.time, width=look.width, height=look.height, dark=dark))
-                else:
-                    print(take(recording, output, look, place))
-        except OutputError as e:
-            fail(str(e), 1 if isinstance(e, ChromiumError) else 2)
+                print(write_svg(recording, output, time=place.time, width=look.width, height=look.height, dark=dark))
+            else:
+                print(take(recording, output, look, place))
 
 
 def film(
@@ -139,8 +124,8 @@ def film(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
-    from .files import OutputError, check_target
-    from .share.browser import ChromiumError, find_chromium
+    from .files import check_target
+    from .share.browser import find_chromium
 
     with clear_errors(source):
         from .share.pictures import film as make
@@ -148,45 +133,33 @@ def film(
 
         _ending(output, (".gif", ".mp4"), "a film")
         look = _look(view, size, dark, show)
-        try:
-            find_chromium()
-            if output.suffix.lower() == ".mp4":
-                find_ffmpeg()
-            check_target(output)
-        except OutputError as e:
-            fail(str(e), 1)
+        find_chromium()
+        if output.suffix.lower() == ".mp4":
+            find_ffmpeg()
+        check_target(output)
         recording = _recording(source, frames, cycles)
-        try:
-            with interruptible(), progress_bar("filming") as bar:
-                make(recording, output, look, seconds=seconds, rate=rate, progress=bar)
-        except OutputError as e:
-            fail(str(e), 1 if isinstance(e, ChromiumError) else 2)
+        with interruptible(), progress_bar("filming") as bar:
+            make(recording, output, look, seconds=seconds, rate=rate, progress=bar)
         print(output)
 
 
 def _recording(source: str, frames: int | None, cycles: int | None) -> Recording:
     """The recording that is meant, or one made of the scene."""
-    from .record import Recording, RecordingError
+    from .record import Recording
     from .share.source import is_recording, recorded
 
     if not is_recording(source):
         run = solve(load_scene(source), frames, cycles)
         import rerun  # noqa: F401  before anything is begun: a library that is loading may swallow an interruption
 
-        try:
-            with interruptible(), progress_bar("recording") as bar:
-                return recorded(run, bar)
-        except RecordingError as e:
-            fail(str(e), 1)
+        with interruptible(), progress_bar("recording") as bar:
+            return recorded(run, bar)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
-    try:
-        recording = Recording(source)
-        if not recording.has("data", "links", recording.model["frame"], "pose"):
-            fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
-        return recording
-    except RecordingError as e:
-        fail(str(e))
+    recording = Recording(source)
+    if not recording.has("data", "links", recording.model["frame"], "pose"):
+        fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
+    return recording
 
 
 def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:

@@ -104,7 +104,7 @@ def test_developments_as_files(tmp_path):
     assert float(width[:-2]) == pytest.approx(2.0 * np.pi * 45.0 + 10.0, abs=0.2)
     for name in ("cam-globoid", "cam-indexing-barrel"):
         done = run(name, "--dxf", str(tmp_path / "g.dxf"), "--frames", "12")
-        assert done.exit_code == 1 and "globoids and indexing cams are not developed" in done.stderr
+        assert done.exit_code == 2 and "globoids and indexing cams are not developed" in done.stderr
 
 
 def test_what_the_cutter_leaves_is_told(tmp_path):
@@ -115,7 +115,7 @@ def test_what_the_cutter_leaves_is_told(tmp_path):
 
 def test_scenes_without_a_cam_have_no_profile(tmp_path):
     done = run("crank-rocker", "--dxf", str(tmp_path / "none.dxf"), "--frames", "12")
-    assert done.exit_code == 1 and "has no cam" in done.stderr and not (tmp_path / "none.dxf").exists()
+    assert done.exit_code == 2 and "has no cam" in done.stderr and not (tmp_path / "none.dxf").exists()
     assert run("crank-rocker").exit_code == 2
 
 

@@ -71,7 +71,7 @@ def test_commands_write_them(tmp_path):
         (["forces", "shaking-engine", "--plot", str(tmp_path / "no" / "p.svg")], "does not exist"),
     ):
         failed = run(app, arguments)
-        assert failed.exit_code == 1 and words in failed.stderr
+        assert failed.exit_code == 2 and words in failed.stderr
 
 
 def test_where_the_drive_slides_the_part_of_the_run_is_its_angle():

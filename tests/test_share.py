@@ -424,5 +424,5 @@ def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
     result = run("film", "crank-rocker", "-o", "a.mp4")
     assert result.exit_code == 1 and "apt-get install ffmpeg" in result.output
     result = run("share", "crank-rocker", "-o", str(tmp_path / "nowhere" / "a.html"))
-    assert result.exit_code == 1 and "does not exist" in result.output
+    assert result.exit_code == 2 and "does not exist" in result.output
     assert not list(tmp_path.iterdir())

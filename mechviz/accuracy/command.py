@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..command_line import clear_errors, fail, load_scene, progress_bar
+from ..command_line import check_targets, clear_errors, fail, interruptible, load_scene, progress_bar
 
 if TYPE_CHECKING:
     from .cache import Measured
@@ -48,6 +48,7 @@ def accuracy(
         from .ladder import ladder
         from .recorded import write_rrd
 
+        check_targets(output, rrd)
         loaded = load_scene(scene)
         found = None if again else kept(loaded, target)
         if found is None:
@@ -59,12 +60,13 @@ def accuracy(
             fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(found.points))}.")
         title = f"{loaded.title}: what accuracy costs"
         print("\n".join([title, *table_lines(shown, target), "", *_foot(found), *_answer(shown, target)]))
-        if output is not None:
-            write_diagram(diagram(shown, title, "; ".join(_foot(found)), target), output)
-            print(output)
-        if rrd is not None:
-            write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
-            print(rrd)
+        with interruptible():
+            if output is not None:
+                write_diagram(diagram(shown, title, "; ".join(_foot(found)), target), output)
+                print(output)
+            if rrd is not None:
+                write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
+                print(rrd)
 
 
 def _foot(found: Measured) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..files import replacing
 from .canvas import Canvas
 from .ladder import Point
 from .panel import PANEL, draw_key, draw_panel, key_rows
@@ -47,10 +48,9 @@ def diagram(
 
 
 def write_diagram(sheet: Canvas, path: Path) -> None:
-    """Write a sheet as .svg or .png, replaced as a whole."""
-    temporary = path.with_name(f"{path.name}.part")
-    if path.suffix.lower() == ".png":
-        sheet.png().save(temporary, format="PNG")
-    else:
-        temporary.write_text(sheet.svg(), encoding="utf-8")
-    temporary.replace(path)
+    """Write a sheet as .svg or .png, replaced as a whole. Raises `OutputError`."""
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".png":
+            sheet.png().save(temporary, format="PNG")
+        else:
+            temporary.write_text(sheet.svg(), encoding="utf-8")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
+from ..files import replacing
 from .canvas import Canvas
 from .diagram import dials_of
 from .ladder import Point
@@ -19,12 +20,13 @@ SCALE = 2.0  # dots of a picture for a pixel of the sheet
 
 def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
     """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
-    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them."""
+    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them.
+    Raises `OutputError`."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     stream = rr.RecordingStream("mechviz", recording_id=f"accuracy-{path.stem}")
-    temporary = path.with_name(f"{path.name}.part")
+    binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
     views = []
     for dial in dials_of(points):
         own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
@@ -54,10 +56,11 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
         views.append(rrb.Spatial2DView(origin=root, name=dial, background=[255, 255, 255]))
     stream.log("table", rr.TextDocument(f"# {title}\n\n{markdown}", media_type=rr.MediaType.MARKDOWN), static=True)
     layout = rrb.Horizontal(rrb.Grid(*views), rrb.TextDocumentView(origin="table", name="table"), column_shares=[3, 2])
-    stream.save(temporary, default_blueprint=rrb.Blueprint(layout, collapse_panels=True))
-    stream.flush()
+    stream.send_blueprint(rrb.Blueprint(layout, collapse_panels=True), make_active=True, make_default=True)
+    data = binary.read()
     stream.disconnect()
-    temporary.replace(path)
+    with replacing(path) as temporary:
+        temporary.write_bytes(data or b"")
 
 
 def _rgb(code: str) -> tuple[int, int, int]:

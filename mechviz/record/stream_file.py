@@ -60,7 +60,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
         claim = _claim(temporary)
         pump = Pump(temporary)
     except OutputError as error:
-        raise RecordingError(error.message, error.remedy) from None
+        raise RecordingError.of(error) from None
     except OSError as error:
         raise _cannot_write(path, error) from None
     strict = rr.strict_mode()
@@ -109,7 +109,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Itera
         claim = _claim(temporary)
         pump = Pump(temporary)
     except OutputError as error:
-        raise RecordingError(error.message, error.remedy) from None
+        raise RecordingError.of(error) from None
     except OSError as error:
         raise _cannot_write(path, error) from None
     strict = rr.strict_mode()
@@ -160,7 +160,7 @@ def _open(port: int) -> int:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.") from None
+            raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.", 1) from None
     return port
 
 
@@ -171,7 +171,8 @@ def _claim(temporary: Path) -> int:
         fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(claim)
-        raise RecordingError(f"'{temporary}' is being written by another run.", "Wait for it, or write to another file.") from None
+        why = f"'{temporary}' is being written by another run."
+        raise RecordingError(why, "Wait for it, or write to another file.", 1) from None
     return claim
 
 
@@ -183,5 +184,4 @@ def _left_behind(path: Path, temporary: Path, frames: int) -> str:
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordingError:
-    words = reason(error, path)
-    return RecordingError(words.message, words.remedy)
+    return RecordingError.of(reason(error, path))

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from mechcore.accuracy import Accuracy
-from mechcore.errors import Fault
 from mechcore.spec import Mechanism
 
+from ..files import replacing
 from .accuracies import accuracy_of
 from .assemble import assemble
 from .bodies import FOLDER
@@ -20,7 +20,7 @@ from .faults import SceneError, in_file_order
 from .free_motion import SimulationSpec
 from .reading import find_scene, parse_toml, read_text
 from .validate import read_document
-from .writing import replace_file, toml_text
+from .writing import toml_text
 
 __all__ = ["Scene", "dump", "json_schema", "load", "loads"]
 
@@ -114,16 +114,10 @@ def loads(text: str, name: str = "scene") -> Scene:
 def dump(scene: Scene, path: str | Path, *, keep: bool = False) -> None:
     """Write a scene as a TOML file; a file that is already there is replaced only by a whole new one.
 
-    ``keep``: its ``text`` with the comments, not the standard layout.
+    ``keep``: its ``text`` with the comments, not the standard layout. Raises `OutputError` where it cannot be written.
     """
-    path = Path(path)
-    try:
-        replace_file(path, scene.text if keep else scene.to_toml())
-    except OSError as error:
-        raise SceneError(
-            path.name,
-            Fault("file", f"cannot be written: {error.strerror or error}.", f"Check the folder '{path.parent}'."),
-        ) from None
+    with replacing(Path(path)) as temporary:
+        temporary.write_text(scene.text if keep else scene.to_toml(), encoding="utf-8", newline="\n")
 
 
 def json_schema() -> dict[str, Any]:

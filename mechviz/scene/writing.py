@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-__all__ = ["key_text", "replace_file", "toml_text", "value_text"]
+__all__ = ["key_text", "toml_text", "value_text"]
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _LONGEST_LINE = 118
@@ -67,26 +64,3 @@ def value_text(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }" if value else "{}"
     return "[" + ", ".join(map(value_text, value)) + "]"
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a file so that at any moment either the old or the whole new one is there."""
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    """The mask for new files; reading it needs setting it."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

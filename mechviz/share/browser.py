@@ -44,6 +44,8 @@ ARGUMENTS = (
 class ChromiumError(OutputError):
     """Chromium is not there, or does not do what it is asked."""
 
+    code = 1
+
 
 def find_chromium() -> str:
     """The path of Chromium or Chrome; the environment variable MECHVIZ_CHROMIUM goes first. Raises `ChromiumError`."""

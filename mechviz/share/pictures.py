@@ -187,6 +187,7 @@ def find_ffmpeg() -> str:
         raise OutputError(
             "An MP4 needs ffmpeg, which is not installed.",
             "Install it (Debian: apt-get install ffmpeg; or pip install imageio-ffmpeg), or write a .gif.",
+            1,
         )
     return found
 
@@ -210,7 +211,8 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
             if process.wait():
                 told.seek(0)
                 words = told.read().decode(errors="replace").strip()
-                raise OutputError(f"ffmpeg could not make the film: {words.splitlines()[-1] if words else 'it gave no reason'}.")
+                why = words.splitlines()[-1] if words else "it gave no reason"
+                raise OutputError(f"ffmpeg could not make the film: {why}.", code=1)
         finally:
             if process.poll() is None:
                 process.kill()
