@@ -9,12 +9,26 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mechviz.record import Recording, RecordingError, format_inspection, inspect, interruption, write_recording
+from mechviz.run import run_scene
+from mechviz.scene import load
+from mechviz.tables import tables
 from recordings import made
 
+ROOT = Path(__file__).parents[1]
 RUN = made("crank-rocker").run
+
+
+def test_the_example_that_is_kept_holds_what_is_recorded_today():
+    """It lies beside the recordings that commands write, so that none of them replaces it."""
+    kept = sorted((ROOT / "recordings" / "examples").glob("*.rrd"))
+    assert [path.stem for path in kept] == ["crank-rocker"]
+    example, run = Recording(kept[0]), run_scene(load("crank-rocker"))
+    for table in tables(run):
+        np.testing.assert_allclose(example.scalars(*table.path)[1], table.values, rtol=1e-9, atol=1e-11, err_msg=str(table.path))
 
 
 def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
