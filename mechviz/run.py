@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .accuracy.fit import Fit
     from .scene import Scene
 
-    Resimulate = Callable[..., Simulation]  # of a tolerance and perhaps a method
+    Resimulate = Callable[..., Simulation]  # of a tolerance, perhaps a method, perhaps a motion that is like it
 
 __all__ = ["Run", "Stage", "run_scene", "stopwatch", "with_run"]
 
@@ -206,8 +206,8 @@ def _resimulate(
     steady: SteadyRun | None,
     observe: Callable[[Simulation, float], None] | None,
 ) -> Resimulate:
-    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method; only the
-    first motion is observed while it is found."""
+    """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
+    from a motion that is like it; only the first motion is observed while it is found."""
     from mechcore.dynamics import simulate
 
     spec = scene.simulation
@@ -216,7 +216,7 @@ def _resimulate(
 
     unseen = [] if observe is None else [observe]
 
-    def found(tolerance: float, method: Method | None = None) -> Simulation:
+    def found(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
         look = unseen.pop() if unseen else None
         return simulate(
             compiled,
@@ -228,6 +228,7 @@ def _resimulate(
             liftoffs=spec.liftoffs,
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda stretch: look(stretch, duration),
+            like=like,
         )
 
     return found

@@ -3,9 +3,14 @@
 - Positions: the residual of the contours, and the rounding that it cannot show, times the condition of the groups. Velocities and
   accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices, and small ones
   have the rounding of the largest force.
-- Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance (so with another order of
-  the integrator); of a motion that its energy gave, from collocation at its tightest. That costs about as much as the motion
-  itself; extrapolating from a looser companion is wrong by up to a hundred, as the error does not follow the tolerance so well.
+- Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance; of a motion that its energy
+  gave, from collocation at its tightest. Extrapolating from a looser companion is wrong by up to a hundred, as the error does not
+  follow the tolerance so well. The companion starts from the motion that it judges (`mechcore.dynamics.retrace`), which makes it
+  cheap, but does not believe it: it solves the equations of motion themselves, evaluated anew, by a rule with other nodes and of a
+  higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
+  looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
+  the same solution, and then tells how wrong the false one was. What both share is what no tolerance mends: the model, and the
+  rounding of the same formulas.
 - Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
   error at twice and four times the distance shows, at most that of the interpolation.
 """
@@ -207,8 +212,8 @@ def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> S
 
     try:
         if simulation.method == "energy":
-            return simulate(TIGHTEST, "gauss")
-        return simulate(max(TIGHTER * simulation.tolerance, TIGHTEST))
+            return simulate(TIGHTEST, "gauss", simulation)
+        return simulate(max(TIGHTER * simulation.tolerance, TIGHTEST), None, simulation)
     except MechanismError:
         return None
 

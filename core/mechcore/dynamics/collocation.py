@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-__all__ = ["Rule", "Window", "gauss", "radau", "solve_window"]
+__all__ = ["Rule", "Window", "gauss", "integrals", "integrals_and_values", "radau", "solve_window"]
 
 Array = NDArray[np.float64]
 
@@ -51,18 +51,37 @@ def _rule(nodes: Array, stiff: bool) -> Rule:
 
 def integrals(s: int, x: Array) -> tuple[Array, Array]:
     """First and second integral from 0 to ``x`` (n,) of the Legendre polynomials P_0 .. P_(s-1) of 2 x - 1, (n, s) each."""
-    z = 2.0 * np.asarray(x, float) - 1.0
-    p = legendre.legvander(z, s + 1)
-    first = np.empty((len(z), s + 1))
+    return integrals_and_values(s, x)[:2]
+
+
+def integrals_and_values(s: int, x: Array) -> tuple[Array, Array, Array]:
+    """`integrals`, and the polynomials themselves (n, s)."""
+    p = _polynomials(2.0 * np.asarray(x, float) - 1.0, s + 2)
+    first = np.empty((len(x), s + 1))
     first[:, 0] = 0.5 * (p[:, 1] + 1.0)
-    k = np.arange(1, s + 1)
-    first[:, 1:] = 0.5 * (p[:, 2:] - p[:, :-2]) / (2 * k + 1)
-    second = np.empty((len(z), s))
+    first[:, 1:] = 0.5 * (p[:, 2:] - p[:, :-2]) * _over_odd(s)
+    second = np.empty((len(x), s))
     # the integral of P_k is (P_(k+1) - P_(k-1)) / (2 (2k + 1)): integrate that once more with the same formula
     second[:, 0] = 0.5 * (first[:, 1] + first[:, 0])
-    k = np.arange(1, s)
-    second[:, 1:] = 0.5 * (first[:, 2:] - first[:, :-2]) / (2 * k + 1)
-    return first[:, :s], second
+    second[:, 1:] = 0.5 * (first[:, 2:] - first[:, :-2]) * _over_odd(s - 1)
+    return first[:, :s], second, p[:, :s]
+
+
+@lru_cache
+def _over_odd(n: int) -> Array:
+    """1 / (2 k + 1) for k = 1 .. n."""
+    return np.asarray(1.0 / (2.0 * np.arange(1, n + 1) + 1.0))
+
+
+def _polynomials(z: Array, n: int) -> Array:
+    """Legendre polynomials P_0 .. P_(n-1) at z (m,): (m, n)."""
+    out = np.empty((n, len(z)))
+    out[0], out[1] = 1.0, z
+    for k in range(2, n):
+        np.multiply(z, out[k - 1], out=out[k])
+        out[k] *= (2.0 * k - 1.0) / k
+        out[k] -= ((k - 1.0) / k) * out[k - 2]
+    return out.T
 
 
 @lru_cache
@@ -88,25 +107,21 @@ def radau(s: int) -> Rule:
 @dataclass(frozen=True, eq=False)
 class Window:
     """One window of a solution: times ``start`` to ``start + length`` [s]; ``q``, ``v`` (f,) at its start, Legendre coefficients
-    ``a`` (s, f) of the acceleration."""
+    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form."""
 
     start: float
     length: float
     q: Array
     v: Array
     a: Array
+    cut: bool = False
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, speed and acceleration (n, f) at times (n,)."""
-        x = (np.atleast_1d(t) - self.start) / self.length
-        s = len(self.a)
-        first, second = integrals(s, x)
-        h = self.length
-        return (
-            self.q + h * x[:, None] * self.v + h * h * (second @ self.a),
-            self.v + h * (first @ self.a),
-            legendre.legvander(2.0 * x - 1.0, s - 1) @ self.a,
-        )
+        h, s = self.length, len(self.a)
+        x = (np.atleast_1d(t) - self.start) / h
+        first, second, values = integrals_and_values(s, x)
+        return self.q + h * x[:, None] * self.v + h * h * (second @ self.a), self.v + h * (first @ self.a), values @ self.a
 
 
 def solve_window(

@@ -18,7 +18,9 @@ __all__ = ["Gauge", "Happening", "Stop", "Watch", "first_zero", "gauge_of"]
 Array = NDArray[np.float64]
 SAMPLES = 25  # of a window, in which a gauge is a polynomial to rounding or nearly so
 _X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
+_PLACES = np.concatenate([_X, [-1.0, 1.0]])
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
+POLISHED = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
 
 Gauge = Callable[[Array, Array, Array], Array]
 """Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
@@ -98,8 +100,7 @@ def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) 
         q, v, _ = window(t)
         return gauge(q, v, t)
 
-    y = at(_X)
-    ends = at(np.array([-1.0, 1.0]))
+    y, ends = np.split(at(_PLACES), [SAMPLES])
     size = float(np.abs(y).max())
     if size == 0.0 or (np.abs(np.diff(y)).sum() < abs(y[0]) and np.all(np.sign(np.append(y, ends)) == np.sign(y[0]))):
         return None  # stays away from zero: the way that it goes in the window is shorter than what is missing
@@ -108,11 +109,7 @@ def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) 
     real = np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) <= 1.0 + 1e-9)].real)
     slope = chebyshev.chebder(coefficients)
     for x in real:
-        for _ in range(3):  # polished on the gauge itself
-            d = float(chebyshev.chebval(x, slope))
-            if d == 0.0:
-                break
-            x = x - float(at(np.array([x]))[0]) / d
+        x = _polished(at, float(x), float(chebyshev.chebval(x, slope)), 4.0 * np.spacing(max(abs(low), abs(high))) / (high - low))
         if not -1.0 - 1e-12 <= x <= 1.0 + 1e-12:
             continue
         going = float(chebyshev.chebval(x, slope))
@@ -121,3 +118,23 @@ def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) 
             if time > after:
                 return time
     return None
+
+
+def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float) -> float:
+    """A zero of the gauge itself, from one of its polynomial at x and that one's slope there: secants until steps are below
+    ``least``, or no smaller than those before."""
+    last, before = np.inf, None
+    for _ in range(POLISHED):
+        y = float(at(np.array([x]))[0])
+        if before is not None and x != before[0] and y != before[1]:
+            secant = (y - before[1]) / (x - before[0])
+            slope = secant if secant * slope > 0.0 else slope
+        if slope == 0.0 or not np.isfinite(y):
+            return x
+        step = y / slope
+        if not abs(step) < last:
+            return x
+        before, last, x = (x, y), abs(step), x - step
+        if last <= least:
+            return x
+    return x

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
-from .collocation import Rule, Window, gauss, radau, solve_window
+from .collocation import Rule, Window, gauss, integrals_and_values, radau, solve_window
 
-__all__ = ["Solution", "System", "integrate", "nodes_for"]
+__all__ = ["Solution", "System", "integrate", "nodes_for", "tails"]
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
@@ -35,6 +35,7 @@ class Solution:
     windows: list[Window] = field(default_factory=list)
     evaluations: int = 0
     rejected: int = 0
+    _stack: tuple[Array, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def end(self) -> float:
@@ -44,17 +45,37 @@ class Solution:
     def __call__(self, t: Any) -> tuple[Array, Array, Array]:
         """Position, speed and acceleration (n, f) at times (n,); a time on the border belongs to the earlier window."""
         t = np.atleast_1d(np.asarray(t, float))
-        starts = np.array([w.start for w in self.windows])
-        which = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
-        f = len(self.windows[0].q)
-        out = tuple(np.empty((len(t), f)) for _ in range(3))
-        order = np.argsort(which, kind="stable")
-        edges = np.flatnonzero(np.diff(which[order])) + 1
-        for rows in np.split(order, edges):
-            if len(rows):
-                for o, x in zip(out, self.windows[which[rows[0]]](t[rows]), strict=True):
-                    o[rows] = x
-        return out  # type: ignore[return-value]
+        x, length, q, v, a = self._within(t)
+        first, second, values = integrals_and_values(a.shape[1], x)
+        moved = (length * length)[:, None] * (second[:, None, :] @ a)[:, 0]
+        return (
+            q + (length * x)[:, None] * v + moved,
+            v + length[:, None] * (first[:, None, :] @ a)[:, 0],
+            (values[:, None, :] @ a)[:, 0],
+        )
+
+    def _within(self, t: Array) -> tuple[Array, ...]:
+        """Where times (n,) are in their windows, and the windows' lengths, starts and series."""
+        starts, lengths, q, v, a = self._stacked()
+        k = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
+        length = lengths[k]
+        return (t - starts[k]) / length, length, q[k], v[k], a[k]
+
+    def _stacked(self) -> tuple[Array, ...]:
+        """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, those with fewer nodes filled up."""
+        if len(self._stack) == 0 or len(self._stack[0]) != len(self.windows):
+            most = max(len(w.a) for w in self.windows)
+            a = np.zeros((len(self.windows), most, len(self.windows[0].q)))
+            for row, w in zip(a, self.windows, strict=True):
+                row[: len(w.a)] = w.a
+            self._stack = (
+                np.array([w.start for w in self.windows]),
+                np.array([w.length for w in self.windows]),
+                np.array([w.q for w in self.windows]),
+                np.array([w.v for w in self.windows]),
+                a,
+            )
+        return self._stack
 
 
 def nodes_for(tolerance: float) -> int:
@@ -108,17 +129,17 @@ def integrate(
         if solved is not None:
             nodes_a, count = solved
             solution.evaluations += count
-            window = Window(t, h, q, v, rule.legendre @ nodes_a)
+            window = Window(t, h, q, v, rule.legendre @ nodes_a, cuts > 0)
             bend = bends(window, t + 10.0 * least) if bends is not None and cuts < 5 else None
             if bend is not None and t + 20.0 * least < bend < t + h * (1.0 - 1e-10):
                 cuts, uncut, h = cuts + 1, max(uncut, h), bend - t
                 guess = window(t + h * rule.nodes)[2]
                 continue
-            left, rough, power = _tail(window, max(longest, h))
+            left, rough, power = tails(window.a, np.array(h), np.array(max(longest, h)))
             worst = float(np.max(left / (tolerance * scale)))
             order = float(s + 1)
             if (starts or cuts) and float(np.max(rough / (tolerance * scale))) > worst:
-                worst, order = float(np.max(rough / (tolerance * scale))), power
+                worst, order = float(np.max(rough / (tolerance * scale))), float(power)
             if worst > 4.0 and h < 1e4 * least:
                 worst = 4.0  # the equations jump here without saying so; as near to the jump as time can be told
         else:
@@ -166,8 +187,9 @@ def integrate(
     return solution
 
 
-def _tail(window: Window, longest: float) -> tuple[Array, Array, float]:
-    """Two estimates of the error in a window (f,), and the order of the second.
+def tails(a: Array, length: Array, longest: Array) -> tuple[Array, Array, Array]:
+    """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
+    (...) [s], and the order (...) of the second.
 
     What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
     window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
@@ -177,14 +199,15 @@ def _tail(window: Window, longest: float) -> tuple[Array, Array, float]:
     left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
     left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
     """
-    s, size = len(window.a), np.abs(window.a)
+    s, size = a.shape[-2], np.abs(a)
     k = np.array([s - 2, s - 1])
-    last, middle = size[-2:].max(axis=0), size[(s - 1) // 2 : (s + 3) // 2].max(axis=0)
-    tail = window.length * longest * np.max(size[-2:] / (4.0 * (k * k))[:, None], axis=0)
+    share = (length * longest)[..., None]
+    last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)
+    tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
     ratio = np.minimum(last / np.maximum(middle, 1e-300), 0.25)
     m = -np.log2(np.maximum(ratio, 1e-300))
-    missed = np.where(last > ROUNDING * size.max(axis=0), 2.0 * s * last * ratio / (m - 1.0), 0.0)
-    return tail, window.length * longest * missed, float(0.5 * (m.min() + 1.0))
+    missed = np.where(last > ROUNDING * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
+    return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)
 
 
 def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:

@@ -18,11 +18,13 @@ from .energy import EnergyMotion
 from .happenings import Stop
 from .integrate import Solution
 from .reactions import piece_forces
-from .reduced import motion_at
+from .reduced import free_of, motion_at
+from .retrace import Known
 
 __all__ = ["Piece"]
 
 Array = NDArray[np.float64]
+SAMPLES = 257  # of a piece, by which its way is measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,22 @@ class Piece:
         """All reactions of the piece's motion at times (n,)."""
         q, v, _ = self.way(t)
         return piece_forces(motion, self.system, q, v, self.resting)
+
+    @property
+    def leading(self) -> list[str]:
+        """Pairs whose coordinates lead."""
+        return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
+
+    def known(self, scale: Array) -> Known:
+        """What it says to one who looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
+        if isinstance(self.way, Solution):
+            windows = self.way.windows
+            borders = np.array([*(w.start for w in windows), self.way.end])
+            return Known(borders, np.array([w.cut for w in windows]), lambda t: self.way(t)[2])
+        t = np.linspace(self.start, self.end, SAMPLES)
+        far = float((np.abs(self.way(t)[1]).mean(axis=0) / scale).max()) * (self.end - self.start)
+        borders = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
+        return Known(borders, np.zeros(len(borders) - 1, bool), lambda t: self.way(t)[2])
 
     def goes_on(self, later: Piece) -> bool:
         """Whether a later stretch is more of the same: windows of one integration."""

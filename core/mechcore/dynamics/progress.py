@@ -30,6 +30,7 @@ from .log import Happened, Log
 from .pieces import Piece
 from .reactions import piece_forces
 from .reduced import motion_at, reduce
+from .retrace import Known, retrace
 from .simulation import Simulation
 
 __all__ = ["Method", "Progress", "table_tolerance"]
@@ -43,6 +44,7 @@ SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up s
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+SHIFTED = 0.01  # of a piece: what is known of it helps where it begins no farther from there
 
 
 def table_tolerance(tolerance: float) -> float:
@@ -65,8 +67,10 @@ class Progress:
         liftoffs: Sequence[Liftoff],
         progress: Callable[[float], None] | None,
         observe: Callable[[Simulation], None] | None = None,
+        like: Simulation | None = None,
     ):
         self.duration, self.tolerance, self.method = duration, tolerance, method
+        self.like = like
         self.observe = observe
         self.stops, self.watches, self.progress = stops, watches, progress
         self.original = compiled
@@ -185,7 +189,8 @@ class Progress:
 
         bends = bend_finder(self.compiled)
         if len(q):
-            solution = integrate(
+            known = self._known(t)
+            solution = (integrate if known is None else partial(retrace, known=known))(
                 system,
                 q,
                 v,
@@ -228,6 +233,15 @@ class Progress:
                 self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
                 ended = ended or watch.ends
         return end, q, v, ended
+
+    def _known(self, t: float) -> Known | None:
+        """What a motion that is nearly this one says of the piece that begins at ``t`` [s]; None where it has other pieces."""
+        pieces = () if self.like is None else self.like.pieces[len(self.pieces) : len(self.pieces) + 1]
+        for piece in pieces:
+            same = piece.leading == list(self.coordinates) and piece.lifted == tuple(sorted(self.lifted))
+            if same and abs(piece.start - t) <= SHIFTED * (piece.end - piece.start):
+                return piece.known(self.scale)
+        return None
 
     def _take_over(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Another pair leads from now on; coordinates and rates in its chart."""

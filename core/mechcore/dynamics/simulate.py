@@ -50,6 +50,7 @@ def simulate(
     liftoffs: Sequence[Liftoff] = (),
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
+    like: Simulation | None = None,
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
@@ -57,7 +58,8 @@ def simulate(
     freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
     press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every stretch of the motion as soon as it is
-    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. Raises `MechanismError`.
+    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion
+    to another tolerance or by its energy, from which collocation then starts (see `retrace`). Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance, liftoffs)
@@ -98,7 +100,9 @@ def simulate(
                 'Choose "auto", "gauss" or "radau".',
             )
         )
-    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe).go(q, v)
+    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like).go(
+        q, v
+    )
 
 
 def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
