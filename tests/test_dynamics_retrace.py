@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dynamic_mechanisms import pendulum
 
-from mechcore.dynamics import simulate
 from mechcore.dynamics import progress as progress_module
 from mechcore.dynamics import retrace as retrace_module
+from mechcore.dynamics import simulate
 from mechcore.dynamics.collocation import Window
 from mechcore.dynamics.integrate import Solution, integrate
 from mechcore.dynamics.retrace import Known, retrace
