@@ -23,8 +23,7 @@ Real = NDArray[np.float64]
 
 def cam_lines(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[str]:
     """Every cam with what is known of it; ``margin`` [N] instead of the scene's, for the least spring."""
-    from mechcore.cams.happenings import placed_cams
-    from mechcore.cams.rating import pair_of
+    from mechcore.cams.happenings import pair_of, placed_cams
 
     lines: list[str] = []
     for cam in placed_cams(motion):
@@ -180,8 +179,8 @@ def drawn_lines(motion: Motion, drawn: CamDrawn | None = None) -> list[str]:
 
     ``drawn``: instead of what the scene says. Lift in mm or deg, its derivatives with respect to the cam's angle [rad].
     """
-    from mechcore.cams.happenings import placed_cams
-    from mechcore.cams.rating import drawn_lift, pair_of
+    from mechcore.cams.happenings import pair_of, placed_cams
+    from mechcore.cams.rating import drawn_lift
 
     lines: list[str] = []
     for cam in placed_cams(motion):

@@ -205,7 +205,8 @@ def _cams(run: Run) -> Iterator[Table]:
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
     """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
-    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, pair_of
+    from mechcore.cams.happenings import pair_of
+    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows
 
     pair = pair_of(run.motion, cam)
     if pair.rating is not None and pair.rating.width is not None and run.forces is not None:

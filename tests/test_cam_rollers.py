@@ -130,6 +130,25 @@ def test_the_roller_of_a_globoid_rolls_about_its_arm():
     assert rho.max() == pytest.approx(1.012 * cam.face.radius, rel=1e-3) and own.min() > 0.0
 
 
+def test_a_roller_beside_a_barrel_rolls_off_the_way_of_its_axis_and_turns_with_its_arm():
+    """Speed in the world from differences of places: the drum passes below, across its own axis."""
+    run = run_scene(mechviz.load("cam-barrel-arm"), frames=3600)
+    (cam,) = placed_cams(run.motion)
+    place, time = cam.rows(run.motion).place, run.motion.time
+    moved = (place[2:] - place[:-2]) / (time[2] - time[0])
+    slip = run.motion.coordinate("O")[1:-1, 1] * cam.middle - moved * np.conj(cam.axes)
+    for sign in (1.0, -1.0):
+        rate = roller_speed(run.motion, cam, sign)[1:-1]
+        np.testing.assert_allclose(np.abs(rate), np.abs(slip) / cam.face.radius, rtol=2e-5)
+        assert np.all(np.sign(rate) == np.sign(rate[0]) * np.sign(slip.real) * np.sign(slip.real[0]))
+
+
+def test_the_rollers_of_a_turret_turn_alike_at_both_ends_of_its_cycle():
+    run = run_scene(mechviz.load("cam-indexing"), frames=24)
+    rate = roller_speed(run.motion, placed_cams(run.motion)[0])
+    assert rate[-1] == pytest.approx(rate[0], rel=1e-12)
+
+
 def test_scenes_without_rollers_have_no_marks():
     for name in ("crank-rocker", "cam-flat"):
         run = run_scene(mechviz.load(name), frames=24)

@@ -206,9 +206,9 @@ def _of_cams(run: Run) -> list[Quantity]:
 
 
 def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
-    from mechcore.cams.happenings import contact_force
+    from mechcore.cams.happenings import contact_force, pair_of
     from mechcore.cams.placed import PlacedCam
-    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, pair_of
+    from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows
 
     motion, forces, name = run.motion, run.forces, cam.name
     found = [

@@ -18,7 +18,7 @@ from .placed import PlacedCam
 from .placed_inverse import PlacedInverse
 from .placed_spatial import PlacedSpatial
 
-__all__ = ["AnyCam", "cam_events", "contact_force", "limit_events", "lost_ranges", "placed_cams"]
+__all__ = ["AnyCam", "cam_events", "contact_force", "limit_events", "lost_ranges", "pair_of", "placed_cams"]
 
 Real = NDArray[np.float64]
 
@@ -31,6 +31,11 @@ AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 def placed_cams(motion: Motion) -> list[AnyCam]:
     """The cams of a mechanism, in the order of its pairs."""
     return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
+
+
+def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
+    """What the mechanism says of a cam."""
+    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
 
 
 def contact_force(forces: Forces, cam: AnyCam) -> Real:
@@ -50,10 +55,10 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
         found += limit_events(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
-        pair = next(p for p in motion.mechanism.pairs if p.name == cam.name)
-        if forces is not None and isinstance(pair, CamPair) and pair.rating is not None:
+        pair = pair_of(motion, cam)
+        if forces is not None and pair.rating is not None:
             found += _rated(forces, cam, pair.rating)
-        if isinstance(pair, CamPair) and pair.drawn is not None:
+        if pair.drawn is not None:
             found.append(_drawn(motion, cam, pair.drawn))
     return sorted(found, key=lambda e: e.time)
 

@@ -135,6 +135,11 @@ class PlacedCam:
         return self.arm or 1.0
 
     @property
+    def pace(self) -> float:
+        """How far the follower goes on per unit of the law's argument, on average: it returns."""
+        return 0.0
+
+    @property
     def side(self) -> int:
         guide = self.cam.follower.guide
         return guide.side if isinstance(guide, Oscillating) else 0

@@ -49,6 +49,11 @@ class PlacedRoller:
     mate: None = None
 
     @property
+    def pace(self) -> float:
+        """How far the driven coordinate goes on per unit of the law's argument, on average; 0 where it returns."""
+        return 0.0
+
+    @property
     def side(self) -> int:
         return 1
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
 from ..loads import Spring
-from ..spec import CamDrawn, CamPair, CamRating, braked
+from ..spec import CamDrawn, CamRating, braked
 from .followers import Arc, Flat, Roller
 from .forces import HertzContact, hertz
 from .graphical import Graphical, graphical
@@ -23,14 +23,9 @@ if TYPE_CHECKING:
     from ..motion import Motion
     from .happenings import AnyCam
 
-__all__ = ["LeastSpring", "contact_stress", "drawn_lift", "drawn_rows", "least_springs", "pair_of"]
+__all__ = ["LeastSpring", "contact_stress", "drawn_lift", "drawn_rows", "least_springs"]
 
 Real = NDArray[np.float64]
-
-
-def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
-    """What the mechanism says of a cam."""
-    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
 
 
 # -- stress ---------------------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     if isinstance(cam, PlacedInverse):
         return _in_slot(motion, cam, force)
     if isinstance(cam, PlacedSpatial):
-        return _on_globoid(motion, cam, force) if cam.blank.kind == "globoid" else _on_barrel(motion, cam, force, above)
+        return _in_space(motion, cam, force, above)
     radius = cam.face.radius
     s = cam.at(motion)
     world = cam.axes * motion.rotation(motion.model.index[cam.carrier])
@@ -68,34 +68,13 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
     return np.array(np.broadcast_to(np.real(np.conj(1j * out) * slip) / cam.face.radius, (motion.frames,)))
 
 
-def _on_barrel(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
-    """The cam's surface passes below the roller across its own axis, which the roller moves along."""
-    k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
-    spin = motion.model.angles.spin
-    turn = motion.speeds.spin[spin[k]] - motion.speeds.spin[spin[c]]
-    world = cam.axes * motion.rotation(c)  # across the cam's axis; 1j times that is along it
-    tip = cam.rows(motion).place
-    slip = (turn * cam.middle * world - _moved(motion, cam.links[1], tip) + _moved(motion, cam.carrier, tip)) * np.conj(world)
-    below = np.where(np.asarray(force) < 0.0, -1.0, 1.0) if not above else float(above)  # the flank that carries: 1, below
-    # the place of contact lies across the slip, towards the flank: place - centre = radius * side * 1j * slip / |slip|
-    side = np.where(np.real(slip) > 0.0, -1.0, 1.0) * below
-    return np.array(np.broadcast_to(motion.speeds.spin[spin[c]] - side * np.abs(slip) / cam.face.radius, (motion.frames,)))
-
-
-def _on_globoid(motion: Motion, cam: PlacedSpatial, force: Any) -> Real:
-    """Of the way v of the roller's axis against the cam, per angle of the cam, the part across the axis a is rolled off; and the
-    cam turns about that axis, too."""
-    x = cam.argument(motion)
-    point, axis = cam.cam.mount.axis(cam.cam.law(np.where(np.isfinite(x), x, cam.cam.law.start), 2))
-    a, at = axis[0], point[0] + cam.middle * axis[0]
-    v = point[1] + cam.middle * axis[1] - cam.cam.turn * np.column_stack([-at[:, 1], at[:, 0], np.zeros(len(at))])
-    across = np.linalg.norm(np.cross(v, a), axis=1)
-    k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
-    spin = motion.model.angles.spin
-    rate = cam.sense * (motion.speeds.spin[spin[k]] - motion.speeds.spin[spin[c]])
-    # the normal of the lifting flank points along -turn v x a
-    flank = cam.cam.turn * np.where(np.asarray(force) < 0.0, 1.0, -1.0)
-    return np.array(np.broadcast_to(rate * (flank * across / cam.face.radius + cam.cam.turn * a[:, 2]), (motion.frames,)))
+def _in_space(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
+    """What slides past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
+    flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
+    across, _, _ = cam.rubbing(motion, flank)
+    side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0
+    arm = 0.0 if cam.blank.kind == "globoid" else motion.speeds.spin[motion.model.angles.spin[motion.model.index[cam.links[1]]]]
+    return np.array(np.broadcast_to(side * across.rate / cam.face.radius + arm, (motion.frames,)))
 
 
 def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:

@@ -31,9 +31,9 @@ def relate(
 
     def lift(argument: Any) -> Any:
         values = placed.law(argument)
-        if pace := getattr(placed, "pace", 0.0):
-            values[0] -= pace * np.asarray(argument)
-            values[1] -= pace
+        if placed.pace:
+            values[0] -= placed.pace * np.asarray(argument)
+            values[1] -= placed.pace
         return placed.scale * values
 
     angles, slides, constant = follower
