@@ -12,7 +12,7 @@ import viser
 from . import words
 from .callbacks import Callback
 from .playback import NumberTrack, PlotTrack
-from .plots import CURSOR_RATE, Slot
+from .plots import CURSOR_RATE, ROUND_OFF, Slot
 from .quantities import Axis, Quantity
 from .show import Show
 
@@ -90,8 +90,7 @@ class Closer:
             return
         self._frame, self._moved = frame, now
         rows = []
-        for q, values in self._tables.values():
-            least = 1e-9 * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+        for q, values, least in self._tables.values():
             at = [0.0 if abs(v) <= least else float(v) for v in values[frame]]
             rows.append((q.label.split(": ", 1)[1], q.curves, at, q.unit))
         self._values.content = words.values(self.item, rows)
@@ -100,15 +99,18 @@ class Closer:
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """How the numbers and the cursor of the plot move over the run."""
         k = 0
-        for _, values in self._tables.values():
-            least = 1e-9 * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+        for _, values, least in self._tables.values():
             for column in values.T:
                 yield NumberTrack(f"closer:{k}", np.where(np.abs(column) <= least, 0.0, column))
                 k += 1
         yield from self.slot.tracks()
 
     def _read(self) -> None:
-        self._tables = {q.title: (q, q.values()) for q in members(self._show, self.item)}
+        self._tables = {}
+        for q in members(self._show, self.item):
+            values = q.values()
+            least = ROUND_OFF * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+            self._tables[q.title] = q, values, least
 
     def _titles(self) -> tuple[str, ...]:
         return tuple(q.title for q in members(self._show, self.item))

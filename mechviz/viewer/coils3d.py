@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..coils import COLOR, Coil
 from .playback import PointTrack
+from .poses import Posed
 from .show import Show
 from .solids3d import quaternions
 
@@ -19,7 +20,7 @@ Real = NDArray[np.float64]
 
 
 class CoilNodes:
-    """The springs; ``show`` places and stretches them, ``update`` takes those of another run."""
+    """The springs; ``poses`` and ``show`` place and stretch them, ``update`` takes those of another run."""
 
     def __init__(self, server: viser.ViserServer, show: Show):
         self._server = server
@@ -43,7 +44,6 @@ class CoilNodes:
                 self._nodes[path] = self._server.scene.add_mesh_simple(
                     path, coil.vertices, coil.faces, color=COLOR, visible=self._on, cast_shadow=False, receive_shadow=False
                 )
-                self._place(path, 0)
 
     def switch(self, on: bool) -> None:
         """Draw them, or no more."""
@@ -51,17 +51,19 @@ class CoilNodes:
         for node in self._nodes.values():
             node.visible = on
 
-    def show(self, frame: int) -> None:
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the springs are at a frame, if they are drawn."""
         if self._on:
-            for path in self._nodes:
-                self._place(path, frame)
+            for path, node in self._nodes.items():
+                coil, k = self._coils[path], min(frame, len(self._coils[path].pose) - 1)
+                yield node, np.array([*coil.pose[k, :2], coil.height]), self._turns[path][k]
 
-    def _place(self, path: str, frame: int) -> None:
-        node, coil = self._nodes[path], self._coils[path]
-        k = min(frame, len(coil.pose) - 1)
-        node.position = (float(coil.pose[k, 0]), float(coil.pose[k, 1]), coil.height)
-        node.wxyz = self._turns[path][k]
-        node.scale = (float(coil.stretch[k]), 1.0, 1.0)
+    def show(self, frame: int) -> None:
+        """Stretch them as at a frame."""
+        if self._on:
+            for path, node in self._nodes.items():
+                stretch = self._coils[path].stretch
+                node.scale = (float(stretch[min(frame, len(stretch) - 1)]), 1.0, 1.0)
 
     def tracks(self) -> dict[str, tuple[Real, Real]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from .marks3d import path_segments
+from .poses import Posed
 from .show import Show
 from .solids3d import quaternions
 
@@ -35,12 +38,12 @@ class Ghost:
         if self._base is not None:
             self._base.visible = on
 
-    def show(self, frame: int) -> None:
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where its links are at a frame, if it is drawn."""
         if self.on:
             for link, node in self._nodes.items():
                 pose = self._show.poses[link][min(frame, self._show.frames - 1)]
-                node.position = (pose[0], pose[1], 0.0)
-                node.wxyz = quaternions(pose[2:])[0]
+                yield node, np.array([pose[0], pose[1], 0.0]), quaternions(pose[2:])[0]
 
     def tracks(self) -> dict[str, tuple[Real, Real | None]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""

@@ -12,6 +12,7 @@ import viser
 
 from . import words
 from .accuracy_tab import AccuracyTab
+from .broadcast import send_now
 from .browser import open_tab
 from .callbacks import Callback
 from .closer import Closer, items_of
@@ -36,7 +37,7 @@ __all__ = ["Inspector"]
 
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
 PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
-YIELD = 0.001  # [s] in which the thread that talks to the browsers can send what has been drawn
+PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
 CLOSER = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
@@ -149,10 +150,9 @@ class Inspector:
                 if self.pivots is not None:
                     self.pivots.update(show)
                 self.scene.show(frame)
-            self._server.flush()
+            send_now(self._server, PATIENCE)
             hurried = self._studio is not None and self._studio.overtaken and show.frames == self._plotted.frames
             if not hurried or time.perf_counter() - self._drew > PLOTS:
-                time.sleep(YIELD)
                 with self._server.atomic():
                     self._plot(show, frame)
                     if time.perf_counter() - self._slow > SLOW or show.frames != self._followed.frames:

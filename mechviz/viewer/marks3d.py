@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from .poses import Posed
 from .show import Show
 
 __all__ = ["PATH", "Joints", "Paths", "dot_path", "joint_groups", "joint_path", "path_segments"]
@@ -62,9 +63,10 @@ class Paths:
             for name, node in nodes.items():
                 node.visible = on and name in self._places
 
-    def show(self, frame: int) -> None:
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the dots are at a frame."""
         for name, xyz in self._places.items():
-            self._dots[name].position = xyz[frame]
+            yield self._dots[name], xyz[frame], None
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
@@ -89,6 +91,7 @@ class Joints:
 
     def update(self, show: Show) -> None:
         self._size = show.size
+        self._beside = 0.018 * show.size  # from a joint to its name, along each axis
         z = show.z_top + 0.004 * show.size
         driven = {drive.name for drive in show.drives}
         self._groups = []
@@ -122,22 +125,20 @@ class Joints:
             if tuple(self._dots[key].color) != color:
                 self._dots[key].color = color
 
-    def show(self, frame: int) -> None:
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the dots are at a frame, and the names, where they are written."""
         for key, xyz in self._groups:
-            self._dots[key].position = xyz[frame]
+            yield self._dots[key], xyz[frame], None
             if self._on:
-                self._labels[key].position = self._beside(xyz[frame])
+                yield self._labels[key], xyz[frame] + self._beside, None
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
         """By the name of a node: its places (F, 3) over the frames."""
         found: dict[str, tuple[Real, None]] = {}
         for key, xyz in self._groups:
             found[f"{self._names[key]}/dot"] = (xyz, None)
-            found[f"{self._names[key]}/name"] = (self._beside(xyz), None)
+            found[f"{self._names[key]}/name"] = (xyz + self._beside, None)
         return found
-
-    def _beside(self, xyz: Real) -> Real:
-        return np.asarray(xyz + 0.018 * self._size * np.array([1.0, 1.0, 1.0]))
 
     def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
         color = PICKED if self._picked & set(key) else (236, 239, 243)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from ..rollers import COLOR, RollerMark
+from .poses import Posed
 from .show import Show
 from .solids3d import link_path
 
@@ -16,7 +19,7 @@ Real = NDArray[np.float64]
 
 
 class RollerNodes:
-    """A node below the follower's for every roller; ``show`` turns them, ``update`` takes another run."""
+    """A node below the follower's for every roller; ``poses`` says how they turn, ``update`` takes another run."""
 
     def __init__(self, server: viser.ViserServer, show: Show):
         self._server = server
@@ -39,9 +42,10 @@ class RollerNodes:
             self._nodes.append(node)
             self._turns.append(np.roll(mark.turns(), 1, axis=1))  # w first
 
-    def show(self, frame: int) -> None:
-        for node, turn in zip(self._nodes, self._turns, strict=True):
-            node.wxyz = turn[min(frame, len(turn) - 1)]
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """How far the rollers have turned at a frame."""
+        for node, mark, turn in zip(self._nodes, self._marks, self._turns, strict=True):
+            yield node, np.array(mark.centre), turn[min(frame, len(turn) - 1)]
 
     def tracks(self) -> dict[str, tuple[Real, Real]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""

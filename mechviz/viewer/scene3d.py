@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from .linkers3d import LinkerNodes
 from .marks3d import Joints, Paths
 from .plans3d import PlanNodes
 from .playback import PointTrack, PoseTrack
+from .poses import place
 from .rollers3d import RollerNodes
 from .show import Show
 from .solids3d import SolidNodes
@@ -59,6 +61,7 @@ class Scene3D:
             self._rollers = RollerNodes(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
+        self._posed = (self.links, self.ghost, self._paths, self.joints, self._rollers, self._coils)
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
@@ -103,22 +106,17 @@ class Scene3D:
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
-        self.links.show(frame)
-        self.ghost.show(frame)
+        place(self._server, chain.from_iterable(nodes.poses(frame) for nodes in self._posed))
         self.arrows.show(frame)
-        self._paths.show(frame)
         self._linkers.show(frame)
         self._coils.show(frame)
-        self._rollers.show(frame)
-        self.joints.show(frame)
         self.plans.show(frame)
 
     def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
         """How everything moves over the run; None where something changes in another way than by poses and points."""
         if self.plans.moves:
             return None
-        nodes = (self.links, self.ghost, self._paths, self.joints, self._rollers, self._coils)
-        poses = {name: track for node in nodes for name, track in node.tracks().items()}
+        poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
         frames = self.current.frames
         moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
         return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames), *self._coils.stretches())

@@ -22,6 +22,8 @@ import websockets.asyncio.server
 from viser import _messages
 from websockets.typing import Origin
 
+from .broadcast import sharing
+
 __all__ = ["HOST", "ViewerError", "report", "safely", "start_server", "stop_server"]
 
 HOST = "127.0.0.1"
@@ -109,7 +111,7 @@ def _probe(port: int) -> int:
 def _start_guarded(port: int, label: str) -> viser.ViserServer:
     """Start viser with a list of the origins whose pages may open its web socket; no origin at all is no browser."""
     origins = [None, Origin(f"http://{HOST}:{port}"), Origin(f"http://localhost:{port}")]
-    with _starting, contextlib.redirect_stdout(io.StringIO()):  # stdout is the command line's, not for viser's banner
+    with _starting, sharing(), contextlib.redirect_stdout(io.StringIO()):  # stdout is the command line's, not for viser's banner
         serve = websockets.asyncio.server.serve
         websockets.asyncio.server.serve = functools.partial(serve, origins=origins)  # type: ignore[misc,assignment]
         try:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from .poses import Posed
 from .section import sectioned
 from .show import Body, Show
 
@@ -56,7 +57,7 @@ def _spun(pose: Real, carrier: Real, spin: Spin) -> tuple[Real, Real]:
 
 
 class SolidNodes:
-    """A node for every link, with its solid below it; ``show`` moves the links of a frame, ``update`` takes another run.
+    """A node for every link, with its solid below it; ``poses`` says where the links are, ``update`` takes another run.
 
     ``clicked(link, event)`` is called when somebody clicks on a solid.
     """
@@ -127,11 +128,10 @@ class SolidNodes:
             return min(PALE, self._opacity or 1.0)
         return self._opacity
 
-    def show(self, frame: int) -> None:
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the links are at a frame."""
         for link, (turn, position) in self._moving.items():
-            node = self._nodes[link]
-            node.wxyz = turn[frame]
-            node.position = position[frame]
+            yield self._nodes[link], position[frame], turn[frame]
 
     def tracks(self) -> dict[str, tuple[Real, Real]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -23,6 +24,7 @@ CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of th
 USUAL_CYCLE = 8.0
 START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"
 LOOP, ONCE = "Loop ✓", "Loop ✗"
+RATE = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
 NO_EVENT = "choose one of"
 LONGEST_EVENT = 90
 
@@ -68,6 +70,8 @@ class Timeline:
             self.strip = gui.add_html("")
         panel.float(x=20, y=-14, width=WIDTH)
         self._show, self._svg = show, ""
+        self._options: tuple[str, ...] = ()
+        self._moved = 0.0
         self._happenings: dict[str, Happening] = {}
         self._speeds, self._cycle = Speeds(show.cycle), float("nan")
         self.update(show)
@@ -126,11 +130,16 @@ class Timeline:
             self.slider.value = frame
 
     def show(self, frame: int, playing: bool) -> None:
-        """Bring the numbers, the slider, the buttons and the strip's cursor to a frame."""
+        """Bring the numbers, the slider, the buttons and the strip's cursor to a frame; while it plays now and then."""
+        options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
+        if options != self._options:
+            self.buttons.options = self._options = options
+        now = time.perf_counter()
+        if playing and now - self._moved < 1.0 / RATE:
+            return
+        self._moved = now
         self._place.content = words.place_in_run(self._show, frame)
         self.slider.value = frame
-        options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
-        self.buttons.options = options
 
     def tracks(self) -> Iterator[NumberTrack]:
         """How the numbers above the slider move over the run."""

@@ -1,0 +1,174 @@
+"""What goes to all browsers is encoded once, and sent to all of them in the same turn of the thread that talks to them.
+
+viser 1.1.1 encodes each message anew for every browser, and each browser waits for messages with tasks and timers of its own. Here
+the browsers of a server share both. What arrives is what viser would send, byte for byte but for a time stamp; slow browsers still
+skip what has been replaced, later ones still get the newest of everything. The project pins viser, into which this reaches.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import operator
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import viser
+import zstandard
+from viser.infra import _infra
+from viser.infra._async_message_buffer import AsyncMessageBuffer
+
+__all__ = ["SharedBuffer", "send_now", "sharing"]
+
+KEPT = 4  # encoded windows: browsers that are not in the same turn
+LEVEL = 1  # of compression, as viser's
+
+
+class _Turns:
+    """The moments at which all browsers look for messages: a while after one has come, so that those that belong together go
+    together, or at once. Only the thread of the loop deals with it."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, pause: float):
+        self._loop, self._pause = loop, pause
+        self._came = asyncio.Event()
+        self._timer: asyncio.TimerHandle | None = None
+        self.thread = -1  # that of the loop, from the first wait on
+
+    def soon(self) -> None:
+        """A message has come."""
+        if threading.get_ident() == self.thread and self._timer is None:
+            self._timer = self._loop.call_later(self._pause, self.now)
+
+    def now(self) -> None:
+        """Let all look."""
+        if threading.get_ident() == self.thread:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+            self._came.set()
+            self._came.clear()
+
+    async def wait(self) -> None:
+        """Until the next one."""
+        self.thread = threading.get_ident()
+        await self._came.wait()
+
+
+class _Signal:
+    """In place of an event of viser's: setting it causes a turn."""
+
+    def __init__(self, set_: Any):
+        self.set = set_
+
+
+class SharedBuffer(AsyncMessageBuffer):
+    """viser's buffer of messages to all browsers. ``encodings`` counts what was encoded, ``sendings`` what was sent."""
+
+    def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool):
+        super().__init__(event_loop, persistent_messages)
+        if not persistent_messages:  # for one browser only: it stays viser's
+            return
+        self.turns = _Turns(event_loop, self.window_duration_sec)
+        self.message_event = _Signal(self.turns.soon)  # all that viser does to them is to set them
+        self.flush_event = _Signal(self.turns.now)
+        self.encodings = self.sendings = 0
+        self._compressor = zstandard.ZstdCompressor(level=LEVEL)
+        self._encoded: deque[tuple[list[Any], bytes]] = deque(maxlen=KEPT)  # the newest first
+        self._sent = threading.Condition()
+        self._reached: dict[int, int] = {}  # the last message that was sent to each browser
+
+    def take(self, after: int, up_to: int, client: int) -> tuple[list[Any], int]:
+        """The messages for a browser after one and up to another, no more than fit into a window, and the number of the last."""
+        window: list[Any] = []
+        while after < up_to and len(window) < self.max_window_size and self.atomic_counter == 0:
+            after += 1
+            message = self.message_from_id.get(after)
+            if message is not None and message.excluded_self_client != client:
+                window.append(message)
+        return window, after
+
+    def encode(self, window: list[Any]) -> bytes:
+        """Messages as viser's pages expect them; the same ones again are not encoded again."""
+        for known, data in self._encoded:
+            if len(known) == len(window) and all(map(operator.is_, known, window)):
+                return data
+        buffers: list[memoryview] = []
+        messages = [message.as_serializable_dict(buffers) for message in window]
+        inner = msgspec.msgpack.encode(
+            {"messages": messages, "timestampSec": time.perf_counter(), "binaryBufferLengths": [b.nbytes for b in buffers]}
+        )
+        compressed = self._compressor.compress(inner)
+        parts: list[Any] = [len(inner).to_bytes(8, "little"), len(compressed).to_bytes(8, "little"), compressed]
+        _infra._append_aligned_buffers(parts, buffers, 16 + len(compressed))
+        data = b"".join(parts)
+        self._encoded.appendleft((window, data))
+        self.encodings += 1
+        return data
+
+    async def serve(self, socket: Any, client: int, backlog_done: Any) -> None:
+        """Send to a browser what is there, then ``backlog_done``, then what comes, until the server stops."""
+        backlog, last = self.message_counter - 1, -1
+        self.generator_cursors[client] = last  # what viser's collection of garbage heeds
+        self._reached[client] = last
+        try:
+            while not self.done:
+                newest = self.message_counter - 1 if backlog_done is None else min(self.message_counter - 1, backlog)
+                window, last = self.take(last, newest, client)
+                self.generator_cursors[client] = last
+                if backlog_done is not None and last >= backlog and self.atomic_counter == 0:
+                    window.append(backlog_done)
+                    backlog_done = None
+                if window:
+                    await socket.send(self.encode(window))
+                    self.sendings += 1
+                with self._sent:
+                    self._reached[client] = last
+                    self._sent.notify_all()
+                if last >= self.message_counter - 1 or self.atomic_counter:
+                    await self.turns.wait()
+        finally:
+            self.generator_cursors.pop(client, None)
+            with self._sent:
+                self._reached.pop(client, None)
+                self._sent.notify_all()
+
+    def wait(self, timeout: float) -> bool:
+        """Until all browsers have been sent what there is now; False if that takes longer than ``timeout`` [s]."""
+        newest = self.message_counter - 1
+        with self._sent:
+            return self._sent.wait_for(lambda: self.done or all(n >= newest for n in self._reached.values()), timeout)
+
+
+async def _produce(websocket: Any, buffer: Any, client_id: int, backlog_done_message: Any = None) -> None:
+    """In place of viser's function of this purpose, which it still is for all other buffers."""
+    if isinstance(buffer, SharedBuffer) and buffer.persistent_messages:
+        await buffer.serve(websocket, client_id, backlog_done_message)
+    else:
+        await _viser_produce(websocket, buffer, client_id, backlog_done_message)
+
+
+@contextlib.contextmanager
+def sharing() -> Iterator[None]:
+    """Servers that start within it have a `SharedBuffer`. Not for several threads at once."""
+    plain = _infra.AsyncMessageBuffer
+    _infra.AsyncMessageBuffer = SharedBuffer  # where viser's servers find it
+    try:
+        yield
+    finally:
+        _infra.AsyncMessageBuffer = plain
+
+
+def send_now(server: viser.ViserServer, timeout: float) -> bool:
+    """Send what has been queued for all browsers at once, and wait until it is on its way; False if that takes longer than
+    ``timeout`` [s]. While somebody waits, the thread that talks to the browsers has Python for itself."""
+    server.flush()
+    buffer = server._websock_server._broadcast_buffer
+    return not isinstance(buffer, SharedBuffer) or buffer.wait(timeout)
+
+
+_viser_produce = _infra._message_producer
+_infra._message_producer = _produce  # viser looks it up whenever a browser comes
