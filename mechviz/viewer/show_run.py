@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechcore.accuracy import Accuracy
 from mechcore.events import Event, find_events
 from mechcore.friction.events import friction_events
-from mechcore.spec import Mechanism
+from mechcore.spec import Force, Mechanism
 
 from ..coils import find_coils
 from ..heights import arc_height, arrow_height, path_height
@@ -26,6 +26,7 @@ from ..solids import solids_of
 from ..tables import joints_of
 from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vectors
 from . import words
+from .alike import alike
 from .quantities import find_axes, find_quantities, first_choice, slides
 from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Piece, Show
 from .warp import warped_body
@@ -52,11 +53,16 @@ class Built:
 
     def fits(self, run: Run) -> bool:
         """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
-        new = run.motion.mechanism
-        same = [(old.name, old.points) for old in self.mechanism.links] == [(link.name, link.points) for link in new.links]
-        if not same or self.accuracy != run.accuracy or self.mechanism.pairs != new.pairs or self.mechanism.traced != new.traced:
+        if self.accuracy != run.accuracy or not alike(_drawn(self.mechanism), _drawn(run.motion.mechanism)):
             return False
         return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
+
+
+def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
+    """What solids depend on, apart from how the links move: what acts at a point is carried by the link's shape."""
+    points = [(link.name, link.points) for link in mechanism.links]
+    loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
+    return points, mechanism.pairs, mechanism.traced, loaded, [drive.pair for drive in mechanism.drives]
 
 
 def build(run: Run) -> Built:
