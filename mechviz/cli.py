@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -229,7 +230,7 @@ def record(
             if run is None:
                 run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
             with progress_bar("recording") as bar:
-                summary = write_recording(run, path, progress=bar)
+                summary = write_recording(run, path, progress=bar, begin=bar.stage)
         say(str(summary))
         print(path)
 
@@ -418,28 +419,31 @@ def export(
         run = solve(loaded, frames, cycles, accuracy)
         warn_of_accuracy(run)
         times = None if step is None else ex.even_times(run, step)
+
+        def export_to(target: Path, write: Callable[..., Any], *more: Any, **options: Any) -> Any:
+            with progress_bar(f"exporting {target.name}"):
+                return write(run, target, *more, **options)
+
         with interruptible():
             if csv is not None:
-                ex.export_csv(run, csv, times)
-                print(csv)
+                print(export_to(csv, ex.export_csv, times))
             if parquet is not None:
-                ex.export_parquet(run, parquet, times)
-                print(parquet)
+                print(export_to(parquet, ex.export_parquet, times))
             if stl is not None:
-                for path in ex.export_stl(run, stl):
+                for path in export_to(stl, ex.export_stl):
                     print(path)
             if glb is not None:
                 from .gltf import ARROWS, export_glb
 
-                print(export_glb(run, glb, arrows=ARROWS if families is None else families))
+                print(export_to(glb, export_glb, arrows=ARROWS if families is None else families))
             if threemf is not None:
                 from .threemf import export_3mf
 
-                print(export_3mf(run, threemf))
+                print(export_to(threemf, export_3mf))
             for kind, path in profiles.items():
                 from .cam_export import export_profiles
 
-                print(export_profiles(run, path, kind, lambda line: print(line, file=sys.stderr)))
+                print(export_to(path, export_profiles, kind, lambda line: print(line, file=sys.stderr)))
 
 
 def _families(text: str | None) -> tuple[str, ...] | None:

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -104,14 +105,17 @@ def load_scene(source: str) -> Scene:
 
 
 def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
-    """A solved scene; a motion under forces with a bar of its progress."""
+    """A solved scene, with a bar of its stages; of a motion under forces how far it is known."""
     from .run import run_scene
 
-    if scene.simulation is None:
-        return run_scene(scene, frames=frames, cycles=cycles, accuracy=accuracy)
-    with progress_bar("simulating") as bar:
+    with progress_bar("solving") as bar:
         return run_scene(
-            scene, frames=frames, cycles=cycles, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000)
+            scene,
+            frames=frames,
+            cycles=cycles,
+            accuracy=accuracy,
+            progress=bar.stage,
+            advance=lambda t, end: bar(round(1e3 * t / end), 1000),
         )
 
 
@@ -125,16 +129,40 @@ def warn_of_accuracy(run: Run) -> None:
                 say(line)
 
 
-@contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr for long work; silent where stderr is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+@dataclass(frozen=True)
+class Bar:
+    """How far long work is: to be called with what is done and of how much; ``stage`` is told what is done now."""
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    label: str = ""
+    update: Callable[..., object] = lambda **_: None
+
+    def __call__(self, done: int, total: int) -> None:
+        self.update(completed=done, total=total)
+
+    def stage(self, name: str) -> None:
+        """Something else is done from now on; how long it takes nobody knows until the bar is called."""
+        self.update(description=f"{self.label}: {name}", completed=0, total=None)
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Bar]:
+    """A bar on stderr for long work; silent where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield Bar()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(label, total=None)
+        yield Bar(label, lambda **what: shown.update(task, **what))
 
 
 def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:

@@ -100,13 +100,15 @@ def shot(
         check_target(output)
         recording = _recording(source, frames, cycles)
         place = moment(recording, frame=frame, **when)
-        with interruptible():
+        with interruptible(), progress_bar("drawing") as bar:
             if drawing:
                 from .share.drawing import write_svg
 
-                print(write_svg(recording, output, time=place.time, width=look.width, height=look.height, dark=dark))
+                sides = {"width": look.width, "height": look.height}
+                write_svg(recording, output, time=place.time, dark=dark, progress=bar, **sides)
             else:
-                print(take(recording, output, look, place))
+                take(recording, output, look, place, progress=bar, begin=bar.stage)
+        print(output)
 
 
 def film(
@@ -139,13 +141,12 @@ def film(
         check_target(output)
         recording = _recording(source, frames, cycles)
         with interruptible(), progress_bar("filming") as bar:
-            make(recording, output, look, seconds=seconds, rate=rate, progress=bar)
+            make(recording, output, look, seconds=seconds, rate=rate, progress=bar, begin=bar.stage)
         print(output)
 
 
 def _recording(source: str, frames: int | None, cycles: int | None) -> Recording:
     """The recording that is meant, or one made of the scene."""
-    from .record import Recording
     from .share.source import is_recording, recorded
 
     if not is_recording(source):
@@ -153,10 +154,13 @@ def _recording(source: str, frames: int | None, cycles: int | None) -> Recording
         import rerun  # noqa: F401  before anything is begun: a library that is loading may swallow an interruption
 
         with interruptible(), progress_bar("recording") as bar:
-            return recorded(run, bar)
+            return recorded(run, bar, bar.stage)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
-    recording = Recording(source)
+    with progress_bar(f"opening {Path(source).name}"):
+        from .record import Recording
+
+        recording = Recording(source)
     if not recording.has("data", "links", recording.model["frame"], "pose"):
         fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
     return recording

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 
 import mechviz
 from mechviz.cli import app
+from mechviz.command_line import Bar, progress_bar
 from mechviz.files import OutputError
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
@@ -357,6 +358,59 @@ def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
     path = tmp_path / "a.svg"
     result = run("shot", str(TEN.path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
     assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
+
+
+class Bars:
+    """Stands in for bars: what they were told, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    @contextlib.contextmanager
+    def bar(self, label: str):
+        self.told.append(label)
+        yield Bar(label, self.update)
+
+    def update(self, description: str = "", completed: int = 0, total: int | None = None) -> None:
+        self.told.append(description if total is None else f"{100 * completed // total} %")
+
+
+def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):
+    bars = Bars()
+    for place in ("mechviz.command_line", "mechviz.sharing", "mechviz.cli"):
+        monkeypatch.setattr(f"{place}.progress_bar", bars.bar)
+    for command, wanted in (
+        (("share", "crank-rocker", "-o", str(tmp_path / "a.html")), "sharing"),
+        (("shot", "crank-rocker", "-o", str(tmp_path / "a.svg")), "drawing"),
+        (("export", "crank-rocker", "--glb", str(tmp_path / "a.glb")), "exporting a.glb"),
+        (("record", "crank-rocker", "-o", str(tmp_path / "a.rrd")), "recording"),
+    ):
+        bars.told.clear()
+        assert run(*command, "--frames", "24").exit_code == 0
+        assert bars.told[:2] == ["solving", "solving: compile"] and "solving: positions" in bars.told
+        assert wanted in bars.told
+        if wanted != "exporting a.glb":
+            stages = [t for t in bars.told if t.startswith("recording: ")]
+            assert stages[0] == "recording: loading rerun" and stages[-1] == "recording: writing"
+            assert "recording: solid meshes" in stages
+            numbers = [int(t.removesuffix(" %")) for t in bars.told[bars.told.index(wanted) :] if t.endswith("%")]
+            assert numbers == sorted(numbers) and numbers[-1] > 90 and (wanted == "recording" or numbers[0] == 0)
+
+
+def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for stream in (Terminal(), io.StringIO()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with progress_bar("making [a] cake") as bar:
+            bar.stage("oven")
+            bar(1, 4)
+        if stream.isatty():
+            assert "making [a] cake: oven" in stream.getvalue() and "25%" in stream.getvalue()
+        else:
+            assert stream.getvalue() == ""
 
 
 FFMPEG = """#!{python}

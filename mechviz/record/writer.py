@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,8 +96,10 @@ def write_recording(
     recording_id: str | None = None,
     solids: Solids | None = None,
     progress: Callable[[int, int], None] | None = None,
+    begin: Callable[[str], None] = lambda _: None,
 ) -> RecordingSummary:
-    """Write a run to ``path``, replaced as a whole when complete. ``progress`` is told the frames written and their number.
+    """Write a run to ``path``, replaced as a whole when complete. ``progress`` is told the frames written and their number,
+    ``begin`` each stage when it begins.
 
     Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
     exception, see `interruption`.
@@ -104,11 +107,16 @@ def write_recording(
     path = Path(path)
     recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
     stages: list[Stage] = []
-    with stopwatch(stages, "loading rerun"):
+
+    def stage(name: str) -> AbstractContextManager[None]:
+        begin(name)
+        return stopwatch(stages, name)
+
+    with stage("loading rerun"):
         import rerun  # noqa: F401
-    with stopwatch(stages, "solid meshes"):
+    with stage("solid meshes"):
         solids = solids or solids_of(run)
-    with stopwatch(stages, "tables, arrows and events"):
+    with stage("tables, arrows and events"):
         arrows, arcs, scales = shapes(run, solids.size)
         every = picture_stride(run)
         timelines = Timelines.of(run)
@@ -129,7 +137,7 @@ def write_recording(
         )
         thin = run.accuracy.decimation
         streams = [s if thin == 1 else replace(s, every=s.every * thin) for s in find_streams(content)]
-    with stopwatch(stages, "blueprint"):
+    with stage("blueprint"):
         motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
         bounds = {
             "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
@@ -146,7 +154,9 @@ def write_recording(
         blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views, diagrams, spans)
         statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
-        with stopwatch(stages, "writing"):
+        with stage("error estimates"):
+            accuracy_words(run)  # estimates them once: the notes and the summary tell them
+        with stage("writing"):
             describe_run(part.stream, run, solids, scales, stages, every, complete=False)
             for static in statics:
                 part.stream.log(static.path, static.archetype, static=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely import Polygon, polygons, union_all
 
 from ..files import replacing
-from .frames import MOST_FRAMES
+from .frames import MOST_FRAMES, Progress, quiet
 from .pack import unpack
 from .show import show_text
 
@@ -29,19 +29,34 @@ HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
 
 
 def write_svg(
-    recording: Recording, path: Path, *, time: float | None = None, width: int = 1280, height: int = 800, dark: bool = False
+    recording: Recording,
+    path: Path,
+    *,
+    time: float | None = None,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    progress: Progress = quiet,
 ) -> Path:
-    """Write the drawing at a time [s]; None: where a page opens."""
-    text = svg_of(recording, time=time, width=width, height=height, dark=dark)
+    """Write the drawing at a time [s]; None: where a page opens. ``progress`` is told how much is read."""
+    text = svg_of(recording, time=time, width=width, height=height, dark=dark, progress=progress)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
 
-def svg_of(recording: Recording, *, time: float | None = None, width: int = 1280, height: int = 800, dark: bool = False) -> str:
+def svg_of(
+    recording: Recording,
+    *,
+    time: float | None = None,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    progress: Progress = quiet,
+) -> str:
     """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
     most = MOST_FRAMES if time is None else 2
-    header, arrays = unpack(show_text(recording, most=most, keep=time, plots=False)[0])
+    header, arrays = unpack(show_text(recording, most=most, keep=time, plots=False, progress=progress)[0])
     times = arrays[header["time"]]
     frame = header["opening"] if time is None else float(np.interp(time, times, np.arange(len(times))))
     low, high = np.array(header["drawn"])[:, :2]

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..files import OutputError, check_target, replacing
 from .browser import Chromium
+from .frames import Progress, quiet
 from .page import make_page
 from .show import pace_of
 
@@ -30,7 +31,8 @@ VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
 GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
 SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
-Progress = Callable[[int, int], None]
+Begin = Callable[[str], None]
+"""Is told what is done next."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,13 @@ def moment(recording: Recording, *, at: float | None = None, frame: int | None =
     return Moment(float(time[k] + part * (time[k + 1] - time[k])))
 
 
-def shot(recording: Recording, path: Path, look: Look, when: Moment) -> Path:
-    """Write a picture (PNG) of the mechanism at a moment."""
+def shot(
+    recording: Recording, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
+) -> Path:
+    """Write a picture (PNG) of the mechanism at a moment. ``progress`` is told how much is read, ``begin`` what is done next."""
     check_target(path)
-    with _stage(recording, look, when.time) as picture, replacing(path) as temporary:
+    with _stage(recording, look, when.time, progress, begin) as picture, replacing(path) as temporary:
+        begin("picture")
         temporary.write_bytes(picture(when.time))
     return path
 
@@ -99,11 +104,13 @@ def film(
     *,
     seconds: float | None = None,
     rate: int | None = None,
-    progress: Progress = lambda *_: None,
+    progress: Progress = quiet,
+    begin: Begin = lambda _: None,
 ) -> Path:
     """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
 
     By default a cycle takes as long as in a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
+    ``progress`` is told how much is read, then how many are made; ``begin`` what is done next.
     """
     check_target(path)
     gif = path.suffix.lower() == ".gif"
@@ -114,7 +121,8 @@ def film(
     count = max(2, round(seconds * rate))
     times = np.linspace(start, end, count, endpoint=False)
     ffmpeg = None if gif else find_ffmpeg()
-    with _stage(recording, look, None, plain=gif) as picture, replacing(path) as temporary:
+    with _stage(recording, look, None, progress, begin, plain=gif) as picture, replacing(path) as temporary:
+        begin("pictures")
 
         def pictures() -> Iterator[bytes]:
             for k, time in enumerate(times):
@@ -130,12 +138,14 @@ def film(
 
 @contextmanager
 def _stage(
-    recording: Recording, look: Look, keep: float | None, *, plain: bool = False
+    recording: Recording, look: Look, keep: float | None, progress: Progress, begin: Begin, *, plain: bool = False
 ) -> Iterator[Callable[[float | None], bytes]]:
     """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         page = Path(folder) / "page.html"
-        page.write_text(make_page(recording, keep=keep, plots=False)[0], encoding="utf-8")
+        begin("page")
+        page.write_text(make_page(recording, keep=keep, plots=False, progress=progress)[0], encoding="utf-8")
+        begin("starting Chromium")
         with Chromium(look.width, look.height, dark=look.dark) as browser:
             browser.go(page)
             browser.evaluate("mechviz.ready")

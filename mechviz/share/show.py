@@ -48,8 +48,9 @@ def show_text(
     pack = Pack()
     frames = find_frames(recording, most, keep)
     properties = recording.properties
+    before = 1 if plots else 0  # all entities are gone through for plots, and for what is drawn
     curves = [] if not plots else find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
-    drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + total, 2 * total))
+    drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + before * total, (1 + before) * total))
     bounds = bounds_of(recording, frames)
     bodies = find_bodies(recording, frames, pack)
     header = {
