@@ -62,8 +62,8 @@ def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
         z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
         spots.append(np.column_stack([z.real, z.imag]))
         spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
-    for name in run.studies.polodes:
-        spots += [p[:, :2].astype(float) for p in polode_pieces(run.studies.polodes[name].fixed, solids, name, run, z=0.0)]
+    for polodes in run.studies.polodes.values():
+        spots += [p[:, :2].astype(float) for p in polode_pieces(polodes.fixed, polodes.fixed, solids, z=0.0)]
     for xy in spots:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
@@ -154,11 +154,13 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(way: NDArray[np.float64], solids: Extent, link: str, run: Run, *, z: float) -> list[NDArray[np.float32]]:
-    """A polode as strips, cut where it runs far out of the picture or jumps through infinity."""
+def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: Extent, *, z: float) -> list[NDArray[np.float32]]:
+    """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
+
+    ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
+    """
     low, high = np.asarray(solids.bounds)[:, :2]
     room = REACH * solids.size
-    place = run.studies.polodes[link].fixed  # judged in the world, so that both are cut at the same frames
     inside = np.isfinite(place).all(axis=1) & (place > low - room).all(axis=1) & (place < high + room).all(axis=1)
     step = np.hypot(*np.diff(np.where(inside[:, None], place, 0.0), axis=0).T)
     joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)

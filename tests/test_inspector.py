@@ -378,6 +378,46 @@ def test_a_recording_shows_what_its_run_shows(name, tmp_path):
     assert {q.title for q in solved.quantities if q.label.startswith(("pair", "drive"))} <= {q.title for q in recorded.quantities}
 
 
+@pytest.mark.parametrize(
+    ("name", "overlays"),
+    [
+        ("plans-four-bar", ()),
+        ("polodes-four-bar", ()),
+        ("four-forces", ("Funicular polygon",)),
+        ("compressor-cycle", ()),
+        ("cam-equivalent", ("Equivalent linkages",)),
+        ("shaking-four-bar", ()),
+    ],
+)
+def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
+    """Plans, polygons, pole curves and charts, at every frame, as far as 32 bits tell."""
+    run = run_scene(scene.load(name), frames=24)
+    write_recording(run, tmp_path / "a.rrd")
+    recorded, solved = show_of_recording(Recording(tmp_path / "a.rrd")), show_of_run(run, build(run))
+    assert recorded.teaches == run.scene.teaches and run.scene.teaches not in recorded.notes
+    assert list(diagrams_of(recorded)) == list(diagrams_of(solved))
+    assert tuple(recorded.overlays()) == overlays
+    for key, drawing in solved.drawings().items():
+        found = recorded.drawings()[key]
+        assert (found.title, found.unit, found.whole) == (drawing.title, drawing.unit, drawing.whole)
+        assert found.per_metre == pytest.approx(drawing.per_metre)
+        np.testing.assert_allclose(found.bounds, drawing.bounds, atol=1e-6 * solved.size)
+        for a, b in zip(found.inks, drawing.inks, strict=True):
+            assert (a.label, a.color, a.plain, a.fine) == (b.label, b.color, b.plain, b.fine)
+            np.testing.assert_allclose(a.start, b.start, atol=1e-6 * solved.size)
+            np.testing.assert_allclose(a.vector, b.vector, atol=1e-6 * solved.size)
+        assert [m.label for m in found.marks] == [m.label for m in drawing.marks]
+    for found, chart in zip(recorded.charts(), solved.charts(), strict=True):
+        assert (found.title, found.x_title, found.y_title, found.equal) == (chart.title, chart.x_title, chart.y_title, chart.equal)
+        for a, b in zip(found.curves, chart.curves, strict=True):
+            assert a.name == b.name
+            np.testing.assert_allclose(a.x, b.x, atol=1e-5 * np.ptp(chart.ranges[:2]))
+            np.testing.assert_allclose(a.y, b.y, atol=1e-5 * np.ptp(chart.ranges[2:]))
+    for link, polodes in solved.polodes().items():
+        np.testing.assert_allclose(recorded.polodes()[link].fixed, polodes.fixed, atol=1e-9)
+        np.testing.assert_allclose(recorded.polodes()[link].moving, polodes.moving, atol=1e-9)
+
+
 def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
     run = run_scene(scene.load("cam-barrel"), frames=24)
     write_recording(run, tmp_path / "a.rrd")
@@ -528,6 +568,31 @@ def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
         numbers = [float(v) for spots in re.findall(r'points="([^"]*)"', first) for v in re.split("[ ,]", spots)]
         assert all(-20.0 <= v <= 350.0 for v in numbers), title
         assert (diagram.y_title if isinstance(diagram, Chart) else diagram.unit) in first, "the unit of its scale"
+
+
+def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
+    run = run_scene(scene.load("cam-roller"), frames=72)
+    show = show_of_run(run, build(run))
+    found = {title: d for title, d in diagrams_of(show).items() if title.endswith("of cam K")}
+    assert list(found) == ["Pressure angle [°] of cam K", "Curvature [1/m] of cam K"]
+    angle = found["Pressure angle [°] of cam K"].curves[0]
+    quantity = next(q for q in show.quantities if q.label == "cam K: pressure angle")
+    np.testing.assert_array_equal(angle.y, quantity.values()[:, 0])
+    assert angle.x[-1] == pytest.approx(360.0) and np.ptp(angle.y) > 20.0
+    assert ">270<" in diagram_svg(found["Pressure angle [°] of cam K"], 10), "quarter turns"
+
+
+def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
+    run = run_scene(scene.load("plans-four-bar"), frames=36)
+    diagram = diagrams_of(show_of_run(run, build(run)))["Acceleration plan"]
+    for frame in (0, 12, 30):
+        picture = diagram_svg(diagram, frame)
+        assert re.search(r'>a<tspan dy="3" font-size="8.5">DB</tspan><tspan dy="-3">ᵗ</tspan><', picture)
+        drawn = re.findall(r'<text x="([\d.-]+)" y="([\d.-]+)" font-size="11" text-anchor="middle"[^>]*>(.*?)</text>', picture)
+        boxes = [(float(x), float(y), 3.0 * len(re.sub("<.*?>", "", text)), 5.0) for x, y, text in drawn]
+        for k, (x, y, across, up) in enumerate(boxes):
+            for x2, y2, across2, up2 in boxes[:k]:
+                assert abs(x - x2) > 0.8 * (across + across2) or abs(y - y2) > 0.8 * (up + up2), (frame, drawn[k])
 
 
 def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():

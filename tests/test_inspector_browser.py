@@ -357,6 +357,28 @@ def test_a_recording_is_saved(viewer, page, folder):
     np.testing.assert_allclose(poses, viewer.run.motion.pose("coupler"), atol=1e-12)
 
 
+def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_told(viewer, page):
+    open_tab(page, "Diagrams")
+    page.get_by_label("Velocity plan", exact=True).check()
+    until(page, lambda: viewer.run.scene.document.plans == ["velocity"], "asked for")
+    until(page, lambda: viewer.inspector.diagrams.choice.value == "Velocity plan", "looked at")
+    page.get_by_role("img", name="Velocity plan", exact=True).wait_for()
+    page.wait_for_function(SEEN, arg="/drawings/velocity")
+    before = page.locator(".mechviz-diagram").inner_html()
+    viewer.set_frame(200)
+    until(page, lambda: page.locator(".mechviz-diagram").inner_html() != before, "it moves with the frame")
+    page.get_by_label("Polodes of coupler", exact=True).check()
+    page.get_by_role("img", name="Polodes of coupler", exact=True).wait_for()
+    page.get_by_label("Velocity plan", exact=True).uncheck()
+    until(page, lambda: viewer.run.scene.document.plans == [], "no more")
+    page.wait_for_function("name => !window.__viserMutable.nodeRefFromName[name]", arg="/drawings/velocity")
+    open_tab(page, "Effects")
+    box = page.get_by_label("friction", exact=True)
+    box.click()  # no pair has a coefficient
+    page.get_by_text("Friction is named, but no pair has any").first.wait_for(state="attached")
+    until(page, lambda: not box.is_checked(), "the switch goes back")
+
+
 def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
     from mechviz.record import Recording, write_recording
 
@@ -365,6 +387,9 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
         opened = open_viewer(browser, shown, SIZE, NODES)
         try:
             assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
+            open_tab(opened, "Diagrams")
+            opened.get_by_role("img", name="Phase: velocity [rad/s] against angle [°], E", exact=True).wait_for()
+            open_tab(opened, "Plots")
             opened.get_by_role("button", name="Play", exact=True).click()
             until(opened, lambda: shown.player.aside, "played by the browser")
             opened.get_by_role("button", name="Pause", exact=True).click()

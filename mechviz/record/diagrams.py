@@ -189,6 +189,9 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
     for d in diagrams:
         x0, x1, y0, y1 = d.ranges
         xs, ys = _ticks(d, x0, x1), round_ticks(y0, y1, TICKS)
+        titles = {"title": d.title, "x_title": d.x_title, "y_title": d.y_title}
+        known = rr.AnyValues(**titles, ranges=[x0, x1, y0, y1], equal=d.equal, turn=d.turn or 0.0)
+        yield Static(entity("diagrams", d.name), known)
         lines = [d.place(np.array([v, v]), np.array([y0, y1])) for v in xs] + [
             d.place(np.array([x0, x1]), np.array([v, v])) for v in ys
         ]

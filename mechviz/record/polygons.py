@@ -80,6 +80,8 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
         arrows, lines = [i for i in drawing.inks if not i.plain], [i for i in drawing.inks if i.plain]
+        known = {"title": drawing.title, "unit": drawing.unit, "per_metre": float(drawing.per_metre)}
+        yield Static(path, rr.AnyValues(**known, least=float(drawing.least), whole=drawing.whole))
         labels = [i.label for i in arrows]
         style = {
             "colors": [i.color for i in arrows],
@@ -118,8 +120,8 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
         yield Static("/polygons/funicular/resultant", rr.Arrows3D.from_fields(**style))
     z_top = solids.z_top + 0.006 * size
     for name, found in run.studies.polodes.items():
-        fixed = polode_pieces(found.fixed, solids, name, run, z=z_top)
-        moving = polode_pieces(found.moving, solids, name, run, z=z_top)
+        fixed = polode_pieces(found.fixed, found.fixed, solids, z=z_top)
+        moving = polode_pieces(found.moving, found.fixed, solids, z=z_top)
         yield Static(entity("polygons", "polodes", name), rr.LineStrips3D(fixed, colors=[FIXED], radii=[0.0032 * size]))
         # under the link's own transform: it moves with it and rolls on the fixed one
         path = entity("mechanism", "links", name, "polode")

@@ -3,29 +3,31 @@ as pressure against displacement. All move with the frame."""
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any, get_args
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from ..drawings import Drawing, drawings_of
+from ..drawings import Drawing
 from ..overlays import FIXED, MOVING
+from ..record.diagrams import Curve as ChartCurve
 from ..record.diagrams import Diagram as Chart
-from ..record.diagrams import find_diagrams
+from ..scene.studies import PlanName
 from ..vectors import round_value
 from . import words
 from .callbacks import Callback
 from .charts import chart_svg
+from .label_places import LabelPlaces, half_sizes
 from .plans3d import on_light
-from .show import Show
-
-if TYPE_CHECKING:
-    from ..run import Run
+from .show import Rolling, Show
+from .studio import Studio
 
 __all__ = ["Chart", "Curve", "Diagram", "Diagrams", "diagram_svg", "diagrams_of"]
 
@@ -37,8 +39,16 @@ FAR = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
 RATE = 12.0  # pictures a second while playing
 LEAST = 4.0  # [px] below which an arrow has no label
 HEAD = 8.0  # [px]
-NONE_OF_A_RUN = "The scene asks for no diagrams. A scene file names them with plans, polodes, systems, shaking and trace."
-NONE_OF_A_RECORDING = "Diagrams are made of a scene that is solved: press 'Edit this scene' where the recording carries its own."
+ROOM_OF_LABELS = 3.0  # [px] from what they name
+NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for plans and pole curves below; click on points to trace them."
+PLANS = {
+    "velocity": "the images of the points, from a pole: what the method by hand draws",
+    "acceleration": "with the centripetal, tangential and Coriolis parts",
+    "force": "the closed polygon of the forces on each group; needs forces",
+}
+POLODES = "the fixed and the moving centrode: one rolls on the other"
+MOST_POLODES = 5  # links whose switches are seen at once
+NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,34 +81,52 @@ class Diagram:
     drawing: Drawing | None = None
     curves: tuple[Curve, ...] = ()
 
+    @cached_property
+    def places(self) -> LabelPlaces:
+        """Where the labels of the drawing stand: beside each other, and where they were a moment ago."""
+        inks, marks = ((), ()) if self.drawing is None else (self.drawing.inks, self.drawing.marks)
+        sides, points = [i.label for i in inks if i.label], [m.label for m in marks]
+        return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
+
 
 def diagrams_of(show: Show) -> dict[str, Diagram | Chart]:
     """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
     found: dict[str, Diagram | Chart] = {}
-    if show.run is not None:
-        for drawing in drawings_of(show.run, show.size).values():
-            title = drawing.title.split(":")[0]
-            curves: tuple[Curve, ...] = ()
-            if drawing.name == "shaking":
-                ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
-                curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
-            found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
-        for name in show.run.studies.polodes:
-            title = f"Polodes of {name}"
-            found[title] = _polodes(show, show.run, title, name)
+    for drawing in show.drawings().values():
+        title = drawing.title.split(":")[0]
+        curves: tuple[Curve, ...] = ()
+        if drawing.name == "shaking":
+            ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
+            curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
+        found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
+    for name, polodes in show.polodes().items():
+        title = f"Polodes of {name}"
+        found[title] = _polodes(show, polodes, title, name)
     for name, xyz in show.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
         found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, (32, 78, 138), z, z),))
-    if show.run is not None:
-        found |= {chart.title: chart for chart in find_diagrams(show.run)}
+    found |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
     return found
 
 
-def _polodes(show: Show, run: Run, title: str, name: str) -> Diagram:
+def cam_charts(show: Show) -> list[Chart]:
+    """Pressure angle and curvature of the profile of every cam over the run."""
+    axis, found = show.axes[0], []
+    a_turn = axis.unit == "°" and bool(np.all((axis.values > -1e-6) & (axis.values < 360.0 + 1e-6)))
+    for q in show.quantities:
+        if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
+            item, what = q.label.split(": ", 1)
+            title = f"{what.capitalize()} [{q.unit}] of {item}"
+            curve = ChartCurve(item, axis.values, q.values()[:, 0])
+            found.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=360.0 if a_turn else None))
+    return found
+
+
+def _polodes(show: Show, polodes: Rolling, title: str, name: str) -> Diagram:
     """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
-    polodes, pose, size = run.studies.polodes[name], show.poses[name], show.size
-    fixed, moving = polodes.fixed @ np.array([1.0, 1.0j]), polodes.moving @ np.array([1.0, 1.0j])
+    pose, size = show.poses[name], show.size
+    fixed, moving = polodes.fixed, polodes.moving
     low, high = (bound[0] + 1j * bound[1] for bound in show.bounds)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
     from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
@@ -107,11 +135,9 @@ def _polodes(show: Show, run: Run, title: str, name: str) -> Diagram:
     jumps = np.append(np.abs(np.diff(np.where(inside, fixed, 0.0))) > 0.5 * size, False)
     ride = pose[:, 0] + 1j * pose[:, 1], np.exp(1j * pose[:, 2])
     ways = [np.where(inside & ~jumps, way, np.nan) for way in (fixed, moving)]
-    points = next(link.points for link in run.motion.mechanism.links if link.name == name)
-    outline = np.array([complex(*xy) for xy in (*points.values(), next(iter(points.values()), (0.0, 0.0)))])
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
-        Curve(name, (128, 136, 150), outline, nowhere, ride),
+        Curve(name, (128, 136, 150), polodes.outline, nowhere, ride),
         Curve("fixed polode", on_light(FIXED), ways[0], nowhere),
         Curve("moving polode", on_light(MOVING), ways[1], np.where(inside, fixed, np.nan), ride),
     )
@@ -146,24 +172,20 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
         if np.isfinite(now):
             x, y = place(now)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{_hex(curve.color)}"/>')
-    taken: list[complex] = []
     if diagram.drawing is not None:
-        for ink in diagram.drawing.inks:
-            start, vector = complex(at(ink.start[frame])), complex(ink.vector[frame] * scale)
-            if not np.isfinite(start + vector):
-                continue
-            parts.append(
-                _arrow(place(start), place(start + vector), _hex(on_light(ink.color)), ink.plain, 1.2 if ink.fine else 2.0)
-            )
-            middle_of = start + 0.5 * vector
-            if ink.label and abs(vector) >= LEAST and all(abs(middle_of - z) > 11.0 for z in taken):
-                taken.append(middle_of)
-                parts.append(_text(place(middle_of), ink.label, "currentColor"))
-        for mark in diagram.drawing.marks:
-            z = complex(at(mark.at[frame]))
-            if np.isfinite(z) and all(abs(z - other) > 9.0 for other in taken):
-                taken.append(z)
-                parts.append(_text(place(z + 7 + 7j), mark.label, "currentColor"))
+        inks, marks = diagram.drawing.inks, diagram.drawing.marks
+        starts = at(np.array([ink.start[frame] for ink in inks], complex))
+        vectors = np.asarray(scale * np.array([ink.vector[frame] for ink in inks], complex), complex)
+        for ink, start, vector in zip(inks, starts, vectors, strict=True):
+            if np.isfinite(start + vector):
+                width = 1.2 if ink.fine else 2.0
+                parts.append(_arrow(place(start), place(start + vector), _hex(on_light(ink.color)), ink.plain, width))
+        named = [k for k, ink in enumerate(inks) if ink.label]
+        long: Array = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
+        spots = at(np.array([mark.at[frame] for mark in marks], complex))
+        texts = [inks[k].label for k in named], [mark.label for mark in marks]
+        for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
+            parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
     parts.append(_scale_bar(diagram, scale))
     return (
         f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
@@ -178,14 +200,30 @@ class Diagrams:
     through the hidden box ``seen``, that their tab is open (see playback.js), and for nobody else.
     """
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
+    def __init__(
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback, studio: Studio | None = None
+    ):
         self._moved = 0.0
-        self._frame = 0
+        self._frame, self._wanted = 0, False
         self._found, self._solved = diagrams_of(show), show.run is not None
+        self._studio = studio
+        self.asked: dict[tuple[str, str], viser.GuiCheckboxHandle] = {}
+        gui = server.gui
         with tab:
-            self.choice = server.gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
-            self._picture = server.gui.add_html("")
-            self.seen = server.gui.add_checkbox("The diagram is seen", False, visible=False)
+            self.choice = gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
+            self._picture = gui.add_html("")
+            self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
+            if studio is not None and show.run is not None:
+                with gui.add_folder("Construct"):
+                    for name in get_args(PlanName):
+                        self.asked["plans", name] = gui.add_checkbox(f"{name.capitalize()} plan", False, hint=PLANS.get(name))
+                with gui.add_folder("Pole curves", expand_by_default=len(show.poses) <= MOST_POLODES):
+                    for link in show.poses:
+                        if link != show.frame:
+                            self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=POLODES)
+        self.mirror(show)
+        for (key, name), box in self.asked.items():
+            box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
         self._watchers: set[int] = set()
         self.seen.on_update(callback("Watching a diagram", self._watch))
         self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
@@ -195,11 +233,31 @@ class Diagrams:
         """Take another run."""
         before = tuple(self._found)
         self._found = diagrams_of(show)
+        self.mirror(show)
         if tuple(self._found) != before:
             kept = self.choice.value
             self.choice.options = tuple(self._found) or ("none",)
-            if kept in self._found:
+            new = [title for title in self._found if title not in before]
+            if self._wanted and new:
+                self.choice.value = new[0]  # what was asked for is what is looked at
+            elif kept in self._found:
                 self.choice.value = kept
+            self._wanted = False
+
+    def mirror(self, show: Show) -> None:
+        """Take the switches of what is shown: one that could not be had goes back."""
+        if show.run is None:
+            return
+        for (key, name), box in self.asked.items():
+            on = name in getattr(show.run.scene.document, key)
+            if box.value != on:
+                box.value = on
+
+    def _ask(self, key: str, name: str, _: Any) -> None:
+        assert self._studio is not None
+        on = bool(self.asked[key, name].value)
+        self._wanted = on
+        self._studio.change(f"{key} {name}", lambda draft: draft.with_named(key, name, on))
 
     @property
     def watched(self) -> bool:
@@ -256,8 +314,17 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
 def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:
     return (
         f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" font-size="11" text-anchor="{anchor}" dominant-baseline="middle" fill="{color}" '
-        f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{escape(text)}</text>'
+        f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{_written(text)}</text>'
     )
+
+
+def _written(label: str) -> str:
+    """``a_CBⁿ`` with CB below the line, as it is written by hand."""
+    found = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
+    if found is None:
+        return escape(label)
+    letter, below, above = (escape(part) for part in found.groups())
+    return f'{letter}<tspan dy="3" font-size="8.5">{below}</tspan>' + (f'<tspan dy="-3">{above}</tspan>' if above else "")
 
 
 def _hex(color: Color) -> str:

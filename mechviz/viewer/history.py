@@ -50,6 +50,12 @@ class Draft:
         named = [e for e in self.data.get("effects", ()) if e != effect] + ([effect] if on else [])
         return replace(self, data={**self.data, "effects": named})
 
+    def with_named(self, key: str, name: str, on: bool) -> Draft:
+        """The draft with a name in one of its lists, such as ``plans`` or ``polodes``, or not."""
+        named = [n for n in self.data.get(key, ()) if n != name] + ([name] if on else [])
+        data = {k: v for k, v in self.data.items() if k != key}
+        return replace(self, data={**data, key: named} if named else data)
+
     def with_load(self, load: str, on: bool) -> Draft:
         """The draft with a load switched on or off."""
         idle = tuple(name for name in self.idle if name != load)

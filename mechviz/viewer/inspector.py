@@ -110,7 +110,7 @@ class Inspector:
             with self.closer.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
             self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
-        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback)
+        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, studio)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, show, player, callback)
@@ -211,7 +211,18 @@ class Inspector:
         if self.controls is not None:
             with self._lock:
                 self.controls.tell(status)
+                if status.fault and status.key not in self.controls.sliders:
+                    self._refuse(status)
             self._server.flush()
+
+    def _refuse(self, status: Status) -> None:
+        """A switch that cannot be had goes back, and whichever tab it is in, the reason is told."""
+        self.diagrams.mirror(self.show)
+        if self.effects is not None:
+            self.effects.update(self.show)
+        why = f"{status.fault[:1].upper()}{status.fault[1:]}"
+        for client in self._server.get_clients().values():
+            client.add_notification("Not possible", why, color="red", auto_close_seconds=12.0)
 
     def settle(self) -> None:
         """Nothing has been edited for a while."""

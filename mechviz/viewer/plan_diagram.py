@@ -83,7 +83,9 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
     answers = [name for name in others if name.startswith("answer ")]
     for names, label in ((answers, "answer"), ([name for name in others if name not in answers], "diagram")):
         if names:
-            several = f"{len(names)} {label}s" if len(names) > 1 else names[0].split(" ", 1)[-1].replace("_", " ")
+            kind, _, own = names[0].partition(" ")
+            single = f"{own} plan" if kind == "plan" else (own or kind).replace("_", " ")
+            several = f"{len(names)} {label}s" if len(names) > 1 else single
             source = box(names, several, 2)
             if source in computed and "velocities" in computed:
                 arrows.append(("velocities", source))

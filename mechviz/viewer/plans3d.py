@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from mechcore.reduction.systems import KINDS
 
-from ..drawings import COLORS, Drawing, drawings_of, rows_of
+from ..drawings import COLORS, Drawing, rows_of
 from ..overlays import FIXED, MOVING, chain_pins, chain_strips, polode_pieces, resultants, strings, substitute_scale
 from .label_places import LabelPlaces, half_sizes
-from .show import Show
+from .show import Overlay, Rolling, Show
 from .solids3d import link_path
 from .words import scale
 
@@ -108,7 +108,7 @@ class PlanNodes:
         self.update(show)
 
     def update(self, show: Show) -> None:
-        """Draw the constructions of ``show`` instead of those so far; a recording has none."""
+        """Draw the constructions of ``show`` instead of those so far; of a recording as it holds them."""
         for construction in self.constructions.values():
             for node in construction.nodes:
                 if not node._impl.removed:  # it goes with the node that it lies below
@@ -117,12 +117,10 @@ class PlanNodes:
         self.bounds: Real | None = None
         """Box (2, 2) [m] around what stands beside the mechanism."""
         self.places: Mapping[str, complex] = {}
-        if show.run is None:
-            return
-        self._show, self._run = show, show.run
+        self._show = show
         self._size = show.size
         self._z = show.z_top + 0.03 * show.size
-        drawings = drawings_of(self._run, self._size)
+        drawings = show.drawings()
         box = show.bounds[:, :2]
         shifts = placed(box, [d.bounds for d in drawings.values()], GAP * self._size, CAPTION * self._size)
         self.places = dict(zip(drawings, shifts, strict=True))
@@ -134,10 +132,16 @@ class PlanNodes:
             self.bounds = np.array([np.min([c[0] for c in corners], axis=0), high])
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
+        polodes = show.polodes()
+        if polodes:
+            self._add("Polodes", self._polodes(polodes))
+        for words, overlay in show.overlays().items():
+            self._add(words, self._overlay(words, overlay))
+        if show.run is None:
+            return
+        self._run = show.run
         if self._run.studies.systems:
             self._add("Funicular polygon", self._funicular())
-        if self._run.studies.polodes:
-            self._add("Polodes", self._polodes())
         if self._run.studies.equivalents:
             self._add("Equivalent linkages", self._equivalents())
         if self._run.studies.substitutes:
@@ -189,7 +193,7 @@ class PlanNodes:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
         inks, marks, size = drawing.inks, drawing.marks, self._size
         path = f"/drawings/{name}"
-        frames = self._run.motion.frames
+        frames = self._show.frames
         starts = np.array([i.start for i in inks], complex).reshape(len(inks), frames) + at
         vectors = np.array([i.vector for i in inks], complex).reshape(len(inks), frames)
         heads = np.array([not i.plain for i in inks], bool)
@@ -287,16 +291,50 @@ class PlanNodes:
 
         return Construction((node, arrows, *labels, *single), show)
 
-    def _polodes(self) -> Construction:
+    def _overlay(self, words: str, overlay: Overlay) -> Construction:
+        """Lines, arrows and points on the mechanism, as a recording holds them."""
+        path, size = f"/overlays/{words}", self._size
+        frames = self._show.frames
+        starts = np.array([i.start for i in overlay.inks], complex).reshape(-1, frames)
+        vectors = np.array([i.vector for i in overlay.inks], complex).reshape(-1, frames)
+        heads = np.array([not i.plain for i in overlay.inks], bool)
+        spots = np.array([m.at for m in overlay.marks], complex).reshape(-1, frames)
+        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
+        lines = None
+        if overlay.inks:
+            shades = [on_light(i.color) for i in overlay.inks] * 3
+            lines = self._lines(path, arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size), shades, 2.5)
+            nodes.append(lines)
+        named = [k for k, i in enumerate(overlay.inks) if i.label]
+        labels = [self._label(f"{path}/line {k}", overlay.inks[k].label) for k in named]
+        pins = [self._label(f"{path}/point {k}", m.label or "•", 0.9, "bottom-left") for k, m in enumerate(overlay.marks)]
+        nodes += [*labels, *pins]
+
+        def show(frame: int) -> None:
+            if lines is not None:
+                lines.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
+            middles = starts[named, frame] + 0.5 * vectors[named, frame]
+            for label, z in zip((*labels, *pins), (*middles, *spots[:, frame]), strict=True):
+                seen = bool(np.isfinite(z))
+                if label.visible != seen:
+                    label.visible = seen
+                if seen:
+                    label.position = (z.real, z.imag, self._z)
+
+        return Construction(tuple(nodes), show)
+
+    def _polodes(self, polodes: Mapping[str, Rolling]) -> Construction:
         """The fixed polode in the world; the moving one below the node of its link, with which it goes."""
         nodes = []
         z = self._show.z_top + 0.006 * self._size
-        for name, found in self._run.studies.polodes.items():
+        for name, found in polodes.items():
+            fixed = np.column_stack([found.fixed.real, found.fixed.imag])
+            moving = np.column_stack([found.moving.real, found.moving.imag])
             for path, way, color in (
-                (f"/polodes/{name.replace('/', '_')}", found.fixed, FIXED),
-                (f"{link_path(name)}/polode", found.moving, MOVING),
+                (f"/polodes/{name.replace('/', '_')}", fixed, FIXED),
+                (f"{link_path(name)}/polode", moving, MOVING),
             ):
-                pieces = polode_pieces(way, self._show, name, self._run, z=z)
+                pieces = polode_pieces(way, fixed, self._show, z=z)
                 lines = [np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces]
                 if lines:
                     flat = np.concatenate(lines)

@@ -16,7 +16,7 @@ from mechcore.spec import Pair
 from ..run import Run
 from ..vectors import centre_name, point_name
 
-__all__ = ["Axis", "Quantity", "find_axes", "find_quantities", "first_choice", "output_pair", "slides"]
+__all__ = ["Axis", "Quantity", "find_axes", "find_quantities", "first_choice", "inverse", "output_pair", "slides"]
 
 Real = NDArray[np.float64]
 
@@ -213,7 +213,7 @@ def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
     motion, forces, name = run.motion, run.forces, cam.name
     found = [
         Quantity(f"cam {name}: pressure angle", "°", ("angle",), lambda: _column(np.degrees(cam.rows(motion).pressure_angle))),
-        Quantity(f"cam {name}: curvature", "1/m", ("curvature",), lambda: _column(_inverse(cam.rows(motion).radius))),
+        Quantity(f"cam {name}: curvature", "1/m", ("curvature",), lambda: _column(inverse(cam.rows(motion).radius))),
     ]
     if forces is not None:
         found.append(Quantity(f"cam {name}: contact force", "N", ("force",), lambda: _column(contact_force(forces, cam))))
@@ -238,7 +238,8 @@ def _of_cam(run: Run, cam: AnyCam) -> list[Quantity]:
     return found
 
 
-def _inverse(radius: Real) -> Real:
+def inverse(radius: Real) -> Real:
+    """Curvature of radii: nothing of what is straight."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(np.isinf(radius), 0.0, 1.0 / radius))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -14,12 +14,14 @@ from .quantities import Axis, Quantity
 
 if TYPE_CHECKING:
     from ..coils import Coil
+    from ..drawings import Drawing, Ink, Mark
     from ..linkers import Linker
     from ..meshes.spatial import Spin
+    from ..record.diagrams import Diagram
     from ..rollers import RollerMark
     from ..run import Run
 
-__all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Piece", "Show"]
+__all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Overlay", "Piece", "Rolling", "Show"]
 
 Real = NDArray[np.float64]
 
@@ -90,6 +92,24 @@ class Health:
         return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
 
 
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """Pole curves of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame, and an ``outline``
+    (n,) of the link in its frame."""
+
+    fixed: NDArray[np.complex128]
+    moving: NDArray[np.complex128]
+    outline: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """Lines, arrows and points that were drawn on the mechanism of a recording."""
+
+    inks: tuple[Ink, ...]
+    marks: tuple[Mark, ...]
+
+
 @dataclass(frozen=True)
 class Happening:
     """An event of the run; ``time`` [s], ``level`` INFO or WARN."""
@@ -134,6 +154,10 @@ class Show:
     """Links that do not only turn about z, of a recording: places (F, 3) [m] and turns (F, 4), w first."""
     kinds: Mapping[str, tuple[str, tuple[str, str]]] = field(default_factory=dict)  # of joints, with their two links
     heights: Mapping[tuple[str, str], float] = field(default_factory=dict)  # of arrows and arcs, by family and item
+    drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
+    charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
+    polodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
+    overlays: Callable[[], Mapping[str, Overlay]] = dict  # of a recording, by the words of their switch
 
     @property
     def frames(self) -> int:

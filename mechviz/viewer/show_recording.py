@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from html import escape
 from typing import Any
 
@@ -17,7 +17,8 @@ from ..record.paths import entity as path_of
 from ..rollers import RollerMark
 from ..share.frames import parts_of
 from ..vectors import FAMILIES, FORCE_FAMILIES, LARGEST_ARROW, Scales, centre_name
-from .quantities import Axis, Quantity
+from .quantities import Axis, Quantity, inverse
+from .recorded_plans import RecordedPlans
 from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Show
 from .show_run import split_by_color
 from .solids3d import composed
@@ -42,8 +43,8 @@ class _Reader:
         self.recording = recording
         self.model = recording.model
         self.joints: Mapping[str, Any] = self.model["joints"]
-        ticks, _ = recording.scalars("data", "links", self.model["links"][0], "pose")
-        self.time: Real = 1e-9 * ticks.astype(float)
+        self.ticks, _ = recording.scalars("data", "links", self.model["links"][0], "pose")
+        self.time: Real = 1e-9 * self.ticks.astype(float)
 
     def table(self, *parts: str) -> Real | None:
         """Values (F, n) of an entity of scalars, None where it is not there."""
@@ -281,6 +282,7 @@ class _Reader:
             contact = self.table("data", "cams", name, "contact")
             if contact is not None:
                 yield Quantity(f"cam {name}: pressure angle", "°", ("angle",), _columns(np.degrees(contact[:, 3:4])))
+                yield Quantity(f"cam {name}: curvature", "1/m", ("curvature",), _columns(inverse(contact[:, 4:5])))
                 yield Quantity(f"cam {name}: contact force", "N", ("force",), _columns(contact[:, 2:3]))
         for link in self.model["links"]:
             for entity, what, curve, unit, factor in (
@@ -361,10 +363,24 @@ class _Reader:
                 found[link] = places, turns
         return found
 
+    @property
+    def teaches(self) -> str:
+        """What the scene teaches: in the notes it stands between the title and what was computed."""
+        head = self.recording.notes.partition("\n## ")[0].splitlines()
+        return " ".join(line.strip() for line in head if line.strip() and not line.startswith(("#", "**")))
+
+    @property
+    def about(self) -> str:
+        """The notes without the title and what the scene teaches, with headings that fit a panel (markdown)."""
+        head, cut, rest = self.recording.notes.partition("\n## ")
+        text = f"#### {rest}".replace("\n## ", "\n#### ") if cut else head
+        return escape(text, quote=False)
+
     def show(self) -> Show:
         properties = self.recording.properties
         quantities = tuple(self.quantities())
         drives = tuple(self.drives())
+        plans = RecordedPlans(self.recording, self.ticks, self.poses, self.places)
         vectors: dict[str, list[tuple[str, Real, Real]]] = {}
         for family, item, at, value in self.vectors():
             vectors.setdefault(family, []).append((item, at, value))
@@ -384,7 +400,7 @@ class _Reader:
         first += self.output(quantities)
         return Show(
             title=title,
-            teaches="",
+            teaches=self.teaches,
             time=self.time,
             cycle=length,
             drives=drives,
@@ -411,8 +427,12 @@ class _Reader:
             rollers=tuple(self.rollers()),
             spatial=self.spatial(),
             opening=_telling(quantities, len(self.time)),
-            notes=escape(self.recording.notes, quote=False),
+            notes=self.about,
             kinds={name: (str(j["type"]), (str(j["links"][0]), str(j["links"][1]))) for name, j in self.joints.items()},
+            drawings=cache(plans.drawings),
+            charts=cache(plans.charts),
+            polodes=cache(plans.polodes),
+            overlays=cache(plans.overlays),
         )
 
 

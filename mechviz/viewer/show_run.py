@@ -15,9 +15,11 @@ from mechcore.friction.events import friction_events
 from mechcore.spec import Force, Mechanism
 
 from ..coils import find_coils
+from ..drawings import drawings_of
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import find_linkers
 from ..meshes import Solid, Solids
+from ..record.diagrams import find_diagrams
 from ..record.events import peak_events
 from ..record.simulations import simulation_events
 from ..rollers import find_rollers
@@ -28,7 +30,7 @@ from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vecto
 from . import words
 from .alike import alike
 from .quantities import find_axes, find_quantities, first_choice, slides
-from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Piece, Show
+from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Piece, Rolling, Show
 from .warp import warped_body
 from .warp_cams import cam_profiles, stretched_cams
 
@@ -177,7 +179,21 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         run=run,
         kinds={j.name: (j.kind, j.links) for j in joints_of(motion)},
         heights=heights,
+        drawings=lambda: drawings_of(run, solids.size),
+        charts=lambda: find_diagrams(run),
+        polodes=lambda: polodes_of(run),
     )
+
+
+def polodes_of(run: Run) -> dict[str, Rolling]:
+    """Pole curves that the scene asks for, by link."""
+    points = {link.name: link.points for link in run.motion.mechanism.links}
+    found = {}
+    for name, polodes in run.studies.polodes.items():
+        corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
+        fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (polodes.fixed, polodes.moving))
+        found[name] = Rolling(fixed, moving, np.array(corners))
+    return found
 
 
 def _kept(old: Scales, new: Scales) -> Scales:

@@ -159,10 +159,12 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
     """A table of the values of an item: what, its components, in which unit."""
     lines = []
     count = itertools.count()
-    for what, names, numbers, unit in rows:
+    for what, curves, numbers, unit in rows:
+        names = list(curves)
         parts = [
-            f'<span style="white-space:nowrap"><span style="opacity:0.65">{escape(name)}</span> '
-            f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
+            '<span style="white-space:nowrap">'
+            + (f'<span style="opacity:0.65">{escape(name)}</span> ' if len(names) > 1 else "")  # of a single one it is said already
+            + f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
             for name, value in zip(names, numbers, strict=True)
         ]
         lines.append(
