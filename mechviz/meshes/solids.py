@@ -19,7 +19,7 @@ from .shading import crisp, face_normals
 from .shapes import draft_pieces
 from .spatial import Spin, spatial_parts
 from .stack import Levels, poses_of, stack_pieces
-from .sweep import Swept, meet
+from .sweep import Sweeps
 
 __all__ = ["Solid", "Solids", "build_solids", "find_clashes", "stl_bytes"]
 
@@ -124,18 +124,20 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
     """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
     if not model.frames:
         return ()
-    spaces = [(p, p.link, prism, Swept(prism.outline, model.poses[p.link])) for p in parts for prism in p.space]
-    found: set[tuple[str, str]] = set()
-    for i, (part_a, link_a, a, swept_a) in enumerate(spaces):
-        for part_b, link_b, b, swept_b in spaces[:i]:
-            if part_a.mates & part_b.mates:
-                continue
-            pair = (link_b, link_a) if model.links.index(link_b) < model.links.index(link_a) else (link_a, link_b)
-            if link_a == link_b or pair in found or min(a.high, b.high) <= max(a.low, b.low):
-                continue
-            if meet(swept_a, swept_b):
-                found.add(pair)
-    return tuple(sorted(found))
+    owners = [(part, prism) for part in parts for prism in part.space]
+    rank = {name: k for k, name in enumerate(model.links)}
+    link = np.array([rank[part.link] for part, _ in owners], np.int64)
+    low, high = np.array([(prism.low, prism.high) for _, prism in owners], float).T
+    i, j = np.tril_indices(len(owners), -1)
+    apart = (link[i] != link[j]) & (np.minimum(high[i], high[j]) > np.maximum(low[i], low[j]))
+    i, j = i[apart], j[apart]
+    meshing = [bool(owners[a][0].mates & owners[b][0].mates) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+    i, j = (k[~np.array(meshing, bool)] for k in (i, j))
+    both = np.sort(np.stack([link[i], link[j]], axis=1), axis=1)
+    questions, asked = np.unique(both, axis=0, return_inverse=True)
+    sweeps = Sweeps([prism.outline for _, prism in owners], [part.link for part, _ in owners], model.poses)
+    met = questions[sweeps.meet(np.stack([i, j], axis=1), asked.reshape(-1))]
+    return tuple(sorted((model.links[a], model.links[b]) for a, b in met.tolist()))
 
 
 def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int | tuple[int, ...]) -> Solid:

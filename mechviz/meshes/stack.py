@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from shapely.geometry import Polygon
 
 from .draft import Draft, Neck, Piece
@@ -13,7 +14,7 @@ from .layers import Post, order_layers
 from .model import Model, Proportions
 from .outline import disc
 from .rounds import webs
-from .sweep import Swept, meet
+from .sweep import Sweeps
 
 __all__ = ["Levels", "stack_pieces"]
 
@@ -62,15 +63,13 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     """Find the order of layers in which the fewest pieces and pins meet during the motion."""
     names = draft.group_names
     number = {name: k for k, name in enumerate(names)}
-    conflicts = _conflicts(model, draft, number)
     reaches = [_axle_reach(model, draft, k) for k in range(len(model.axles))]
     reaches += [_neck_reach(neck) for neck in draft.necks]
     reaches += [
         _Reach(disc(centre, 0.6 * model.proportions.r, 16), model.frame, (group,), frozenset({model.frame}), True)
         for centre, group in draft.fixed_blocks
     ]
-    hits = _hits(model, draft, reaches, number)
-    near = _near(model, reaches)
+    conflicts, hits, near = _meetings(model, draft, reaches, number)
     posts = [
         Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k]) for k, reach in enumerate(reaches)
     ]
@@ -97,14 +96,18 @@ def _neck_reach(neck: Neck) -> _Reach:
     return _Reach(neck.outline, neck.link, neck.groups, frozenset({neck.link}), False)
 
 
-def _conflicts(model: Model, draft: Draft, number: Mapping[str, int]) -> list[int]:
-    """For every group the bit mask of the groups that it meets at some frame (or is joined to by a pair)."""
-    masks = [0] * len(number)
+def _meetings(
+    model: Model, draft: Draft, reaches: list[_Reach], number: Mapping[str, int]
+) -> tuple[list[int], list[int], list[tuple[int, ...]]]:
+    """Bit masks: for every group those that it meets at some frame (or is joined to by a pair), for every pin or neck those that
+    would run into it; and for every pin or neck the others that it meets: those of one link never move apart."""
+    conflicts, hits = [0] * len(number), [0] * len(reaches)
+    near: list[list[int]] = [[] for _ in reaches]
 
     def forbid(a: int, b: int) -> None:
         if a != b:
-            masks[a] |= 1 << b
-            masks[b] |= 1 << a
+            conflicts[a] |= 1 << b
+            conflicts[b] |= 1 << a
 
     for k in range(len(model.axles)):
         groups = [number[group] for group in draft.reached(model, k)]
@@ -114,52 +117,45 @@ def _conflicts(model: Model, draft: Draft, number: Mapping[str, int]) -> list[in
     for neck in draft.necks:
         forbid(number[neck.groups[0]], number[neck.groups[1]])
     if not model.frames:
-        return masks
-    swept = [(piece, _swept(model, piece)) for piece in draft.pieces]
-    for i, (p, sp) in enumerate(swept):
-        for q, sq in swept[:i]:
-            a, b = number[p.group], number[q.group]
-            if a != b and p.link != q.link and not masks[a] >> b & 1 and meet(sp, sq):
-                forbid(a, b)
-    return masks
-
-
-def _swept(model: Model, piece: Piece) -> Swept:
-    """A piece without its holes, a little larger than it is: what crosses a hole would be in the way of its edge."""
-    outline = Polygon(piece.outline.exterior).buffer(0.08 * model.proportions.r, quad_segs=2)
-    return Swept(outline.simplify(0.01 * model.proportions.r), model.poses[piece.link])
-
-
-def _hits(model: Model, draft: Draft, reaches: list[_Reach], number: Mapping[str, int]) -> list[int]:
-    """For every pin or neck the bit mask of the groups that would run into it."""
-    masks = [0] * len(reaches)
-    if not model.frames:
-        return masks
-    swept = [(piece, _swept(model, piece)) for piece in draft.pieces]
+        return conflicts, hits, [() for _ in reaches]
+    pieces, count = draft.pieces, len(draft.pieces)
+    owners = [number[piece.group] for piece in pieces]
+    asked: dict[tuple[str, int, int], list[tuple[int, int]]] = {}  # what is to be known -> pairs of outlines that tell it
+    for i, p in enumerate(pieces):
+        for j, q in enumerate(pieces[:i]):
+            a, b = sorted((owners[i], owners[j]))
+            if a != b and p.link != q.link and not conflicts[a] >> b & 1:
+                asked.setdefault(("conflict", a, b), []).append((i, j))
     for k, reach in enumerate(reaches):
-        path = Swept(reach.outline, model.poses[reach.link])
-        for piece, outline in swept:
-            bit = 1 << number[piece.group]
-            if piece.group in reach.groups or piece.link in reach.members - {model.frame} or masks[k] & bit:
-                continue
-            if meet(path, outline):
-                masks[k] |= bit
-    return masks
+        for i, piece in enumerate(pieces):
+            if piece.group not in reach.groups and piece.link not in reach.members - {model.frame}:
+                asked.setdefault(("hit", k, owners[i]), []).append((count + k, i))
+        for j, other in enumerate(reaches[:k]):
+            if not reach.members & other.members - {model.frame}:
+                asked["near", k, j] = [(count + k, count + j)]
+    sweeps = Sweeps(
+        [*_grown(model, pieces), *(reach.outline for reach in reaches)],
+        [*(piece.link for piece in pieces), *(reach.link for reach in reaches)],
+        model.poses,
+    )
+    pairs = np.array([pair for some in asked.values() for pair in some], np.int64)
+    met = sweeps.meet(pairs, np.repeat(np.arange(len(asked)), [len(some) for some in asked.values()]))
+    for (what, a, b), yes in zip(asked, met.tolist(), strict=True):
+        if yes and what == "conflict":
+            forbid(a, b)
+        elif yes and what == "hit":
+            hits[a] |= 1 << b
+        elif yes:
+            near[a].append(b)
+            near[b].append(a)
+    return conflicts, hits, [tuple(sorted(n)) for n in near]
 
 
-def _near(model: Model, reaches: list[_Reach]) -> list[tuple[int, ...]]:
-    """For every pin or neck the others that it meets at some frame; necks and pins of one link never move apart."""
-    near: list[list[int]] = [[] for _ in reaches]
-    if model.frames:
-        swept = [Swept(reach.outline, model.poses[reach.link]) for reach in reaches]
-        for i, a in enumerate(swept):
-            for j, b in enumerate(swept[:i]):
-                if reaches[i].members & reaches[j].members - {model.frame}:
-                    continue
-                if meet(a, b):
-                    near[i].append(j)
-                    near[j].append(i)
-    return [tuple(sorted(n)) for n in near]
+def _grown(model: Model, pieces: Sequence[Piece]) -> list[Polygon]:
+    """Pieces without their holes, a little larger than they are: what crosses a hole would be in the way of its edge."""
+    r = model.proportions.r
+    whole = shapely.polygons(shapely.get_exterior_ring([piece.outline for piece in pieces]))
+    return list(shapely.simplify(shapely.buffer(whole, 0.08 * r, quad_segs=2), 0.01 * r))
 
 
 def poses_of(model: Model, link: str) -> np.ndarray:
