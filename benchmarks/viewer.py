@@ -44,6 +44,7 @@ FREE = """for (const name of ['drawArrays', 'drawElements', 'drawArraysInstanced
     WebGL2RenderingContext.prototype[name] = () => {};"""  # drawing costs nothing
 SIZE = {"width": 900, "height": 560}
 MOVES = 80
+DENSE = 90.0  # frames of the run a second while playing: more than are shown, so that each picture is another
 TINY = {"width": 320, "height": 240}
 LARGEST = playback.LARGEST
 KIND = {False: "drawn by software", True: "drawing left out"}
@@ -179,6 +180,12 @@ def _drag(chromium: Any, free: bool) -> None:
         print(f"edit: {KIND[free]}: {what:16s} median {median:6.1f} ms, 95 % below {most:6.1f} ms ({len(times)})")
 
 
+def dense(viewer: Viewer) -> None:
+    """Play so fast that each picture shows another frame."""
+    moments = viewer.inspector.show.time
+    viewer.player.set_rate(DENSE * float(moments[-1] - moments[0]) / (len(moments) - 1))
+
+
 def cpu(seconds: float) -> float:
     """Part of one core that this process uses over some seconds."""
     start, before = time.perf_counter(), time.process_time()
@@ -217,6 +224,7 @@ def play() -> None:
     run = run_scene(chain(25), frames=360)
     with Viewer(run, port=0) as viewer:
         viewer.studio.wait(rested=True)
+        dense(viewer)
         idle = cpu(2.0)
         for box in viewer.switches.families:
             viewer.scene.arrows.switch(box, False)
@@ -264,6 +272,7 @@ def many() -> None:
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
         viewer.studio.wait(rested=True)
+        dense(viewer)
         playback.LARGEST = 0
         viewer.inspector.playback.change()
         viewer.play()

@@ -181,8 +181,6 @@ class Inspector:
         self.hover.update(show)
         if self.effects is not None:
             self.effects.update(show)
-        if self.accuracy is not None:
-            self.accuracy.update()
 
     def tracks(self) -> Tracks | None:
         """All that moves while the run is played; None where only the server can draw it."""
@@ -233,6 +231,8 @@ class Inspector:
                     self._plot(self.show, frame)
                 if self._followed is not self.show:
                     self._follow(self.show, frame)
+            if self.accuracy is not None:
+                self.accuracy.update()  # its estimates take longer than the run itself
             if self.controls is not None:
                 self.controls.settle()
             if self.pivots is not None:
