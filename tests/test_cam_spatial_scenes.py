@@ -9,7 +9,7 @@ import pytest
 
 import mechviz
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.cams.happenings import contact_force, placed_cams
+from mechcore.cams.happenings import cam_events, contact_force, placed_cams
 from mechviz.meshes import build_solids
 from mechviz.meshes.spatial import Spin, spin_transforms
 from mechviz.scene.catalogue import GALLERY_FOLDER
@@ -217,6 +217,49 @@ def test_an_inverse_cam_drives_its_lever():
     large = np.abs(reaction) > 1e-3 * np.abs(reaction).max()
     np.testing.assert_allclose((reaction / push).imag[large], 0.0, atol=1e-9 * np.abs(reaction / push).max())
     assert ((reaction / push).real[large] > 0.0).all()
+
+
+@pytest.mark.parametrize("turned", [180, -180, 540])
+def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
+    """The whole mechanism turned by half a turn moves and presses as before, wherever the angle of its crank is counted from."""
+    text = text_of("cam-inverse")
+    swung = text.replace("phase = 42", "phase = -138").replace("P = [60, -110]", "P = [-60, 110]")
+    swung = swung.replace("amplitude = 40", f"amplitude = 40, centre = {turned}")
+    found = []
+    for each in (text, swung):
+        mechanism = mechviz.loads(each).mechanism
+        motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, 90, 1))
+        forces, (cam,) = solve_forces(motion), placed_cams(motion)
+        rows = cam.rows(motion, contact_force(forces, cam))
+        np.testing.assert_allclose(rows.lift, motion.coordinate("P")[:, 0] - cam.law(cam.way[0])[0], atol=1e-12)
+        assert not cam_events(motion, forces)
+        found.append((rows.lift, contact_force(forces, cam), rows.pressure_angle, cam.segment(motion)))
+    for before, after in zip(*found, strict=True):
+        np.testing.assert_allclose(after, before, atol=1e-9 * np.abs(before).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("cam-wedge", "amplitude = 75", "amplitude = 70", []),
+        ("cam-wedge", "amplitude = 75", "amplitude = 80", ["as far as -10 mm", "as far as 150 mm"]),
+        ("cam-wedge", "sense", "", ["as far as 145 mm", "as far as -5 mm"]),
+        ("cam-inverse-slide", "amplitude = 45", "amplitude = 50", ["as far as 50 mm", "as far as -50 mm"]),
+        ("cam-inverse", "amplitude = 40", "amplitude = 90", ["as far as 90 deg", "as far as 270 deg"]),
+        ("cam-inverse", "amplitude = 40", "amplitude = 190", ["turns round"]),
+    ],
+)
+def test_what_goes_beyond_its_law_is_told(name, old, new, told):
+    text = text_of(name)
+    if old == "sense":  # against its bed, from the other side
+        text = text.replace("centre = 70", "centre = -70").replace('bed = "B"', 'bed = "B"\nsense = "cw"')
+    else:
+        text = text.replace(old, new)
+    mechanism = mechviz.loads(text).mechanism
+    motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, 360, 1))
+    events = [e for e in cam_events(motion, None) if "its law" in e.text]
+    assert len(events) == len(told) and all(word in e.text for e, word in zip(events, told, strict=True)), events
+    assert [e.level for e in events] == ["WARN" if "turns" in word else "INFO" for word in told]
 
 
 @pytest.mark.parametrize("slides", [False, True])

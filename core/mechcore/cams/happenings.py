@@ -52,6 +52,7 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
             continue
         found += _shocks(motion, cam)
         found += _leaps(motion, cam)
+        found += _beyond(motion, cam)
         found += limit_events(motion, cam)
         if forces is not None and not cam.form:
             found += _lost(forces, cam)
@@ -222,6 +223,27 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
                 f"follower misses it by up to {size} (at {_where(cam, at)})"
             )
             yield Event(t, "WARN", cam.name, text, miss)
+
+
+def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
+    """Where a drive goes past the ends of a law that does not repeat, of a wedge or an inverse cam: once on either side."""
+    law = cam.cam.law
+    if law.repeats:
+        return
+    low, high = sorted(float(k) * cam.ahead + 0.0 for k in law.knots[[1, -2]])  # between the level pieces that were added
+    x = _arguments(motion, cam)
+    for far in (low - x, x - high):
+        out = np.flatnonzero(far > 1e-9 * (high - low))
+        if not len(out):
+            continue
+        k = int(out[np.argmax(far[out])])
+        ends = f"its law, which goes from {_where(cam, low)} to {_where(cam, high)}"
+        if cam.bed is None and far[k] > np.pi - 0.5 * (high - low):
+            text = f"the crank turns round: it leaves {ends}, and its slot, where nothing leads the follower. Let it swing"
+            yield Event(float(motion.time[out[0]]), "WARN", cam.name, text, float(x[k]))
+            return
+        text = f"beyond {ends}, as far as {_where(cam, x[k])}: the follower rests there"
+        yield Event(float(motion.time[out[0]]), "INFO", cam.name, text, float(x[k]))
 
 
 def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:

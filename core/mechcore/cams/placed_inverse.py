@@ -72,6 +72,19 @@ class PlacedInverse(PlacedRoller):
                     )
                 )
 
+    def argument(self, motion: Motion) -> Real:
+        """The law's argument (F): of a crank [rad] within half a turn of the middle of its way, of a slide [m]."""
+        return self._near(super().argument(motion))
+
+    def known(self, argument: Array) -> tuple[Array, Array]:
+        return super().known(self._near(argument))
+
+    def _near(self, x: Array) -> Real:
+        """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
+        x = np.asarray(x, float)
+        middle = 0.5 * (self.way[0] + self.way[1])
+        return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
+
     def _where(self, x: float) -> str:
         return f"{np.degrees(x):.6g} deg of the crank" if self.bed is None else f"{1e3 * x:.6g} mm of the slide"
 
