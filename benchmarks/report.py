@@ -30,7 +30,9 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 PLOTS = HERE / "report"
 PATIENCE = 3600.0  # longest time of a part [s]
-sys.path[:0] = [str(ROOT / "core"), str(ROOT)]
+sys.path[:0] = [str(ROOT / "core"), str(ROOT), str(HERE)]
+
+from curves import draw_curves, precision_curves, slug
 
 Table = list[list[str]]
 
@@ -77,23 +79,12 @@ def number(text: str) -> float:
 
 def draw_precision(text: str, folder: Path) -> list[Path]:
     """Work-precision diagrams of the tables that have a time and an error for every who and setting."""
-    from mechviz.accuracy.diagram import diagram, write_diagram
-    from mechviz.accuracy.ladder import Point
-
-    points = []
+    drawn = []
     for heading, table in tables(text):
-        head = table[0]
-        if head[:2] != ["who", "setting"]:
-            continue
-        for row in table[1:]:
-            spent, error = number(row[2]) * 1e-3, number(row[3])
-            if spent > 0.0 and 0.0 < error < 1e3:
-                points.append(Point(heading, row[0], row[1], {}, max(error, 1e-16), spent, 0.0, 0, current=False))
-    if not points:
-        return []
-    path = folder / "dynamics.svg"
-    write_diagram(diagram(points, "Forward dynamics: error against time", "grey: nothing is quicker and more exact"), path)
-    return [path]
+        if table[0][:2] == ["who", "setting"] and (found := precision_curves(table[1:])):
+            title = heading.removeprefix("Work and precision, ")
+            drawn.append(draw_curves(title, table[0][3], found, folder / f"curve-{slug(title)}.svg"))
+    return drawn
 
 
 def _on_sheet(across: tuple[float, float], up: tuple[int, int], x: float, y: float) -> tuple[float, float]:
@@ -117,11 +108,7 @@ def draw_peers(text: str, folder: Path) -> list[Path]:
             points = [(who, seconds, max(errors)) for who, seconds, errors in found if seconds > 0.0 and errors]
             if points:
                 panels.append((f"{heading.split(':')[0]}, {head[c]}", points))
-    return [_numbered(panel, points, folder / f"peers-{_slug(panel)}.svg") for panel, points in panels]
-
-
-def _slug(title: str) -> str:
-    return "-".join(re.findall(r"[a-z0-9]+", title.lower()))
+    return [_numbered(panel, points, folder / f"peers-{slug(panel)}.svg") for panel, points in panels]
 
 
 def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) -> Path:
@@ -221,6 +208,14 @@ PARTS: tuple[Part, ...] = (
         draw=draw_peers,
     ),
     Part(
+        "precision",
+        "P1, P2: work and precision",
+        "The dials of everybody turned: stop of Newton's method, steps of engines, rates by differences, positions computed.",
+        lambda g: script("peers/precision.py", *_short(g)),
+        peers=True,
+        draw=draw_precision,
+    ),
+    Part(
         "four-bar",
         "A loop with fsolve, and the cost of a frame",
         "A four-bar from positions to the driving torque.",
@@ -246,6 +241,14 @@ PARTS: tuple[Part, ...] = (
         lambda g: script("cam_peers.py"),
         peers=True,
         draw=draw_peers,
+    ),
+    Part(
+        "cam precision",
+        "P5: work and precision",
+        "A cam from more or fewer points of a turn, beside the packages: with an offset roller, which they ignore, and without.",
+        lambda g: script("cam_precision.py", *_short(g)),
+        peers=True,
+        draw=draw_precision,
     ),
     Part(
         "scaling",
@@ -347,6 +350,8 @@ def main() -> None:
     from mechviz.accuracy.timing import machine
 
     PLOTS.mkdir(exist_ok=True)
+    for old in () if given.only else PLOTS.glob("*.svg"):  # of parts that draw other pictures now
+        old.unlink()
     mode = "short mode" if given.short else "whole"
     command = f"python benchmarks/report.py{' --short' if given.short else ''}{' --alone' if given.alone else ''}"
     lines = [

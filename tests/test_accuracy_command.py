@@ -156,9 +156,9 @@ def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_p
 
 @pytest.mark.parametrize("times", [[1e-4], [9.7e-5, 3.3e-4], [2e-3, 1.1e-1], [1e-6, 40.0]])
 def test_marks_of_the_time_are_round_and_around_all_points(times):
-    from mechviz.accuracy.panel import _ticks
+    from mechviz.accuracy.panel import time_ticks
 
-    ticks = _ticks(times)
+    ticks = time_ticks(times)
     assert 2 <= len(ticks) <= 8 and ticks == sorted(ticks)
     assert ticks[0] <= min(times) * 1.001 and max(times) <= ticks[-1] * 1.001
     assert all(f"{t:.0e}"[0] in "125" and float(f"{t:.0e}") == pytest.approx(t) for t in ticks)

@@ -8,13 +8,17 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mechviz.hard import FAMILIES, all_cases
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+sys.path.append(str(Path(__file__).parent.parent / "benchmarks" / "peers"))
+import curves
 import quote
 import report
+import spread
 
 ROOT = Path(__file__).parent.parent
 
@@ -45,6 +49,49 @@ def test_tables_are_drawn(tmp_path):
     (growth,) = report.draw_growth(GROWTH, tmp_path)
     assert len(ET.fromstring(growth.read_text(encoding="utf-8")).findall(".//{*}circle")) == 4
     assert report.draw_precision("nothing", tmp_path) == [] == report.draw_growth("nothing", tmp_path)
+
+
+def test_methods_of_ours_are_curves_of_their_own_and_others_have_the_colour_of_their_package():
+    rows = [
+        ["mechviz", "energy 1e-04", "2.0", "1e-12", ""],
+        ["mechviz", "gauss 1e-04", "9.0", "1e-6", ""],
+        ["mechviz", "energy 1e-06", "1,000.0", "0.0", ""],
+        ["exudyn gen.-alpha", "10 steps", "5.0", "1e300", ""],
+        ["exudyn gen.-alpha", "20 steps", "7.0", "1e-3", ""],
+        ["by hand + DOP853", "rtol 1", "3.0", "1e-3", ""],
+        ["peer", "could not be run", "", "", ""],
+    ]
+    found = {c.who: c for c in curves.precision_curves(rows)}
+    assert set(found) == {"mechviz, energy", "mechviz, gauss", "exudyn gen.-alpha", "by hand + DOP853"}
+    assert found["mechviz, energy"].seconds == (2e-3, 1.0) and found["mechviz, energy"].errors == (1e-12, curves.LEAST)
+    assert found["exudyn gen.-alpha"].settings == ("20 steps",), "what went astray is no result"
+    colored = {c.who: color for c, color in curves._coloured([*found.values()])}
+    assert colored["exudyn gen.-alpha"] == curves.PACKAGES["exudyn"] and colored["by hand + DOP853"] in curves.BY_HAND
+    assert curves._front([*found.values()]) == [(2e-3, 1e-12), (1.0, curves.LEAST)]
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_what_peers_do_with_few_positions_is_as_exact_as_its_order(order):
+    """A point of two circles: differences converge by their order, splines of degree 5 by six orders, their derivatives by less."""
+
+    def turn(n):
+        return np.arange(n) * (2.0 * np.pi / n)
+
+    def motion(t, d):
+        return np.stack([(1j * k) ** d * np.exp(1j * k * t) / k for k in (1, 3)], -1).view(float)[:, :4]
+
+    def error(n):
+        found = spread.with_rates(lambda t: {("P", 0): motion(t, 0)}, order, 2.0, turn(n))
+        return np.array([np.abs(found["P", d] - 2.0**d * motion(turn(n), d)).max() for d in (1, 2)])
+
+    assert np.log2(error(64) / error(128)) == pytest.approx([order, order], abs=0.15)
+    wanted = np.linspace(0.1, 6.0, 77)
+
+    def splines(n):
+        found = spread.at_any_angle(lambda t: {("P", 0): motion(t, 0)}, turn(n), 2.0, wanted)
+        return np.array([np.abs(found["P", d] - 2.0**d * motion(wanted, d)).max() for d in range(3)])
+
+    assert (np.log2(splines(64) / splines(128)) > [5.5, 4.5, 3.5]).all()
 
 
 def test_what_is_printed_becomes_markdown():

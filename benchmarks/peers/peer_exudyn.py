@@ -151,3 +151,9 @@ ROWS = {
     problem: {f"exudyn, {k} step{'s' * (k > 1)} a position": partial(build, steps=k) for k in (1, 10)}
     for problem, build in (("four-bar", four_bar), ("slider-crank", slider_crank))
 }
+
+STEPS = (1, 2, 5, 10, 100)
+DIALS = {
+    (problem, panel): {"exudyn": lambda build=build: {f"{k} step{'s' * (k > 1)} a position": build(steps=k) for k in STEPS}}
+    for problem, panel, build in (("four-bar", "rates", four_bar), ("slider-crank", "forces", slider_crank))
+}

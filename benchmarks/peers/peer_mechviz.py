@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from problem import FOUR_BAR, GRAVITY, SLIDER_CRANK
+from functools import partial
+
+import numpy as np
+from problem import FOUR_BAR, GRAVITY, SLIDER_CRANK, angles
+from spread import DIFFERENCES, FEW
 
 PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mpmath==1.3.0")  # what mechcore and the reference values need
 
 
-def four_bar():
+def four_bar(accuracy=None, rates=(0, 1, 2)):
     from mechcore import compile_mechanism, solve_motion
+    from mechcore.accuracy import DEFAULT
     from mechcore.laws import ConstantSpeed
     from mechcore.spec import Drive, Link, Mechanism, Revolute
 
@@ -28,18 +33,19 @@ def four_bar():
         drives=(Drive(pair="A", law=ConstantSpeed(0.0, p.speed)),),
         modes={"C": "left"},
     )
-    compiled = compile_mechanism(mechanism)
+    compiled = compile_mechanism(mechanism, accuracy or DEFAULT)
     wanted = {"B": "crank", "C": "rocker", "P": "coupler"}
 
     def solve(angles):
         motion = solve_motion(compiled, angles / p.speed)
-        return {(k, d): motion.point(link, k, d) for k, link in wanted.items() for d in range(3)}
+        return {(k, d): motion.point(link, k, d) for k, link in wanted.items() for d in rates}
 
     return solve
 
 
-def slider_crank():
+def slider_crank(accuracy=None):
     from mechcore import compile_mechanism, solve_forces, solve_motion
+    from mechcore.accuracy import DEFAULT
     from mechcore.laws import ConstantSpeed
     from mechcore.spec import Drive, Force, Link, Mechanism, Prismatic, Revolute
 
@@ -66,7 +72,7 @@ def slider_crank():
         loads=(Force(name="F", link="slider", point="C", vector=(p.force, 0.0)),),
         modes={"S": "ahead"},
     )
-    compiled = compile_mechanism(mechanism)
+    compiled = compile_mechanism(mechanism, accuracy or DEFAULT)
 
     def solve(angles):
         forces = solve_forces(solve_motion(compiled, angles / p.speed))
@@ -77,3 +83,50 @@ def slider_crank():
 
 
 ROWS = {"four-bar": {"mechviz": four_bar}, "slider-crank": {"mechviz": slider_crank}}
+
+
+def by_differences(build):
+    """Rates by differences of the frames, of which only every so many is wanted."""
+    from mechcore.accuracy import Accuracy
+
+    def thinned(solve, each, turn):
+        return {k: v[::each] for k, v in solve(angles(each * len(turn))).items()}
+
+    ways = {k: build(Accuracy(differentiation="differences", differences=k)) for k in DIFFERENCES}
+    jobs = {f"order {k}": solve for k, solve in ways.items()}
+    return jobs | {f"order 6, {n} times as many frames": partial(thinned, ways[6], n) for n in (4, 16)}
+
+
+def between_frames(order):
+    """Frames of a turn joined by cubics or quintics, with the rates as slopes."""
+    from mechcore.between import between
+
+    solve = four_bar()
+
+    def joined(n, wanted):
+        turn = np.linspace(0.0, 2.0 * np.pi, n + 1)
+        found, time = solve(turn), turn / FOUR_BAR.speed
+        rates = [np.concatenate([found[k, d] for k in "BCP"], axis=1) for d in range(3)]
+        values = [between(time, rates[d], wanted / FOUR_BAR.speed, order, *rates[d + 1 :]) for d in range(3)]
+        return {(k, d): values[d][:, 2 * i : 2 * i + 2] for i, k in enumerate("BCP") for d in range(3)}
+
+    return {f"{n} frames": partial(joined, n) for n in FEW}
+
+
+DIALS = {
+    ("four-bar", "positions"): {"mechviz": lambda: {"as it is": four_bar(rates=(0,))}},
+    ("four-bar", "rates"): {
+        "mechviz": lambda: {"exact": four_bar()},
+        "mechviz, rates by differences": partial(by_differences, four_bar),
+    },
+    ("four-bar", "any angle"): {
+        "mechviz": lambda: {"computed there": four_bar()},
+        "mechviz, cubics between frames": partial(between_frames, 3),
+        "mechviz, quintics between frames": partial(between_frames, 5),
+    },
+    ("slider-crank", "forces"): {
+        "mechviz": lambda: {"exact": slider_crank()},
+        "mechviz, rates by differences": partial(by_differences, slider_crank),
+    },
+    ("slider-crank", "any angle"): {"mechviz": lambda: {"computed there": slider_crank()}},
+}

@@ -5,6 +5,8 @@ Forces: inverse dynamics twice, without and with the force in the cut, which two
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from problem import GRAVITY, SLIDER_CRANK
 
@@ -44,7 +46,7 @@ def slider_crank():
     jac = np.zeros((3, 3)), np.zeros((3, 3))
     rate = np.zeros((3, 3))
 
-    def solve(angles):
+    def solve(angles, stop=1e-14):
         n = len(angles)
         found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, a = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
@@ -61,7 +63,7 @@ def slider_crank():
                 both = (jac[0] - jac[1])[:2]
                 dq = np.linalg.solve(both[:, 1:], (data.site_xpos[tip] - data.site_xpos[end])[:2])
                 q[1:] -= dq
-                if abs(dq).max() < 1e-14:
+                if abs(dq).max() < stop:
                     break
             v[1:] = -np.linalg.solve(both[:, 1:], both[:, 0]) * p.speed
             data.qpos[:], data.qvel[:] = q, v
@@ -91,3 +93,12 @@ def slider_crank():
 
 
 ROWS = {"slider-crank": {"MuJoCo mj_inverse + own loop closure": slider_crank}}
+
+
+def tolerances():
+    """The step [rad, m] below which Newton's method stops."""
+    solve = slider_crank()
+    return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in (1e-1, 1e-2, 1e-4, 1e-8, 1e-14)}
+
+
+DIALS = {("slider-crank", "forces"): {"MuJoCo": tolerances}}

@@ -5,6 +5,8 @@ Forces: recursive Newton-Euler twice, without and with the force in the cut, whi
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from problem import FOUR_BAR, GRAVITY, SLIDER_CRANK
 
@@ -40,7 +42,7 @@ def four_bar():
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     still = np.zeros(3)
 
-    def solve(angles):
+    def solve(angles, stop=1e-14):
         found = np.empty((3, 3, len(angles), 2))
         q, v, a = np.array([0.0, 0.8, 1.8]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
         before = angles[0]
@@ -54,7 +56,7 @@ def four_bar():
                 both = (pin.getFrameJacobian(model, data, tip, world) - pin.getFrameJacobian(model, data, end, world))[PLANE]
                 dq = np.linalg.solve(both[:, 1:], gap)
                 q[1:] -= dq
-                if abs(dq).max() < 1e-14:
+                if abs(dq).max() < stop:
                     break
             v[1:] = -np.linalg.solve(both[:, 1:], both[:, 0]) * p.speed
             pin.forwardKinematics(model, data, q, v, still)
@@ -86,7 +88,7 @@ def slider_crank():
     still = np.zeros(3)
     to_joint = model.frames[tip].placement
 
-    def solve(angles):
+    def solve(angles, stop=1e-14):
         n = len(angles)
         found = {k: np.empty((n, 2)) for k in "OBC"} | {k: np.empty(n) for k in ("guide", "torque")}
         q, v, a = np.array([0.0, 0.0, p.r + p.l]), np.array([p.speed, 0.0, 0.0]), np.zeros(3)
@@ -104,7 +106,7 @@ def slider_crank():
                 both = (pin.getFrameJacobian(model, data, tip, world) - pin.getFrameJacobian(model, data, end, world))[PLANE]
                 dq = np.linalg.solve(both[:, 1:], gap)
                 q[1:] -= dq
-                if abs(dq).max() < 1e-14:
+                if abs(dq).max() < stop:
                     break
             v[1:] = -np.linalg.solve(both[:, 1:], both[:, 0]) * p.speed
             pin.forwardKinematics(model, data, q, v, still)
@@ -128,4 +130,17 @@ def slider_crank():
 ROWS = {
     "four-bar": {"Pinocchio, own Newton loop": four_bar},
     "slider-crank": {"Pinocchio rnea + own loop closure": slider_crank},
+}
+STOPS = (1e-1, 1e-2, 1e-4, 1e-8, 1e-14)
+
+
+def tolerances(build):
+    """The step [rad, m] below which Newton's method stops."""
+    solve = build()
+    return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in STOPS}
+
+
+DIALS = {
+    ("four-bar", "rates"): {"Pinocchio": partial(tolerances, four_bar)},
+    ("slider-crank", "forces"): {"Pinocchio": partial(tolerances, slider_crank)},
 }

@@ -7,11 +7,12 @@ from functools import partial
 
 import numpy as np
 from problem import FOUR_BAR
+from spread import from_fewer
 
 PACKAGES = ("pylinkage==1.3.0", "numba==0.68.1")
 
 
-def four_bar(*, numba: bool):
+def four_bar(*, numba: bool, rates: bool = True):
     if not numba:
         sys.modules["numba"] = None  # as if it were not installed; each row runs in a process of its own
     from pylinkage.actuators import Crank
@@ -33,12 +34,15 @@ def four_bar(*, numba: bool):
     def solve(angles):
         step = float(angles[1] - angles[0])
         before = float(angles[0]) - step  # it steps first and records then
-        if step not in start:  # the pose one step before the first
+        if (step, before) not in start:  # the pose one step before the first
             crank.set_coord(p.crank * np.cos(before), p.crank * np.sin(before))
             rocker.reload()
             point.reload()
-            start[step] = linkage.get_coords()
-        linkage.set_coords(start[step])
+            start[step, before] = linkage.get_coords()
+        linkage.set_coords(start[step, before])
+        if not rates:
+            places = linkage.step_fast(len(angles), step)
+            return {(k, 0): places[:, j] for k, j in names.items()}
         found = linkage.step_fast_with_kinematics(len(angles), step)
         return {(k, i): found[i][:, j] for k, j in names.items() for i in range(3)}
 
@@ -50,4 +54,17 @@ ROWS = {
         "pylinkage with numba": partial(four_bar, numba=True),
         "pylinkage without numba": partial(four_bar, numba=False),
     }
+}
+
+
+def any_angle():
+    """From fewer positions, or at every angle."""
+    solve = four_bar(numba=True)
+    return {**from_fewer(solve, FOUR_BAR.speed), "computed there": solve}
+
+
+DIALS = {  # a closed form, compiled: there is nothing to turn
+    ("four-bar", "positions"): {"pylinkage with numba": lambda: {"as it is": four_bar(numba=True, rates=False)}},
+    ("four-bar", "rates"): {"pylinkage with numba": lambda: {"as it is": four_bar(numba=True)}},
+    ("four-bar", "any angle"): {"pylinkage with numba": any_angle},
 }

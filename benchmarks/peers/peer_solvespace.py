@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from problem import FOUR_BAR
+from spread import DIFFERENCES, with_rates
 
 PACKAGES = ("python-solvespace==3.0.8",)
 
@@ -44,3 +47,14 @@ def four_bar():
 
 
 ROWS = {"four-bar": {"python-solvespace": four_bar}}
+
+
+def differences():
+    solve = four_bar()
+    return {f"differences of order {k}": partial(with_rates, solve, k, FOUR_BAR.speed) for k in DIFFERENCES}
+
+
+DIALS = {  # its tolerance cannot be set
+    ("four-bar", "positions"): {"python-solvespace": lambda: {"as it is": four_bar()}},
+    ("four-bar", "rates"): {"python-solvespace": differences},
+}

@@ -35,13 +35,13 @@ def solve2(j, r):
     return (r[0] * d - r[1] * b) / det, (r[1] * a - r[0] * c) / det
 
 
-def newton(closure, solver, angle, z):
-    """Newton's method on two closure equations: solution and Jacobian there."""
+def newton(closure, solver, angle, z, stop=1e-13):
+    """Newton's method on two closure equations until a step is smaller than ``stop``: solution and Jacobian there."""
     for _ in range(20):
         gap, jacobian = closure(angle, *z)
         dx, dy = solver(jacobian, gap)
         z = z[0] - dx, z[1] - dy
-        if max(abs(dx), abs(dy)) < 1e-13:
+        if max(abs(dx), abs(dy)) < stop:
             break
     return z, closure(angle, *z)[1]
 
@@ -66,22 +66,22 @@ def four_bar(*, solver=None):
     results = sp.lambdify((q, x, y, *speed, *second), [*points, *first[2:], *twice[2:]], module, cse=True)
     start = (0.8, 1.8)
 
-    def one_by_one(angles):
+    def one_by_one(angles, stop=1e-13):
         found = np.empty((len(angles), 18))
         z = start
         for k, angle in enumerate(angles.tolist()):
-            z, jacobian = newton(closure, solver, angle, z)
+            z, jacobian = newton(closure, solver, angle, z, stop)
             v = solver(jacobian, right_v(angle, *z))
             found[k] = results(angle, *z, *v, *solver(jacobian, right_a(angle, *z, *v)))
         return {(n, d): found[:, 6 * d + 2 * i : 6 * d + 2 * i + 2] for i, n in enumerate("BCP") for d in range(3)}
 
-    def at_once(angles):
+    def at_once(angles, stop=1e-13):
         z = np.tile(np.array(start)[:, None], len(angles))  # one start for the whole turn: it happens to be good enough here
         for _ in range(20):
             gap, jacobian = closure(angles, *z)
             dz = np.stack(solve2(jacobian, gap))
             z = z - dz
-            if np.abs(dz).max() < 1e-13:
+            if np.abs(dz).max() < stop:
                 break
         jacobian = closure(angles, *z)[1]
         v = solve2(jacobian, right_v(angles, *z))
@@ -136,16 +136,16 @@ def slider_crank(*, solver=None):
     entries = [(i, j) for i in range(8) for j in range(8) if matrix[i, j] != 0]
     evaluate = sp.lambdify(known, [matrix[i, j] for i, j in entries] + list(right), "numpy", cse=True)
 
-    def motion(angles):
+    def motion(angles, stop):
         found, z = np.empty((len(angles), 6)), (0.0, p.r + p.l)
         for k, angle in enumerate(angles.tolist()):
-            z, jacobian = newton(closure, solver, angle, z)
+            z, jacobian = newton(closure, solver, angle, z, stop)
             v = solver(jacobian, right_v(angle, *z))
             found[k] = *z, *v, *solver(jacobian, right_a(angle, *z, *v))
         return found.T
 
-    def solve(angles):
-        values = evaluate(angles, *(() if closed else motion(angles)))
+    def solve(angles, stop=1e-13):
+        values = evaluate(angles, *(() if closed else motion(angles, stop)))
         a, r = np.zeros((len(angles), 8, 8)), np.zeros((len(angles), 8, 1))
         for (i, j), value in zip(entries, values, strict=False):
             a[:, i, j] = value
@@ -167,5 +167,24 @@ ROWS = {
         "sympy lambdify + Newton + batched solve": partial(slider_crank, solver=np.linalg.solve),
         "by hand: sympy lambdify + Newton, 2 x 2 in closed form + batched solve": partial(slider_crank, solver=solve2),
         "by hand: closed-form positions, sympy lambdify + batched solve": slider_crank,
+    },
+}
+STOPS = (1e-1, 1e-2, 1e-4, 1e-8, 1e-13)
+
+
+def tolerances(build, solver=None):
+    """The step [rad, m] below which Newton's method stops."""
+    solve = build(solver=solver)
+    return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in STOPS}
+
+
+DIALS = {
+    ("four-bar", "rates"): {
+        "sympy": partial(tolerances, four_bar, np.linalg.solve),
+        "by hand: sympy, all positions at once": partial(tolerances, four_bar),
+    },
+    ("slider-crank", "forces"): {
+        "sympy": partial(tolerances, slider_crank, np.linalg.solve),
+        "by hand: sympy, closed-form positions": lambda: {"as it is": slider_crank()},
     },
 }

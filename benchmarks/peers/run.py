@@ -29,6 +29,7 @@ import sys
 import time
 import traceback
 import venv
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -91,6 +92,17 @@ def environment(wanted: dict[str, tuple[str, ...]]) -> tuple[Path, dict[str, str
     return python, failed
 
 
+def in_environment(wanted: dict[str, tuple[str, ...]], script: Path) -> dict[str, str]:
+    """Go on in the peers' environment, with one thread: the script is run again there. The peers that cannot be installed."""
+    if Path(sys.prefix).resolve() != HOME.resolve():  # it may be a link to that of another checkout
+        python, failed = environment(wanted)
+        again = {**os.environ, "PEERS_FAILED": json.dumps(failed)}
+        sys.exit(subprocess.run([python, str(script.resolve()), *sys.argv[1:]], env=again).returncode)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[name] = "1"
+    return json.loads(os.environ.get("PEERS_FAILED", "{}"))
+
+
 # -- one row, in a process of its own ---------------------------------------------------------------------------------
 def serve(pipe, module: str, problem: str, label: str) -> None:
     """Build the row, then answer: ("values", n) -> arrays, ("time", n, repeats) -> seconds for one computation."""
@@ -121,23 +133,19 @@ def serve(pipe, module: str, problem: str, label: str) -> None:
         pipe.send(("error", f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else ''}"))
 
 
-class Row:
-    """A row of the table and the process behind it."""
+class Remote:
+    """A process that answers questions; after a fault all answers are nan."""
 
-    def __init__(self, module: str, problem: str, label: str):
-        self.problem, self.label, self.fault, self.setup = problem, label, "", math.nan
-        self.times: dict[int, list[float]] = {n: [] for n in SIZES}
-        self.ratios: dict[int, list[float]] = {n: [] for n in SIZES}
-        self.errors: dict[str, float] = {}
+    def __init__(self, target: Callable, *args: str):
+        self.fault = ""
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
-        self.process = context.Process(target=serve, args=(other, module, problem, label), daemon=True)
+        self.process = context.Process(target=target, args=(other, *args), daemon=True)
         self.process.start()
         other.close()
-        self.setup = self.answer()
 
     def answer(self):
-        """What the process says next; nan after a fault, which the row then shows."""
+        """What the process says next; nan after a fault, which is kept."""
         try:
             if not self.pipe.poll(PATIENCE):
                 raise TimeoutError(f"no answer in {PATIENCE:.0f} s")
@@ -157,6 +165,24 @@ class Row:
         with contextlib.suppress(ConnectionError):  # a process that has ended: the answer says so
             self.pipe.send(question)
         return self.answer()
+
+    def stop(self) -> None:
+        self.pipe.close()
+        self.process.join(2.0)
+        if self.process.is_alive():
+            self.process.terminate()
+
+
+class Row(Remote):
+    """A row of the table and the process behind it."""
+
+    def __init__(self, module: str, problem: str, label: str):
+        super().__init__(serve, module, problem, label)
+        self.problem, self.label = problem, label
+        self.times: dict[int, list[float]] = {n: [] for n in SIZES}
+        self.ratios: dict[int, list[float]] = {n: [] for n in SIZES}
+        self.errors: dict[str, float] = {}
+        self.setup = self.answer()
 
     def check(self, n: int, reference: dict) -> None:
         """Largest error of each kind of value, relative to its largest value; infinite for kinds that the peer does not give."""
@@ -181,12 +207,6 @@ class Row:
     @property
     def by_hand(self) -> bool:
         return self.label.startswith("by hand")
-
-    def stop(self) -> None:
-        self.pipe.close()
-        self.process.join(2.0)
-        if self.process.is_alive():
-            self.process.terminate()
 
 
 def measure(rows: list[Row], n: int, *, runs: int, seconds: float) -> None:
@@ -301,16 +321,9 @@ def main() -> None:
     parser.add_argument("--only", metavar="WORD", default="", help="only peers whose file name contains the word, and mechviz")
     options = parser.parse_args()
     wanted = {k: v for k, v in peers(large=options.all).items() if options.only in k or k == "peer_mechviz"}
-    if Path(sys.prefix).resolve() != HOME.resolve():  # it may be a link to that of another checkout
-        python, failed = environment(wanted)
-        again = {**os.environ, "PEERS_FAILED": json.dumps(failed)}
-        sys.exit(subprocess.run([python, str(Path(__file__).resolve()), *sys.argv[1:]], env=again).returncode)
-
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[name] = "1"
+    failed = in_environment(wanted, Path(__file__))
     from problem import REFERENCES, angles
 
-    failed = json.loads(os.environ.get("PEERS_FAILED", "{}"))
     settings = SimpleNamespace(runs=5, seconds=0.1) if options.short else SimpleNamespace(runs=9, seconds=0.25)
     modules = [importlib.import_module(name) for name in wanted if name not in failed]
     lines = head(sorted({p for name in wanted if name not in failed for p in wanted[name]}), settings)

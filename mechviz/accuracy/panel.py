@@ -8,7 +8,9 @@ from collections.abc import Callable
 from .canvas import Canvas
 from .ladder import Point, cheapest, pareto
 
-__all__ = ["COLOURS", "PANEL", "draw_key", "draw_panel", "key_rows", "setting_words"]
+__all__ = [
+    "COLOURS", "PANEL", "decades", "draw_key", "draw_panel", "key_rows", "seconds_words", "setting_words", "time_ticks"
+]  # fmt: skip
 
 COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
 PANEL = (430.0, 320.0)
@@ -39,8 +41,8 @@ def draw_panel(
     rows = _names(sheet, x0, y0 + 30.0, size[0], list(dict.fromkeys(p.method for p in points)))
     top = TOP + ROW * rows
     width, height = size[0] - LEFT - RIGHT, size[1] - top - BOTTOM
-    ticks = _ticks([p.seconds for p in points], max(2, int(width / 50.0)))
-    low_e, high_e = _decades([p.error for p in points])
+    ticks = time_ticks([p.seconds for p in points], max(2, int(width / 50.0)))
+    low_e, high_e = decades([p.error for p in points])
 
     def place(t: float, e: float) -> tuple[float, float]:
         u = math.log(t / ticks[0]) / math.log(ticks[-1] / ticks[0])
@@ -138,13 +140,13 @@ def _wanted(sheet: Canvas, left: float, width: float, y: float, target: float, t
     sheet.text(max(rooms)[1], y - 4, words, size=10, anchor="middle")
 
 
-def _decades(errors: list[float]) -> tuple[int, int]:
+def decades(errors: list[float]) -> tuple[int, int]:
     """Powers of ten around some errors."""
     a, b = math.floor(math.log10(min(errors))), math.ceil(math.log10(max(errors)))
     return a, max(b, a + 1)
 
 
-def _ticks(times: list[float], most: int = 7) -> list[float]:
+def time_ticks(times: list[float], most: int = 7) -> list[float]:
     """At most so many round times around some: of the series 1, 2, 5, or over more than two decades powers of ten."""
     first, last = math.floor(math.log10(min(times))) - 1, math.ceil(math.log10(max(times))) + 1
     for steps in ((1, 2, 5), (1,)):
