@@ -141,7 +141,7 @@ def film(
         check_target(output)
         recording = _recording(source, frames, cycles)
         with interruptible(), progress_bar("filming") as bar:
-            make(recording, output, look, seconds=seconds, rate=rate, progress=bar, begin=bar.stage)
+            make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
 
 

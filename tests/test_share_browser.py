@@ -223,6 +223,52 @@ def test_mouse_turns_and_wheel_zooms(wide):
     assert page.evaluate("mechviz.player.stage.camera.distance") < 0.9 * distance
 
 
+def test_tabs_and_camera_obey_the_keyboard(wide):
+    page = wide.page
+    page.locator("#tab-plots").focus()
+    time = page.evaluate(TIME)
+    for key, tab in (("ArrowRight", "tab-events"), ("End", "tab-notes"), ("ArrowRight", "tab-plots")):
+        page.keyboard.press(key)
+        assert page.evaluate("document.activeElement.id") == tab
+        panel = page.locator(f"#{tab}").get_attribute("aria-controls")
+        assert page.locator(f"#{panel}").is_visible()
+        assert page.locator("[role=tabpanel]:visible").count() == page.locator("[role=tab]:not([tabindex='-1'])").count() == 1
+    assert page.evaluate(TIME) == time, "keys of the tabs are no steps in time"
+    page.locator("#picture").focus()
+    page.keyboard.press("3")
+    for key, value, sign in (("w", "pitch", 1), ("s", "pitch", -1), ("a", "yaw", -1), ("d", "yaw", 1), ("+", "distance", -1)):
+        before = page.evaluate(f"mechviz.player.stage.camera.{value}")
+        page.keyboard.press(key)
+        assert (page.evaluate(f"mechviz.player.stage.camera.{value}") - before) * sign > 0.0, key
+    page.keyboard.press("0")
+
+
+def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
+    page = wide.page
+    edge = max(b["y"] + b["height"] for b in (page.locator(k).bounding_box() for k in ("#views", "#groups")))
+    box = page.locator("#picture").bounding_box()
+    for view in ("front", "3d", "top"):
+        page.evaluate(f"mechviz.player.view('{view}')")
+        corners = np.array(page.evaluate("mechviz.player.header.drawn"))
+        for corner in np.array(np.meshgrid(*corners.T)).reshape(3, -1).T:
+            x, y = page.evaluate(PLACE, corner.tolist())
+            assert box["x"] <= x <= box["x"] + box["width"] and edge - 3.0 <= y <= box["y"] + box["height"], view
+
+
+def test_a_picture_whose_memory_was_taken_away_comes_back(wide):
+    """As telephones do with pages in the background."""
+    page = wide.page
+    page.evaluate("mechviz.player.seekFrame(60); mechviz.player.view('front'); mechviz.player.drawNow()")
+    before = wide.picture()
+    page.evaluate(
+        """new Promise((done) => { const gl = mechviz.player.stage.gl, lose = gl.getExtension("WEBGL_lose_context");
+        gl.canvas.addEventListener("webglcontextlost", () => { mechviz.player.drawNow(); setTimeout(() => lose.restoreContext()); });
+        gl.canvas.addEventListener("webglcontextrestored", () => done()); lose.loseContext(); })"""
+    )
+    assert not page.evaluate("mechviz.player.stage.gl.isContextLost()")
+    assert np.abs(wide.picture() - before).max() == 0 and np.ptp(before, axis=2).max() > 80
+
+
 def test_everything_was_in_the_file(wide, file):
     """After all that the tests before have done."""
     assert wide.requests == [file.as_uri()]
@@ -238,6 +284,8 @@ def test_a_phone_in_the_dark(browser, file):
     assert picture is not None and footer is not None
     assert picture["width"] > 350 and picture["height"] > 250 and picture["y"] + picture["height"] < footer["y"]
     assert footer["y"] + footer["height"] <= NARROW["height"] + 1
+    views = page.locator("#views").bounding_box()
+    assert views is not None and views["y"] >= picture["y"] + picture["height"], "no button lies over the picture"
     colors = opened.picture()
     assert np.median(colors) < 60 and np.ptp(colors, axis=2).max() > 80  # a dark ground, and coloured parts on it
     for control in page.locator("footer button").all():

@@ -31,6 +31,7 @@ class Camera {
     this.distance = 1;
     this.aspect = 1;
     this.fitted = true; // until somebody moves it
+    this.covered = 0; // part of the picture's height that buttons cover at its top
     Object.assign(this, VIEWS["3d"]);
   }
 
@@ -51,13 +52,14 @@ class Camera {
     const middle = low.map((v, k) => 0.5 * (v + high[k]));
     const { right, up, back } = this.axes();
     const tan = Math.tan(FIELD / 2);
+    const free = 1 - this.covered;
     const corners = [...Array(8).keys()].map((n) => [0, 1, 2].map((k) => ((n >> k) & 1 ? high[k] : low[k]) - middle[k]));
     const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     const spans = corners.map((c) => [dot(c, right), dot(c, up), dot(c, back)]);
     let distance = 1e-9;
     for (const [x, y, z] of spans)
-      distance = Math.max(distance, (this.flat ? 0 : z) + (MARGIN * Math.max(Math.abs(x) / this.aspect, Math.abs(y))) / tan);
-    this.target = middle;
+      distance = Math.max(distance, (this.flat ? 0 : z) + (MARGIN * Math.max(Math.abs(x) / this.aspect, Math.abs(y) / free)) / tan);
+    this.target = middle.map((v, k) => v + this.covered * distance * tan * up[k]); // in the middle of what is left free
     this.distance = distance;
     this.fitted = true;
   }

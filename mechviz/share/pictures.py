@@ -105,12 +105,13 @@ def film(
     seconds: float | None = None,
     rate: int | None = None,
     progress: Progress = quiet,
+    reading: Progress = quiet,
     begin: Begin = lambda _: None,
 ) -> Path:
     """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
 
     By default a cycle takes as long as in a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
-    ``progress`` is told how much is read, then how many are made; ``begin`` what is done next.
+    ``progress`` is told how many are made, ``reading`` before that how much is read, ``begin`` what is done next.
     """
     check_target(path)
     gif = path.suffix.lower() == ".gif"
@@ -121,7 +122,7 @@ def film(
     count = max(2, round(seconds * rate))
     times = np.linspace(start, end, count, endpoint=False)
     ffmpeg = None if gif else find_ffmpeg()
-    with _stage(recording, look, None, progress, begin, plain=gif) as picture, replacing(path) as temporary:
+    with _stage(recording, look, None, reading, begin, plain=gif) as picture, replacing(path) as temporary:
         begin("pictures")
 
         def pictures() -> Iterator[bytes]:

@@ -90,7 +90,7 @@ class Player {
       item.append(button);
       $("events").append(item);
     });
-    document.querySelector("[data-panel=events]").textContent = `Events (${this.header.events.length})`;
+    document.querySelector("#tab-events").textContent = `Events (${this.header.events.length})`;
     if (!this.header.events.length) $("events").textContent = "Nothing in particular happens in this run.";
     $("notes").innerHTML = this.header.notes; // escaped when the page was written
     if (this.header.total > this.header.frames) {
@@ -99,12 +99,29 @@ class Player {
       note.textContent = `This page holds ${this.header.frames} of the run's ${this.header.total} frames.`;
       $("notes").prepend(note);
     }
-    for (const tab of document.querySelectorAll("[role=tab]")) tab.onclick = () => this.openPanel(tab.dataset.panel);
+    for (const tab of document.querySelectorAll("[role=tab]")) {
+      tab.onclick = () => this.openPanel(tab.dataset.panel);
+      tab.onkeydown = (e) => this.moveAlongTabs(e, tab);
+    }
+  }
+
+  /** Arrow keys go from tab to tab while one of them is in focus. */
+  moveAlongTabs(event, tab) {
+    const tabs = [...document.querySelectorAll("[role=tab]:not([hidden])")];
+    const here = tabs.indexOf(tab);
+    const to = { ArrowLeft: here - 1, ArrowRight: here + 1, Home: 0, End: tabs.length - 1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    event.stopPropagation(); // no step in time
+    const next = tabs[(to + tabs.length) % tabs.length];
+    this.openPanel(next.dataset.panel);
+    next.focus();
   }
 
   openPanel(name) {
     for (const tab of document.querySelectorAll("[role=tab]")) {
       tab.setAttribute("aria-selected", String(tab.dataset.panel === name));
+      tab.tabIndex = tab.dataset.panel === name ? 0 : -1;
       $(tab.dataset.panel).hidden = tab.dataset.panel !== name;
     }
     this.drawPlots();
@@ -233,6 +250,12 @@ class Player {
     this.refresh();
   }
 
+  camera(move) {
+    if (!this.stage) return;
+    move(this.stage.camera);
+    this.refresh();
+  }
+
   view(name) {
     if (!this.stage) return;
     if (name === "fit") this.stage.camera.fit();
@@ -256,6 +279,12 @@ class Player {
         0: () => this.view("fit"),
         2: () => this.view("front"),
         3: () => this.view("3d"),
+        "+": () => this.camera((c) => c.zoom(1.2)),
+        "-": () => this.camera((c) => c.zoom(1 / 1.2)),
+        w: () => this.camera((c) => c.turn(0, 0.1)),
+        s: () => this.camera((c) => c.turn(0, -0.1)),
+        a: () => this.camera((c) => c.turn(0.1, 0)),
+        d: () => this.camera((c) => c.turn(-0.1, 0)),
       };
       if (e.key === " " && e.target.tagName === "BUTTON") return; // presses the button
       if (keys[e.key]) {

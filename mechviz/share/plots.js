@@ -98,7 +98,8 @@ class Plot {
     for (const v of ticks(x0, x1, inner.w / 62, axis.unit)) {
       rule(g, X(v), ROOM.top, X(v), ROOM.top + inner.h, v === 0 && plot.x !== undefined ? theme.soft : theme.line);
       g.fillStyle = theme.soft;
-      g.fillText(words(v, 4), X(v), ROOM.top + inner.h + 4);
+      const half = g.measureText(words(v, 4)).width / 2;
+      g.fillText(words(v, 4), Math.min(X(v), width - 1 - half), ROOM.top + inner.h + 4);
     }
     g.fillText(`${axis.title} [${axis.unit}]`, ROOM.left + inner.w / 2, height - 13);
     g.save();

@@ -59,6 +59,11 @@ class Plot:
     x_title: str = ""
     equal: bool = False
 
+    @property
+    def varies(self) -> bool:
+        """Whether there is anything to see but level lines."""
+        return bool(np.any(np.nanmax(self.values, axis=0) > np.nanmin(self.values, axis=0)))
+
 
 def find_plots(recording: Recording, frames: Frames, progress: Progress = quiet) -> list[Plot]:
     """All plots of a recording, those of the whole mechanism first."""
@@ -96,7 +101,7 @@ def first_plots(recording: Recording, plots: list[Plot]) -> list[int]:
     drives = set(model["drives"])
     at_frame = [j for j, about in model["joints"].items() if model["frame"] in about["links"] and j not in drives]
     sliders = [j for j in at_frame if plots_of_slide(plots, j)]
-    cams = [k for k in having(("data", "cams")) if plots[k].names[0] == "pressure angle" or plots[k].names[0] == "lift"]
+    cams = [k for k in having(("data", "cams")) if plots[k].names[0] in ("pressure angle", "lift") and plots[k].varies]
     efforts = having(("plots", "torque"), ("plots", "force")) or [
         k for d in model["drives"] for name in ("torque", "force") for k in having(("data", "drive", d, name))
     ]

@@ -65,7 +65,7 @@ def show_text(
         "pace": _pace(recording, frames),
         "opening": len(frames.chosen) // 8 if "duration" in properties else _opening(recording, frames),
         "bounds": bounds.tolist(),
-        "drawn": _drawn(bounds, [*drawables, *bodies]).tolist(),
+        "drawn": _drawn(bounds, drawables, bodies).tolist(),
         "links": find_links(recording, frames, pack),
         "bodies": bodies,
         "drawables": drawables,
@@ -137,8 +137,11 @@ def _opening(recording: Recording, frames: Frames) -> int:
     return round((len(frames.chosen) - 1) / (8.0 * max(1.0, _turns(frames))))
 
 
-def _drawn(bounds: Any, drawables: list[dict[str, Any]]) -> Any:
-    """The box (2, 3) [m] around solids and what is drawn on them; what reaches far beyond counts up to `ROOM` only."""
+def _drawn(bounds: Any, drawables: list[dict[str, Any]], bodies: list[dict[str, Any]]) -> Any:
+    """The box (2, 3) [m] around all solids, and what is drawn on them; of this counts up to `ROOM` only what reaches far beyond."""
+    own = [box for body in bodies if (box := body.pop("box")) is not None]
+    flat = [bounds[:, :2], *own]
+    bounds = np.array([[*np.min(flat, axis=(0, 1)), bounds[0, 2]], [*np.max(flat, axis=(0, 1)), bounds[1, 2]]])
     size = float(np.ptp(bounds, axis=0)[:2].max())
     boxes = [d.pop("box") for d in drawables]
     near = [b for b, d in zip(boxes, drawables, strict=True) if b is not None and "view" not in d and d["group"] != "acceleration"]

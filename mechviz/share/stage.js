@@ -100,15 +100,26 @@ class Stage {
     const wanted = this.size / 10; // a round length near a tenth of the mechanism
     const decade = 10 ** Math.floor(Math.log10(wanted));
     this.cell = decade * [5, 2, 1].find((step) => step * decade <= wanted * (1 + 1e-9));
-    const gl = this.gl;
-    this.programs = { solid: program(gl, SOLID), arrow: program(gl, ARROW), line: program(gl, LINE) };
-    this.solids = [...header.links.filter((link) => link.mesh), ...header.bodies].map((link) => this.solid(link));
-    this.arrowMesh = arrowMesh(gl, this.programs.arrow);
-    this.lineMesh = lineMesh(gl, this.programs.line);
+    this.load();
+    // telephones take the picture's memory away from pages in the background, and give it back
+    canvas.addEventListener("webglcontextlost", (e) => e.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.load();
+      if (this.state) this.draw(this.state.frame);
+    });
     this.tags = [];
     for (const d of header.drawables)
       if (!d.view && d.labels.some((t) => t)) for (let k = 0; k < d.count; k++) if (d.labels[k]) this.tags.push({ d, k, span: this.tag(d.labels[k]) });
     this.resize();
+  }
+
+  /** Everything that lies in the graphics card. */
+  load() {
+    const { gl, header } = this;
+    this.programs = { solid: program(gl, SOLID), arrow: program(gl, ARROW), line: program(gl, LINE) };
+    this.solids = [...header.links.filter((link) => link.mesh), ...header.bodies].map((link) => this.solid(link));
+    this.arrowMesh = arrowMesh(gl, this.programs.arrow);
+    this.lineMesh = lineMesh(gl, this.programs.line);
   }
 
   tag(text) {
@@ -148,6 +159,9 @@ class Stage {
     const box = this.canvas.getBoundingClientRect();
     const [w, h] = [Math.max(1, Math.round(box.width * scale)), Math.max(1, Math.round(box.height * scale))];
     this.scale = scale;
+    const over = ["views", "groups"].map((id) => document.getElementById(id)).filter((e) => e && getComputedStyle(e).position === "absolute");
+    const low = Math.max(box.top, ...over.map((e) => e.getBoundingClientRect().bottom));
+    this.camera.covered = Math.min(Math.max((low - box.top) / (box.height || 1), 0), 0.35);
     this.camera.resize(w / h);
     if (this.canvas.width === w && this.canvas.height === h) return false;
     [this.canvas.width, this.canvas.height] = [w, h];
@@ -180,8 +194,12 @@ class Stage {
   }
 
   draw(frame) {
-    const { gl, camera, header } = this;
+    const { gl, camera } = this;
     const { clip, eye, back } = camera.matrices();
+    if (gl.isContextLost()) {
+      this.state = { ...this.state, frame };
+      return;
+    }
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
