@@ -262,7 +262,8 @@ def test_a_picture_whose_memory_was_taken_away_comes_back(wide):
     before = wide.picture()
     page.evaluate(
         """new Promise((done) => { const gl = mechviz.player.stage.gl, lose = gl.getExtension("WEBGL_lose_context");
-        gl.canvas.addEventListener("webglcontextlost", () => { mechviz.player.drawNow(); setTimeout(() => lose.restoreContext()); });
+        const back = () => { mechviz.player.drawNow(); setTimeout(() => lose.restoreContext()); };
+        gl.canvas.addEventListener("webglcontextlost", back);
         gl.canvas.addEventListener("webglcontextrestored", () => done()); lose.loseContext(); })"""
     )
     assert not page.evaluate("mechviz.player.stage.gl.isContextLost()")
