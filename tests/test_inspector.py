@@ -17,7 +17,7 @@ from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene import Scene
 from mechviz.solids import solids_of
-from mechviz.viewer import Viewer, ViewerError, charts
+from mechviz.viewer import Viewer, ViewerError, charts, words
 from mechviz.viewer.camera import PRESETS, fit_view
 from mechviz.viewer.diagrams import Chart, diagram_svg, diagrams_of
 from mechviz.viewer.health_strip import columns, health_svg, shade
@@ -105,6 +105,11 @@ def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
     choices = {c.label: c for c in find_choices(scene.load("cam-roller"))}
     assert choices["K lift 1 law"].value == "cycloidal" and "3-4-5" in choices["K lift 1 law"].options
     assert "D side" in {c.label for c in find_choices(scene.load("kinetostatic-four-bar"))}
+
+
+def test_a_cam_is_judged_by_a_force():
+    found = {p.key: p.unit for p in find_parameters(scene.load("cam-roller"))}
+    assert found["pairs.K.rating.margin"] == "N" and found["pairs.K.rating.width"] == "mm"
 
 
 def test_a_length_is_shown_positive_whichever_way_its_point_lies():
@@ -203,11 +208,17 @@ def test_a_section_pushes_plates_flat_and_drops_what_lies_before_it():
     offset = len(boxes[0].vertices)
     vertices = np.concatenate([b.vertices for b in boxes]).astype(np.float32)
     faces = np.concatenate([boxes[0].faces, boxes[1].faces + offset]).astype(np.uint32)
-    body = Body((Piece(vertices, faces, (1, 2, 3)),))
+    body = Body((Piece(vertices, faces, (10, 200, 30)),))
     for height, volume, top in ((0.25, 0.5, 0.25), (1.5, 2.0, 1.0), (2.0, 2.5, 2.0), (5.0, 3.0, 2.25)):
-        (piece,) = sectioned(body, height).pieces
-        mesh = trimesh.Trimesh(piece.vertices, piece.faces)
-        assert mesh.volume == pytest.approx(volume) and piece.vertices[piece.faces.ravel(), 2].max() == pytest.approx(top)
+        pieces = sectioned(body, height).pieces
+        mesh = trimesh.util.concatenate([trimesh.Trimesh(piece.vertices, piece.faces, process=False) for piece in pieces])
+        assert mesh.volume == pytest.approx(volume) and mesh.vertices[mesh.faces.ravel(), 2].max() == pytest.approx(top)
+        cut = [piece for piece in pieces if piece.color != (10, 200, 30)]
+        through = any(low < height < high for low, high in ((0.0, 1.0), (1.75, 2.25)))
+        assert len(cut) == int(through) and all(piece.color == (8, 160, 24) for piece in cut)
+        for piece in cut:  # its area is that of the plate, the walls in it have none
+            assert trimesh.Trimesh(piece.vertices, piece.faces, process=False).area == pytest.approx(2.0)
+            assert (piece.vertices[:, 2] == np.float32(height)).all()
     assert sectioned(body, -1.0).pieces == ()
 
 
@@ -344,6 +355,23 @@ def test_each_effect_is_weighed_by_the_peak_without_it(studio):
     without = run_scene(Draft.of(studio.run.scene).with_effect("inertia", False).scene())
     assert found["inertia"].peak_with == pytest.approx(np.abs(studio.run.forces.effort("A")).max())
     assert found["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
+    assert np.isnan(found["friction"].seconds) and found["friction"].why.startswith("friction is named, but no pair has any")
+    assert "friction: friction is named" in words.contributions(studio.screen.found[-1], "drive torque")
+
+
+def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
+    found: list[tuple[Contribution, ...]] = []
+    run = run_scene(scene.load("pendulum-near-the-top"), frames=20)
+    made = Studio(run, lambda _: None, lambda _: None, found.append, lambda: None, lambda _: None)
+    made.weigh(asked=True)
+    assert made.wait(rested=True)
+    made.close()
+    gravity = next(c for c in found[-1] if c.name == "gravity")
+    largest = max(np.hypot(*run.forces.reaction(pair.name)[:, :2].T).max() for pair in run.motion.mechanism.pairs)
+    assert gravity.peak_with == pytest.approx(largest) and gravity.peak_without == pytest.approx(0.0, abs=1e-9)
+    assert f"+{largest:.3g} N<" in words.contributions(found[-1], "reaction")
+    unasked = [Contribution("inertia", True, 1.0, np.nan, np.nan)]
+    assert "press the button" in words.contributions(unasked, "reaction")
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------

@@ -99,9 +99,10 @@ class ArrowNodes:
         """Families of which there is anything to draw."""
         return self._present
 
-    def reach(self) -> Real | None:
-        """The box (2, 2) [m] around the arrows that are on, over all frames, if there are any."""
-        ends = [origins + lengths for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
+    def reach(self, frame: int | None = None) -> Real | None:
+        """The box (2, 2) [m] around the arrows that are on, over all frames or at one, if there are any."""
+        some = slice(None) if frame is None else slice(frame, frame + 1)
+        ends = [(origins + lengths)[some] for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
         flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
         flat = flat[np.isfinite(flat).all(axis=1)]
         return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None

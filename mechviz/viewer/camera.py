@@ -17,7 +17,7 @@ __all__ = ["FIELD_OF_VIEW", "PRESETS", "FittedCameras", "Preset", "View", "fit_v
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
-TIMELINE = 0.36  # part of the picture's height that the timeline covers
+TIMELINE = 0.42  # part of the picture's height that the timeline covers: of a window of 720 pixels
 MARGIN = 0.06  # around the mechanism, of its extent
 SETTLING = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user

@@ -25,6 +25,7 @@ class CoilNodes:
     def __init__(self, server: viser.ViserServer, show: Show):
         self._server = server
         self._on = True
+        self._height: float | None = None
         self._nodes: dict[str, viser.MeshHandle] = {}
         self._coils: dict[str, Coil] = {}
         self._turns: dict[str, Real] = {}
@@ -42,14 +43,22 @@ class CoilNodes:
         for path, coil in self._coils.items():
             if path not in self._nodes:
                 self._nodes[path] = self._server.scene.add_mesh_simple(
-                    path, coil.vertices, coil.faces, color=COLOR, visible=self._on, cast_shadow=False, receive_shadow=False
+                    path, coil.vertices, coil.faces, color=COLOR, visible=self._seen(coil), cast_shadow=False, receive_shadow=False
                 )
 
     def switch(self, on: bool) -> None:
         """Draw them, or no more."""
         self._on = on
-        for node in self._nodes.values():
-            node.visible = on
+        self.cut(self._height)
+
+    def cut(self, height: float | None) -> None:
+        """Leave out the springs before a height [m]; None: none."""
+        self._height = height
+        for path, node in self._nodes.items():
+            node.visible = self._seen(self._coils[path])
+
+    def _seen(self, coil: Coil) -> bool:
+        return self._on and (self._height is None or coil.height <= self._height)
 
     def poses(self, frame: int) -> Iterator[Posed]:
         """Where the springs are at a frame, if they are drawn."""

@@ -69,7 +69,8 @@ class EffectsTab:
     def weighed(self, found: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
         drives = self._studio.show.drives
-        self.table.content = words.contributions(found, "N" if drives and drives[0].sliding else "N m")
+        effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
+        self.table.content = words.contributions(found, effort)
 
     def _switch_effect(self, name: str, _: Any) -> None:
         on = bool(self.effects[name].value)

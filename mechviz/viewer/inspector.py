@@ -321,15 +321,17 @@ class Inspector:
             spot = traced_at(self.show, link, self._player.frame, event.ray_origin, event.ray_direction)
             self._studio.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
             return
-        item = f"link {link}"
-        if item in items_of(self.show):
+        known = items_of(self.show)
+        cams = [n for n, (_, links) in self.show.kinds.items() if links[0] == link and f"cam {n}" in known]
+        item = f"cam {cams[0]}" if cams else f"link {link}"
+        if item in known:
             self.closer.look_at(item)
             open_tab(event.client, CLOSER)
 
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
         known = items_of(self.show)
         for name in names:
-            for kind in ("pair", "drive", "cam"):
+            for kind in ("cam", "pair", "drive"):
                 if f"{kind} {name}" in known:
                     self.closer.look_at(f"{kind} {name}")
                     open_tab(event.client, CLOSER)
@@ -338,4 +340,5 @@ class Inspector:
 
 def theme(server: viser.ViserServer, dark: bool) -> None:
     """Colours of the page; no logo, no button that would share it."""
-    server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(34, 92, 160), dark_mode=dark)
+    brand = (74, 136, 216) if dark else (34, 92, 160)  # read on its ground, and white is read on it
+    server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=brand, dark_mode=dark)

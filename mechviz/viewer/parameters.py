@@ -297,7 +297,7 @@ def _kind_here(document: SceneDocument, path: Path, quantity: Quantity) -> str:
     turning = True
     if path[0] == "pairs":
         pair = document.pairs[str(path[1])]
-        turning = pair.coordinate == "angle"
+        turning = pair.coordinate == "angle" and "rating" not in path  # a cam is judged by the force at its contact
         if "profile" in path and pair.profile is not None and pair.follower is not None:
             guide = document.pairs[pair.follower.guide]
             turning = guide.coordinate == "angle" if path[-1] == "to" else pair.profile.bed is None

@@ -22,6 +22,7 @@ __all__ = ["Plots"]
 
 HEIGHT = 164  # [px]
 COLORS = ("#2563c9", "#d97706", "#0f8a5f")
+ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a")  # their names and values on a dark page
 ROUND_OFF = 1e-9  # of a quantity's largest value
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
@@ -196,9 +197,9 @@ class Slot:
         unit = html.escape(self.quantity.unit)
         values = [number(self._rounded(value)) for value in self._values[frame]]
         parts = [
-            f'<span style="color:{color};white-space:nowrap"><b>{html.escape(name)}</b> '
+            f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
             f'<span data-mv="{html.escape(self._label)}:{k}">{value} {unit}</span></span>'
-            for k, (name, color, value) in enumerate(zip(self.quantity.curves, COLORS, values, strict=False))
+            for k, (name, color, dark, value) in enumerate(zip(self.quantity.curves, COLORS, ON_DARK, values, strict=False))
         ]
         self._readout.content = (
             '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'

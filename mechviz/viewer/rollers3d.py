@@ -23,6 +23,7 @@ class RollerNodes:
 
     def __init__(self, server: viser.ViserServer, show: Show):
         self._server = server
+        self._height: float | None = None
         self._marks: tuple[RollerMark, ...] = ()
         self._nodes: list[viser.FrameHandle] = []
         self._turns: list[Real] = []
@@ -41,6 +42,15 @@ class RollerNodes:
             )
             self._nodes.append(node)
             self._turns.append(np.roll(mark.turns(), 1, axis=1))  # w first
+        self.cut(self._height)
+
+    def cut(self, height: float | None) -> None:
+        """Leave out the marks before a height [m]; None: none."""
+        self._height = height
+        for node, mark in zip(self._nodes, self._marks, strict=True):
+            seen = height is None or mark.axis is not None or mark.centre[2] <= height
+            if node.visible != seen:
+                node.visible = seen
 
     def poses(self, frame: int) -> Iterator[Posed]:
         """How far the rollers have turned at a frame."""

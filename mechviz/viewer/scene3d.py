@@ -28,6 +28,8 @@ from .stage import Stage
 __all__ = ["Scene3D"]
 
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
+BEYOND = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
+BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
 FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
 
 Real = NDArray[np.float64]
@@ -125,12 +127,20 @@ class Scene3D:
         self._linkers.switch(on)
         self._coils.switch(on)
 
+    def cut(self, height: float | None) -> None:
+        """Cut away what lies before a height [m], None: nothing. What is no plate goes as a whole."""
+        self.links.cut(height)
+        self._coils.cut(height)
+        self._rollers.cut(height)
+
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
 
     def _box(self, show: Show) -> Real:
-        box = _joined(show.bounds, self.arrows.reach(), 0.15 * show.size)
+        box = _joined(show.bounds, self.arrows.reach(), BEYOND * show.size)
+        first = _joined(show.bounds, self.arrows.reach(show.opening), BEYOND_FIRST * show.size)
+        box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
         for coil in show.coils:
             low, high = coil.reach()
             box[0, :2] = np.minimum(box[0, :2], np.maximum(low, show.bounds[0, :2] - 0.5 * show.size))

@@ -11,6 +11,8 @@ from .show import Body, Piece
 
 __all__ = ["sectioned", "shells"]
 
+DARKER = 0.8  # the cut itself beside the rest of the part
+
 
 def shells(piece: Piece) -> NDArray[np.int64]:
     """The number of the closed part that each vertex (V,) of a piece belongs to; vertices at one place belong together."""
@@ -25,7 +27,8 @@ def sectioned(body: Body, height: float) -> Body:
     """A body without what lies before z = ``height`` [m].
 
     All parts are plates: a part that the plane passes through is pushed flat onto it, which closes it with its own outline, and one
-    that lies before it is left out. Spatial cams, which turn about an axis in the plane, stay whole.
+    that lies before it is left out. The cut itself is a darker piece. Spatial cams, which turn about an axis in the plane, stay
+    whole.
     """
     pieces = []
     for piece in body.pieces if body.spin is None else ():
@@ -39,5 +42,14 @@ def sectioned(body: Body, height: float) -> Body:
         kept = lowest[shell] < height
         vertices = piece.vertices.copy()
         vertices[:, 2] = np.minimum(z, np.float32(height))
-        pieces.append(Piece(vertices, piece.faces[kept[piece.faces[:, 0]]], piece.color))
+        faces = piece.faces[kept[piece.faces[:, 0]]]
+        flat = (vertices[faces, 2] == np.float32(height)).all(axis=1)  # in the plane
+        red, green, blue = (int(DARKER * c) for c in piece.color)
+        pieces += [_part(vertices, faces[~flat], piece.color), _part(vertices, faces[flat], (red, green, blue))]
     return body if body.spin is not None else Body(tuple(piece for piece in pieces if len(piece.faces)))
+
+
+def _part(vertices: NDArray[np.float32], faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:
+    """Some faces with the vertices that they use."""
+    used, own = np.unique(faces, return_inverse=True)
+    return Piece(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)

@@ -46,13 +46,15 @@ class Status:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What an effect or load does: the peak of the driving effort with it and without it, and what it costs [s]; NaN: not known."""
+    """What an effect or load does: the peak of the driving effort (of a motion without drives: of the reactions) with and without it,
+    and what it costs [s]; NaN: not known, and ``why`` not."""
 
     name: str
     on: bool
     peak_with: float
     peak_without: float
     seconds: float
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -233,6 +235,7 @@ class Studio:
             if self._builder.overtaken or self._worker.overtaken:
                 return None
             peak = seconds = float("nan")
+            why = ""
             if quick:
                 try:
                     token = FOLDER.set(self._folder) if self._folder is not None else None
@@ -244,9 +247,9 @@ class Studio:
                     finally:
                         if token is not None:
                             FOLDER.reset(token)
-                except (MechanismError, ValueError):
-                    pass  # without it there is no such mechanism, or friction has no coefficient to act with
-            found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0)))
+                except (MechanismError, ValueError) as error:
+                    why = _words(error)  # without it there is no such mechanism, or friction has no coefficient to act with
+            found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))
         return tuple(found)
 
 
@@ -261,12 +264,15 @@ def _cost(scene: Any) -> float:
 
 
 def _peak(run: Run) -> float:
-    """The largest driving torque or force of a run: of its first drive; 0 where no forces are computed."""
-    drives = run.motion.mechanism.drives
-    if run.forces is None or not drives:
+    """The largest driving torque or force of a run: of its first drive; of a motion without drives the largest reaction. 0 where no
+    forces are computed."""
+    forces, drives = run.forces, run.motion.mechanism.drives
+    if forces is None:
         return 0.0
-    effort = np.abs(run.forces.effort(drives[0].pair))
-    return float(np.max(effort, initial=0.0, where=np.isfinite(effort)))
+    efforts = [forces.effort(d.pair) for d in drives[:1]] or [
+        np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in run.motion.mechanism.pairs
+    ]
+    return max((float(np.max(np.abs(e), initial=0.0, where=np.isfinite(e))) for e in efforts), default=0.0)
 
 
 def _words(error: Exception) -> str:

@@ -112,7 +112,7 @@ class Switches:
     def _cut(self) -> None:
         part = finite(self.section.value, 0.0, 100.0, 0.0) / 100.0
         low, high = self._scene.current.bounds[:, 2]
-        self._scene.links.cut(None if part == 0.0 else float(high - part * (high - low)))
+        self._scene.cut(None if part == 0.0 else float(high - part * (high - low)))
         self._changed()
 
     def _fade(self) -> None:

@@ -130,8 +130,11 @@ def fault(text: str, parameter: Parameter | None, value: float, reach: tuple[flo
     )
 
 
-def contributions(items: Iterable[Contribution], unit: str) -> str:
-    """A table: what each effect changes in the peak of the driving effort, and what it costs."""
+def contributions(items: Iterable[Contribution], effort: str) -> str:
+    """A table: what each effect changes in the peak of the ``effort`` (a drive torque, a drive force or a reaction), and what it
+    costs; below it why something is not known."""
+    items = list(items)
+    unit = "N m" if effort.endswith("torque") else "N"
     rows = []
     for item in items:
         known = np.isfinite([item.peak_with, item.peak_without]).all()
@@ -140,14 +143,17 @@ def contributions(items: Iterable[Contribution], unit: str) -> str:
             change = item.peak_with - item.peak_without
             sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
             peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
-        cost = f"{number(round(item.seconds * 1e3, 2))} ms" if np.isfinite(item.seconds) else "—"
+        cost = f"{number(float(f'{item.seconds * 1e3:.3g}'))} ms" if np.isfinite(item.seconds) else "—"
         style = "" if item.on else ' style="opacity:0.55"'
         now = "on" if item.on else "off"
         rows.append(f"<tr{style}><td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td>{cost}</td></tr>")
-    effort = "force" if unit == "N" else "torque"
-    head = f"<tr><th>effect</th><th></th><th>peak drive {effort} changes by</th><th>costs</th></tr>"
+    head = f"<tr><th>effect</th><th></th><th>peak {effort} changes by</th><th>costs</th></tr>"
     table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
-    return _block(table, "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
+    notes = [f"{item.name}: {item.why}" for item in items if item.why]
+    if items and not notes and all(np.isnan(item.seconds) for item in items):
+        notes = ["One run takes too long for this to be found unasked: press the button."]
+    below = "".join(f'<div style="opacity:0.7;padding-top:0.3em">{escape(note)}</div>' for note in notes)
+    return _block(f"{table}{below}", "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
 
 
 def hint(text: str) -> str:
