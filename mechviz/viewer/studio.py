@@ -46,8 +46,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What an effect or load does: the peak of the driving effort (of a motion without drives: of the reactions) with and without it,
-    and what it costs [s]; NaN: not known, and ``why`` not."""
+    """What an effect or load does: the peak of the driving effort (of a motion without drives: of the reactions) with and without
+    it, and what it costs [s]; NaN: not known, and ``why`` not."""
 
     name: str
     on: bool
