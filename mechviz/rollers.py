@@ -92,7 +92,7 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
     from mechcore.cams.rolling import roller_angle
 
     solid, radius = solids.links[link], cam.face.radius
-    for kind, part in zip(solid.kinds, solid.parts, strict=True):
+    for kind, part in zip(solid.kinds, solid.shells, strict=True):
         x, y = part.bounds[:, :2].mean(axis=0)
         if kind != "roller":
             continue
@@ -113,7 +113,7 @@ def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[fl
 
     assert cam.pivot is not None
     solid, radius = solids.links[link], cam.face.radius
-    part = next(p for k, p in zip(solid.kinds, solid.parts, strict=True) if k == "roller")
+    part = next(p for k, p in zip(solid.kinds, solid.shells, strict=True) if k == "roller")
     base, arm = run.motion.pose(cam.carrier)[0], run.motion.pose(link)[0]
     place = complex(base[0], base[1]) + cam.pivot * np.exp(1j * base[2]) - complex(arm[0], arm[1])
     hinge = place * np.exp(-1j * arm[2])
@@ -132,7 +132,7 @@ def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[fl
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
     """Height of the front of the part of a link that is a roller about a point [m]."""
-    for part in solids.links[link].parts:
+    for part in solids.links[link].shells:
         low, high = part.bounds
         round_it = np.allclose(0.5 * (low + high)[:2], at, atol=0.02 * radius)
         if round_it and np.allclose((high - low)[:2], 2.0 * radius, rtol=0.02):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from mechanisms import four_bar, load, slider_crank
+from scipy.integrate import cumulative_simpson
 from test_effects import loaded, run
 from test_properties import ACCELERATION, ANGLES, SPEED, crank_rockers
 from typer.testing import CliRunner
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore import MechanismError
 from mechcore.flywheel import flywheel, flywheel_of_torque
+from mechcore.integral import integral_so_far
 from mechcore.powers import drive_shares, power_table, works
 from mechcore.spec import Damper, Factor, Force, Spring, Torque
 from mechviz.cli import app
@@ -204,3 +206,14 @@ def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
         == flywheel(forces, 0.02, smooth=False).inertia
         != flywheel(forces, 0.02, smooth=True).inertia
     )
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 7, 60])
+def test_the_integral_so_far_is_that_of_scipy_and_exact_for_parabolas(frames):
+    rng = np.random.default_rng(frames)
+    t, y = np.cumsum(rng.uniform(0.1, 1.0, frames)), rng.normal(size=frames)
+    assert integral_so_far(y, t) == pytest.approx(cumulative_simpson(y, x=t, initial=0.0), rel=1e-13, abs=1e-13)
+    if frames > 2:
+        a, b, c = np.polynomial.polynomial.polyfit(t[:3], y[:3], 2)
+        whole = [a * x + b * x**2 / 2.0 + c * x**3 / 3.0 for x in t]
+        assert integral_so_far(a + b * t + c * t**2, t) == pytest.approx(np.array(whole) - whole[0], rel=1e-9, abs=1e-9)

@@ -565,6 +565,16 @@ def test_reading_a_scene_loads_no_viewer():
     assert "pydantic" in loaded
 
 
+def test_the_core_loads_without_what_only_some_mechanisms_need():
+    assert "scipy" not in modules_after("import mechcore")
+
+
+def test_solids_are_made_without_the_library_that_only_exports_need():
+    code = "from mechviz.solids import solids_of\nfrom mechviz.run import run_scene\nimport mechviz"
+    loaded = modules_after(f"{code}\nsolids_of(run_scene(mechviz.load('crank-rocker'), frames=8))")
+    assert "shapely" in loaded and not loaded & {"rerun", "viser", "trimesh"}
+
+
 # --- the JSON Schema --------------------------------------------------------------------------------------------------
 
 

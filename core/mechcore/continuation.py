@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from . import blocks as bl
 from .assembly import Assembly
@@ -62,6 +61,8 @@ class Track:
 
 def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: float, high: float, step: float) -> Track:
     """Walk from ``start`` to ``low`` and to ``high`` with steps of at most ``step``."""
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
     passed: list[tuple[float, str]] = []
     forward = _walk(model, assembly, drives, start, high, step, passed)
     backward = _walk(model, assembly, drives, start, low, step, passed) if low < start else [forward[0]]

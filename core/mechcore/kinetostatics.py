@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_simpson
 
 from . import blocks as bl
 from .closed_forms import cross
 from .effects import Wrench, point_of, potential, power_of, sum_up, totals, wrenches
 from .frames import added, crossed, lazy, minus, nothing, plus, rows_of
+from .integral import integral_so_far
 from .leastnorm import least_norm
 from .motion import CALM, Motion
 from .spec import braked
@@ -239,11 +239,7 @@ class Forces:
         """Integral over time so far (F,), by Simpson's rule; NaN from the first frame that is."""
         known = len(p) if np.isfinite(p).all() else int(np.argmax(~np.isfinite(p)))
         out = np.full(len(p), np.nan)
-        p, t = p[:known], self.motion.time[:known]
-        if known < 3:
-            out[:known] = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(t))])[:known]
-        else:
-            out[:known] = cumulative_simpson(p, x=t, initial=0.0)
+        out[:known] = integral_so_far(p[:known], self.motion.time[:known])
         return out
 
     @cached_property

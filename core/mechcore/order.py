@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 __all__ = ["Order", "block_order"]
 
@@ -32,6 +30,9 @@ class Order:
 
 def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
     """Pattern: for each equation the unknowns in it -> its blocks in solving order."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
     rows = len(pattern)
     match = np.full(rows, -1)
     if rows and unknowns:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import lru_cache
 
 import numpy as np
 from mapbox_earcut import triangulate_float64
@@ -16,7 +16,7 @@ from shapely.geometry import Point, Polygon
 
 from .outline import clean
 
-__all__ = ["Groove", "Profile", "Shell", "Turned", "bored", "plate", "revolve"]
+__all__ = ["Groove", "Profile", "Shell", "Turned", "bored", "joined_shells", "plate", "revolve"]
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -27,6 +27,20 @@ class Shell:
 
     vertices: np.ndarray
     faces: np.ndarray
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner (2, 3)."""
+        return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def joined_shells(shells: Sequence[Shell]) -> Shell:
+    """Several as one, in their order."""
+    starts = np.cumsum([0, *(len(shell.vertices) for shell in shells)])
+    return Shell(
+        np.vstack([shell.vertices for shell in shells]),
+        np.vstack([shell.faces + start for shell, start in zip(shells, starts, strict=False)]),
+    )
 
 
 @dataclass(frozen=True)
@@ -69,26 +83,32 @@ class _Builder:
 
     def ring(self, xy: np.ndarray, z: np.ndarray | float) -> np.ndarray:
         """Vertices xy (n, 2) at height z, one for all or (n,) -> their indices (n,)."""
-        self._vertices.append(np.column_stack([xy, np.broadcast_to(z, len(xy))]))
+        out = np.empty((len(xy), 3))
+        out[:, :2], out[:, 2] = xy, z
+        self._vertices.append(out)
         self._count += len(xy)
         return np.arange(self._count - len(xy), self._count)
 
-    def strip(self, start: np.ndarray, end: np.ndarray) -> None:
-        """The surface from one ring to the next; counter-clockwise rings, walked upwards, face outwards."""
-        s2, e2 = np.roll(start, -1), np.roll(end, -1)
-        self._faces.append(np.column_stack([start, s2, e2]))
-        self._faces.append(np.column_stack([start, e2, end]))
-
     def strips(self, rings: Sequence[np.ndarray]) -> None:
-        for start, end in pairwise(rings):
-            self.strip(start, end)
+        """The surfaces from each ring to the next, as long; counter-clockwise rings, walked upwards, face outwards."""
+        if len(rings) < 2:
+            return
+        own = np.array(rings)
+        nxt = np.concatenate([own[:, 1:], own[:, :1]], axis=1)
+        start, s2, end, e2 = own[:-1], nxt[:-1], own[1:], nxt[1:]
+        faces = np.empty((len(start), 2, start.shape[1], 3), np.int64)
+        for k, side in enumerate(((start, s2, e2), (start, e2, end))):
+            for corner, index in enumerate(side):
+                faces[:, k, :, corner] = index
+        self._faces.append(faces.reshape(-1, 3))
 
     def cap(self, ring: np.ndarray, centre: tuple[float, float], z: float, *, up: bool) -> None:
         """A fan that closes a circle."""
         apex = self.ring(np.array([centre]), z)[0]
-        nxt = np.roll(ring, -1)
-        a, b = (ring, nxt) if up else (nxt, ring)
-        self._faces.append(np.column_stack([a, b, np.full(len(ring), apex)]))
+        faces = np.full((len(ring), 3), apex)
+        own, following = (0, 1) if up else (1, 0)
+        faces[:, own], faces[:-1, following], faces[-1, following] = ring, ring[1:], ring[0]
+        self._faces.append(faces)
 
     def face(self, rings: Sequence[tuple[np.ndarray, np.ndarray]], *, up: bool) -> None:
         """The flat face inside the first ring and outside the others; a ring is its xy (n, 2) and its indices (n,)."""
@@ -167,7 +187,7 @@ def bored(rings: Sequence[tuple[np.ndarray, np.ndarray | float]], bore: Polygon)
     low, high = (build.ring(hole, float(np.mean(z))) for z in (rings[0][1], rings[-1][1]))
     build.face([(rings[0][0], index[0]), (hole, low)], up=False)
     build.face([(rings[-1][0], index[-1]), (hole, high)], up=True)
-    build.strip(high, low)
+    build.strips([high, low])
     return build.shell()
 
 
@@ -187,7 +207,7 @@ def _add_bored(build: _Builder, feature: Turned, top: list, bottom: list, segmen
         face.append((feature.centre + radii[0] * circle, rings[0]))
         build.strips(rings if up else rings[::-1])
         build.face([(feature.centre + radii[-1] * circle, rings[-1]), (hole, end)], up=up)
-    build.strip(*ends)
+    build.strips(ends)
 
 
 def _add_turned(build: _Builder, feature: Turned, top: list, bottom: list, segments: int) -> None:
@@ -206,7 +226,7 @@ def _add_turned(build: _Builder, feature: Turned, top: list, bottom: list, segme
     build.strips(up)
     build.strips(down[::-1])
     if up and down and not up_closed and not down_closed:
-        build.strip(up[-1], down[-1])
+        build.strips([up[-1], down[-1]])
     if up_closed:
         build.cap(up[-1], feature.centre, feature.top[-1][1], up=True)
     if down_closed:
@@ -240,10 +260,13 @@ def _coords(ring) -> np.ndarray:
     return np.asarray(ring.coords)[:-1, :2]
 
 
+@lru_cache(maxsize=16)
 def _circle(segments: int) -> np.ndarray:
     """A unit circle, counter-clockwise (n, 2)."""
     angle = 2.0 * np.pi * np.arange(segments) / segments
-    return np.column_stack([np.cos(angle), np.sin(angle)])
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    circle.flags.writeable = False  # the next who asks gets it too
+    return circle
 
 
 def _triangulate(rings: Sequence[np.ndarray]) -> np.ndarray:

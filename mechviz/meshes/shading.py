@@ -13,12 +13,12 @@ _CREASE = np.cos(np.radians(30.0))
 
 def crisp(
     vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, area: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split a closed mesh along its creases.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Split closed meshes along their creases.
 
     vertices (V, 3), faces (N, 3) and what `face_normals` says of them -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of
-    the split mesh. Faces around a vertex that are connected over smooth edges form a fan; a vertex is repeated for every fan
-    around it, in the order of the vertices.
+    the split mesh, and which of the vertices (W,) each of its own was. Faces around a vertex that are connected over smooth edges
+    form a fan; a vertex is repeated for every fan around it, in the order of the vertices.
     """
     fans = _fans(faces, normal)
     count = int(fans.max(initial=-1)) + 1
@@ -34,7 +34,8 @@ def crisp(
     fallback = np.zeros_like(total)
     fallback[corner] = np.repeat(normal, 3, axis=0)
     unit = np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), fallback)
-    return vertices[vertex_of[order]], corner.reshape(-1, 3), unit
+    source = vertex_of[order]
+    return vertices[source], corner.reshape(-1, 3), unit, source
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-import trimesh
 
 from mechcore.spec import Mechanism
 
+from .extrude import Shell, joined_shells
 from .heights import Heights, find_heights
-from .model import Model, build_model, largest_circle, place
+from .model import Model, build_model, largest_circle
 from .palette import Color, link_colors
 from .parts import Part, make_parts
 from .shading import crisp, face_normals
@@ -20,6 +22,9 @@ from .shapes import draft_pieces
 from .spatial import Spin, spatial_parts
 from .stack import Levels, poses_of, stack_pieces
 from .sweep import Sweeps
+
+if TYPE_CHECKING:
+    import trimesh
 
 __all__ = ["Solid", "Solids", "build_solids", "find_clashes", "stl_bytes"]
 
@@ -31,8 +36,7 @@ class Solid:
     """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses move it in the plane."""
 
     name: str
-    mesh: trimesh.Trimesh  # all parts together, watertight, vertices shared
-    parts: tuple[trimesh.Trimesh, ...]  # the watertight parts that `mesh` consists of
+    shells: tuple[Shell, ...]  # its watertight parts, vertices shared
     kinds: tuple[str, ...]  # of the parts, see `parts.Part`
     vertices: np.ndarray  # (V, 3) float32 [m], repeated along sharp edges
     faces: np.ndarray  # (N, 3) uint32
@@ -41,6 +45,16 @@ class Solid:
     color: Color  # of the link
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
     spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
+
+    @cached_property
+    def parts(self) -> tuple[trimesh.Trimesh, ...]:
+        """The watertight parts that `mesh` consists of."""
+        return tuple(_mesh(shell) for shell in self.shells)
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """All parts together, watertight, vertices shared."""
+        return _mesh(joined_shells(self.shells))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +100,7 @@ def build_solids(
         parts += more
     colors = link_colors(model.links, model.frame)
     layers = _layers_of_links(model, levels, parts)
-    links = {
-        name: replace(
-            _solid(name, [part for part in parts if part.link == name], model.size, colors[name], layers[name]),
-            spin=spins.get(name),
-        )
-        for name in model.links
-    }
+    links = _solids(model, parts, colors, layers, spins)
     bounds = _bounds(model, links)
     top = float(bounds[1, 2]) + 0.01 * model.size
     heights = find_heights(mechanism, model, parts, poses, top)
@@ -140,41 +148,48 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
     return tuple(sorted((model.links[a], model.links[b]) for a, b in met.tolist()))
 
 
-def _solid(name: str, parts: list[Part], size: float, color: Color, layer: int | tuple[int, ...]) -> Solid:
-    """Parts of one link put together and scaled to metres."""
-    meshes, arrays, flats = [], [], []
-    for part in parts:
-        shell = part.shell
-        normal, area = face_normals(shell.vertices, shell.faces)
-        flats.append(normal)
-        meshes.append(_mesh(shell.vertices * size, shell.faces, normal))
-        vertices, faces, normals = crisp(shell.vertices, shell.faces, normal, area)
-        colors = np.tile(np.array(part.color or color, np.uint8), (len(vertices), 1))
-        arrays.append((vertices * size, faces, normals, colors))
-    offsets = np.cumsum([0] + [len(a[0]) for a in arrays[:-1]])
-    shells = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
-    mesh = _mesh(
-        np.vstack([m.vertices for m in meshes]),
-        np.vstack([m.faces + k for m, k in zip(meshes, shells, strict=True)]),
-        np.vstack(flats),
-    )
-    return Solid(
-        name=name,
-        mesh=mesh,
-        parts=tuple(meshes),
-        kinds=tuple(part.kind for part in parts),
-        vertices=np.vstack([a[0] for a in arrays]).astype(np.float32),
-        faces=np.vstack([a[1] + k for a, k in zip(arrays, offsets, strict=True)]).astype(np.uint32),
-        normals=np.vstack([a[2] for a in arrays]).astype(np.float32),
-        colors=np.vstack([a[3] for a in arrays]),
-        color=color,
-        layer=layer,
-    )
+def _solids(
+    model: Model,
+    parts: list[Part],
+    colors: Mapping[str, Color],
+    layers: Mapping[str, int | tuple[int, ...]],
+    spins: Mapping[str, Spin],
+) -> dict[str, Solid]:
+    """The parts of each link put together and scaled to metres; creases of all of them at once."""
+    own = {name: [part for part in parts if part.link == name] for name in model.links}
+    ordered = [part for some in own.values() for part in some]
+    whole = joined_shells([part.shell for part in ordered])
+    vertices, faces, normals, source = crisp(whole.vertices, whole.faces, *face_normals(whole.vertices, whole.faces))
+    # where the parts begin: among vertices as they were, as they are now, and faces
+    first = np.cumsum([0, *(len(part.shell.vertices) for part in ordered)])
+    begin = np.searchsorted(source, first)
+    face = np.cumsum([0, *(len(part.shell.faces) for part in ordered)])
+    paint = np.array([part.color or colors[part.link] for part in ordered], np.uint8)
+    found, done = {}, 0
+    for name, some in own.items():
+        a, b = done, done + len(some)
+        done = b
+        found[name] = Solid(
+            name=name,
+            shells=tuple(Shell(part.shell.vertices * model.size, part.shell.faces) for part in some),
+            kinds=tuple(part.kind for part in some),
+            vertices=(vertices[begin[a] : begin[b]] * model.size).astype(np.float32),
+            faces=(faces[face[a] : face[b]] - begin[a]).astype(np.uint32),
+            normals=normals[begin[a] : begin[b]].astype(np.float32),
+            colors=np.repeat(paint[a:b], np.diff(begin[a : b + 1]), axis=0),
+            color=colors[name],
+            layer=layers[name],
+            spin=spins.get(name),
+        )
+    return found
 
 
-def _mesh(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> trimesh.Trimesh:
+def _mesh(shell: Shell) -> trimesh.Trimesh:
+    import trimesh  # here: it takes longer to load than the rest of a recording takes to make, which has no use for it
+
     # No processing: vertices are shared by construction, and merging by an absolute distance ruins tiny mechanisms.
-    return trimesh.Trimesh(vertices=vertices, faces=faces, face_normals=normals, process=False)
+    normals = face_normals(shell.vertices, shell.faces)[0]
+    return trimesh.Trimesh(vertices=shell.vertices, faces=shell.faces, face_normals=normals, process=False)
 
 
 def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
@@ -189,15 +204,19 @@ def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
     lows, highs = [], []
     for name, solid in links.items():
         pose = poses_of(model, name) * (model.size, model.size, 1.0)
+        pose = pose[:1] if (pose == pose[0]).all() else pose
         if solid.spin is not None:
             pose = pose * (1.0, 1.0, 0.0)
-        flat = place(_rim(solid), pose).reshape(-1, 2)
-        z = solid.mesh.vertices[:, 2]
-        lows.append([*flat.min(axis=0), z.min()])
-        highs.append([*flat.max(axis=0), z.max()])
+        c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
+        x, y = _rim(solid).T
+        at = pose[:, 0, None] + c * x - s * y, pose[:, 1, None] + s * x + c * y
+        z = np.concatenate([shell.vertices[:, 2] for shell in solid.shells])
+        lows.append([at[0].min(), at[1].min(), z.min()])
+        highs.append([at[0].max(), at[1].max(), z.max()])
     return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
 
 
 def _rim(solid: Solid) -> np.ndarray:
     """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
-    return shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(np.asarray(solid.mesh.vertices)[:, :2])))
+    xy = np.concatenate([shell.vertices[:, :2] for shell in solid.shells])
+    return shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy)))

@@ -16,7 +16,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, PPoly, splprep
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
@@ -394,6 +393,8 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
 
     Even degrees and closed outlines need at least degree + 2 points.
     """
+    from scipy.interpolate import BSpline, PPoly, splprep
+
     z = np.asarray(points, complex).ravel()
     if closed and len(z) > 1 and z[0] == z[-1]:
         z = z[:-1]

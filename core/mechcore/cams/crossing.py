@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from .contour import Contour
 
@@ -19,6 +18,8 @@ def self_crossing(contour: Contour) -> complex | None:
     Two chords that are no neighbours meet where ``a + t r = b + s q`` has both parameters in [0, 1]; pairs whose middles are
     farther apart than the longest chord cannot.
     """
+    from scipy.spatial import cKDTree
+
     z = contour.samples(max(2, -(-SEGMENTS // contour.count) + 1))[2]
     z = z[np.abs(z - np.roll(z, 1)) > _NEAR * contour.size]
     way = np.roll(z, -1) - z

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..errors import Fault, MechanismError
 from .analysis import analyse
@@ -88,6 +87,8 @@ def cut_profile(cam: Cam, count: int = 2880) -> CutProfile:
 
 def _outside(points: NDArray, cam: Cam, theta: Real) -> NDArray[np.bool_]:
     """Which points of the working curve no position of the follower covers."""
+    from scipy.spatial import cKDTree
+
     s = cam.at(theta)
     size = float(np.abs(s.pitch).max())
     if not isinstance(cam.follower.face, Flat):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
@@ -86,6 +85,8 @@ def _heights(
     bounds: list[tuple[float, float, str]], e: float, radius: float, want: Requirement, least: float, samples: Real
 ) -> tuple[float, str]:
     """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides."""
+    from scipy.optimize import brentq
+
     s = samples
     hub = float(np.sqrt(max((least + radius) ** 2 - e * e, 0.0))), "base circle"
     height, decides = max([hub, *((b + c * e, name) for b, c, name in bounds)])
@@ -114,6 +115,8 @@ def _heights(
 
 def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement, height: float, decides: str) -> tuple[float, str]:
     """The answer with the sampling's error in the curvature removed: its extreme taken between the samples too."""
+    from scipy.optimize import brentq
+
     limit = radius + (want.radius or 0.0)
     if limit <= 0.0:
         return height, decides
@@ -193,6 +196,8 @@ def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requiremen
 
 def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, at_least: float) -> Design:
     """Any other follower: the first base circle, from below, at which all margins are positive."""
+    from scipy.optimize import brentq
+
     d, arm = abs(follower.guide.pivot), follower.guide.arm  # type: ignore[union-attr]  # oscillating here
     r = follower.radius
     if isinstance(follower.face, Flat):

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..loads import JournalContact, JournalLoss
 from .base import Configuration, Effect
@@ -35,6 +34,8 @@ def loss_factor(restitution: float, speed: float) -> float:
 
     From m v dv = -F dd on the way in and out: x (1 + e) = ln((1 + x) / (1 - e x)) with x = a v.
     """
+    from scipy.optimize import brentq
+
     if restitution >= 1.0:
         return 0.0
     e = restitution

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, PPoly, splrep
 
 from ..errors import Fault, MechanismError
 from .curve import MotionCurve, Piece
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 __all__ = [
     "Condition", "Smoothing", "from_acceleration", "from_velocity", "measured_table", "polynomial_law", "spline_law",
@@ -96,6 +99,8 @@ def spline_law(conditions: Sequence[Condition], degree: int = 5) -> MotionCurve:
     As many basis functions as conditions; the inner knots are averages of neighbouring angles (as for plain interpolation),
     so that a solution exists wherever the Schoenberg-Whitney conditions hold. Derivatives up to ``degree - 1`` are continuous.
     """
+    from scipy.interpolate import BSpline, PPoly
+
     x, k, y = _sorted(conditions, 2)
     n = len(x)
     degree = min(degree, n - 1)
@@ -144,6 +149,8 @@ def measured_table(
     is kept as a uniform trend); continuous into the next cycle up to the fourth derivative. P. Dierckx's smoothing spline
     (``scipy.interpolate.splrep``).
     """
+    from scipy.interpolate import PPoly, splrep
+
     x, y = np.asarray(angles, float).ravel(), np.asarray(values, float).ravel()
     if x.size != y.size or x.size < 6:
         raise MechanismError(Fault("law.table", f"{x.size} angles and {y.size} values.", "Give at least six of each."))

@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ..errors import Fault, MechanismError
 from .curve import MotionCurve, Piece
@@ -59,6 +58,8 @@ def least_peak(
     ``mass s'' + stiffness s + load`` (mass in force per unit of s'', that is m w^2), whose largest value is made least while it
     stays above ``least_force`` (contact kept with that margin). Raises where no law satisfies the conditions.
     """
+    from scipy.optimize import linprog
+
     control = smooth if smooth is not None else (3 if goal == "force" else _ORDER[goal])
     order = 2 if goal == "force" else _ORDER[goal]
     limits = dict(limits or {})
