@@ -116,6 +116,7 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
             accuracy=accuracy,
             progress=bar.stage,
             advance=lambda t, end: bar(round(1e3 * t / end), 1000),
+            warn=lambda words: say(f"note: {words}"),
         )
 
 

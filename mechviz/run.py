@@ -108,11 +108,13 @@ def run_scene(
     advance: Callable[[float, float], None] = lambda *_: None,
     accuracy: Accuracy | float | None = None,
     observe: Callable[[Simulation, float], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Run:
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
     Where forces decide the motion it is found first, over the scene's duration; ``advance`` is told how far it is known and how
-    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration.
+    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration; ``warn`` is told
+    before it begins what will take long.
 
     Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
@@ -141,7 +143,7 @@ def run_scene(
             with stage("steady run"):
                 steady, compiled = _steady(scene.simulation.steady, compiled)
         with stage("motion under forces"):
-            again = _resimulate(scene, compiled, advance, steady, observe)
+            again = _resimulate(scene, compiled, advance, steady, observe, warn)
             simulation = _simulate(scene, dials, again, asked=accuracy is not None)
     fit = None
     if dials.target is not None and not counted and dials.frames is None:
@@ -205,6 +207,7 @@ def _resimulate(
     advance: Callable[[float, float], None],
     steady: SteadyRun | None,
     observe: Callable[[Simulation, float], None] | None,
+    warn: Callable[[str], None] | None,
 ) -> Resimulate:
     """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
     from a motion that is like it; only the first motion is observed while it is found."""
@@ -215,6 +218,7 @@ def _resimulate(
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
 
     unseen = [] if observe is None else [observe]
+    unwarned = [] if warn is None else [warn]
 
     def found(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
         look = unseen.pop() if unseen else None
@@ -229,6 +233,7 @@ def _resimulate(
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda stretch: look(stretch, duration),
             like=like,
+            warn=unwarned.pop() if unwarned else None,
         )
 
     return found

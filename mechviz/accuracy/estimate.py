@@ -10,7 +10,7 @@
   higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
   looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
   the same solution, and then tells how wrong the false one was. What both share is what no tolerance mends: the model, and the
-  rounding of the same formulas.
+  rounding of the same formulas. A vibration that was stepped over, because it is smaller than the tolerance, counts in full.
 - Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
   error at twice and four times the distance shows, at most that of the interpolation.
 """
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from mechcore.between import between
 
-from .quantities import Quantity, quantities
+from .quantities import Quantity, quantities, stands_still
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
@@ -91,6 +91,11 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         error = integration_error(run.simulation, motion.time, run.again)
         position, velocity = position + error, velocity + error
         acceleration, reaction = acceleration + error, reaction + error
+        amplitude, frequency = run.simulation.unseen
+        if amplitude:
+            omega = 2.0 * np.pi * frequency
+            fast = [amplitude * omega**k / max(peak, 1e-300) for k, peak in enumerate(_peaks(motion), 1)]
+            velocity, acceleration, reaction = velocity + fast[0], acceleration + fast[1], reaction + fast[1]
     return ErrorEstimate(
         position, velocity, acceleration, reaction, interpolation_error(found, motion.time, run.accuracy.interpolation),
         run.accuracy.interpolation,
@@ -108,7 +113,16 @@ def _travel(motion: Any, size: float) -> Real:
 
 def _bend(motion: Any) -> float:
     """How much rates change where positions change by one: largest acceleration over the square of the largest velocity, lengths in
-    sizes of the mechanism. A frame that is misplaced has the rates of another place."""
+    sizes of the mechanism. A frame that is misplaced has the rates of another place. 1 where nothing moves."""
+    speed, acceleration = _peaks(motion)
+    return acceleration / speed**2 if speed > 0.0 else 0.0
+
+
+def _peaks(motion: Any) -> tuple[float, float]:
+    """Largest velocity and acceleration, lengths in sizes of the mechanism; where nothing moves, those of `quantities`."""
+    if stands_still(motion):
+        pace = 1.0 / float(motion.time[-1] - motion.time[0])
+        return pace, pace * pace
     size = motion.model.size
     speed = acceleration = 0.0
     for link in motion.model.links[1:]:
@@ -116,7 +130,7 @@ def _bend(motion: Any) -> float:
             unit = 1.0 if k == 2 else size
             speed = max(speed, float(np.nanmax(np.abs(motion.velocity(link)[:, k]), initial=0.0)) / unit)
             acceleration = max(acceleration, float(np.nanmax(np.abs(motion.acceleration(link)[:, k]), initial=0.0)) / unit)
-    return acceleration / speed**2 if speed > 0.0 else 0.0
+    return speed, acceleration
 
 
 def _cancelled(run: Run, every: list[Quantity]) -> float:
@@ -213,7 +227,8 @@ def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> S
     try:
         if simulation.method == "energy":
             return simulate(TIGHTEST, "gauss", simulation)
-        return simulate(max(TIGHTER * simulation.tolerance, TIGHTEST), None, simulation)
+        method = "radau" if simulation.method == "radau" else None
+        return simulate(max(TIGHTER * simulation.tolerance, 4.0 * simulation.unseen[0], TIGHTEST), method, simulation)
     except MechanismError:
         return None
 
@@ -230,7 +245,7 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
     some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED))
     some = some[some <= companion.duration]
     apart = poses_apart(simulation.view(some), companion.view(some))
-    return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING)
+    return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.unseen[0])
 
 
 def poses_apart(one: Any, other: Any) -> Real:

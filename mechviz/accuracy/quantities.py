@@ -13,7 +13,7 @@ from mechcore.between import between
 
 from ..tables import joints_of
 
-__all__ = ["KINDS", "Quantity", "errors_between", "quantities", "worst_by_kind"]
+__all__ = ["KINDS", "Quantity", "errors_between", "quantities", "stands_still", "worst_by_kind"]
 
 Real = NDArray[np.float64]
 
@@ -21,6 +21,7 @@ KINDS = ("position", "velocity", "acceleration", "reaction")
 """Of the quantities; efforts of drives count as reactions."""
 
 LEAST = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
+STILL = 1e-9  # of the mechanism's size, or radians: a motion that never goes farther is rounding, or next to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,8 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
     """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
-    of peaks.
+    of peaks. Rates of a mechanism that stands still are rounding, and so is their peak: they are relative to one that goes as
+    far as it is large in the time of the run.
     """
     found = [*_kinematics(motion), *_points(motion)]
     if forces is not None:
@@ -56,6 +58,7 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
     size = motion.model.size
     moving = motion.model.links[1:]
     rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
+    pace = 1.0 / float(motion.time[-1] - motion.time[0]) if stands_still(motion) else 0.0
     for what, part in (("place", slice(0, 2)), ("angle", slice(2, 3))):
         unit = size if what == "place" else 1.0
         peaks = [_peak([r[d][:, part] for r in rows.values()]) for d in (1, 2)]
@@ -63,9 +66,18 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
             x, v, a = x[:, part], v[:, part], a[:, part]
             yield Quantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
             if peaks[0]:
-                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0]), a)
+                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0], unit * pace), a)
             if peaks[1]:
-                yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, max(_peak([a]), LEAST * peaks[1]))
+                scale = max(_peak([a]), LEAST * peaks[1], unit * pace * pace)
+                yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
+
+
+def stands_still(motion: Any) -> bool:
+    """Whether no link ever moves by more than rounding."""
+    if motion.frames < 2:
+        return False
+    unit = np.array([motion.model.size, motion.model.size, 1.0])
+    return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL * unit).all()) for k in motion.model.links[1:])
 
 
 def _points(motion: Any) -> Iterator[Quantity]:

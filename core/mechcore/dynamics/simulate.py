@@ -7,6 +7,7 @@ gives the motion without a single step in time. All else is collocation in windo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from .charts import curve_around
 from .collocation import Window
 from .curve import Curve
 from .energy import by_energy
+from .fastest import Fastest, check_periods, fastest_vibration
 from .free import Free
 from .happenings import Happening, Stop, Watch
 from .integrate import Solution
@@ -28,7 +30,7 @@ from .liftoff import Liftoff
 from .phases import braking_elements
 from .pieces import Piece
 from .progress import Method, Progress, table_tolerance
-from .reduced import reduce
+from .reduced import free_of, reduce
 from .simulation import Simulation
 
 __all__ = ["simulate"]
@@ -51,6 +53,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
     like: Simulation | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
@@ -59,7 +62,8 @@ def simulate(
     press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every stretch of the motion as soon as it is
     known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion
-    to another tolerance or by its energy, from which collocation then starts (see `retrace`). Raises `MechanismError`.
+    to another tolerance or by its energy, from which collocation then starts (see `retrace`). ``warn`` is told what will take long,
+    before it does. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     _validate(compiled, duration, tolerance, liftoffs)
@@ -100,9 +104,27 @@ def simulate(
                 'Choose "auto", "gauss" or "radau".',
             )
         )
-    return Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like).go(
-        q, v
-    )
+    unseen: Fastest | None = None
+    fast = fastest_vibration(compiled, q, v)
+    if fast is not None and method != "gauss" and _steps_over(compiled, fast, duration, tolerance, method):
+        method, unseen = "radau", fast if fast.amplitude <= tolerance else None
+    elif fast is not None:
+        words = check_periods(fast, duration, tolerance)
+        if words is not None and warn is not None:
+            warn(words)
+    way = Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like)
+    run = way.go(q, v)
+    if unseen is None:
+        return run
+    happenings = (Happening(0.0, "stiff", unseen.load, unseen.stepped_over), *run.happenings)
+    return replace(run, unseen=(unseen.amplitude, unseen.frequency), happenings=happenings)
+
+
+def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: float, method: Method) -> bool:
+    """Whether the run does without its fastest vibration, by an L-stable rule: where nobody asked for another, and nothing but
+    what was looked at sets it going."""
+    alone = len(free_of(compiled)) == len(compiled.mechanism.drives) and "friction" not in compiled.mechanism.effects
+    return (alone or method == "radau") and fast.steps_over(duration, tolerance)
 
 
 def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:

@@ -30,13 +30,15 @@ __all__ = ["Simulation"]
 
 Array = NDArray[np.float64]
 _STEPS = np.linspace(0.0, 1.0, 16)
+NOTHING = 1e-9  # of the energies that stand by: a motion with less is as good as none
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """A motion that was found. Call it with times (n,) [s] for positions, speeds, accelerations (n, f) of the free coordinates.
 
-    ``method``: what found it; ``evaluations``: calls of the equations of motion, many nodes in each.
+    ``method``: what found it; ``evaluations``: calls of the equations of motion, many nodes in each; ``unseen``: amplitude,
+    relative to one radian or the mechanism's size, and frequency [Hz] of a vibration that was stepped over.
     """
 
     compiled: Compiled
@@ -49,6 +51,7 @@ class Simulation:
     stops: tuple[Stop, ...] = ()
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     liftoffs: tuple[Liftoff, ...] = ()
+    unseen: tuple[float, float] = (0.0, 0.0)
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -236,11 +239,22 @@ class Simulation:
         return out
 
     def drift(self, t: ArrayLike) -> Array:
-        """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,)."""
+        """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,); where
+        that is next to nothing, to a billionth of the energies that stand by, and where a vibration was stepped over, to these."""
         t = np.atleast_1d(np.asarray(t, float))
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
-        size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), 1e-300)
+        standing = self._standing * (1.0 if self.unseen[0] else NOTHING)
+        size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), standing, 1e-300)
         return (kinetic[:-1] - kinetic[-1] - work) / size
+
+    @cached_property
+    def _standing(self) -> float:
+        """Energies that stand by at the start [J]: what is stored in springs, and what weights have on the mechanism's size."""
+        mechanism, model = self.compiled.mechanism, self.compiled.model
+        t = np.array([self.start])
+        held = sum(abs(float(np.ravel(potential(piece.motion(t)))[0])) for piece, _ in self._rows(t))
+        weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
+        return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
 
     def _borders(self) -> Array:
         out = [p.start for p in self.pieces]
