@@ -7,6 +7,8 @@ import json
 import viser
 from viser import _messages
 
+from . import drawing
+
 __all__ = ["open_tab", "prepare_page"]
 
 # viser listens to hotkeys at the root element and turns the camera on arrow keys at the document, which comes after it.
@@ -82,28 +84,32 @@ if (!window.mechvizCursor) {
 # viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
 # lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
 # After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
-# points and panels do not: two frames are enough, and without a graphics card the next move need not wait for all the others.
+# points and panels do not: one frame is enough, with another when all is at rest (drawing.js), and without a graphics card the next
+# move need not wait for all the others.
 PROMPT = """
 (() => {
   const viser = window.__viserMutable;
   if (window.mechvizPrompt || !viser || !viser.drainMessageQueue || !viser.requestRender) return;
   window.mechvizPrompt = true;
-  const AT_ONCE = new Set(["SetPositionMessage", "SetOrientationMessage", "GuiUpdateMessage", "RunJavascriptMessage"]);
-  const MOVES = new Set(["points", "vertices", "scale", "batched_positions", "batched_wxyzs", "batched_scales"]), FRAMES = 2;
+  const AT_ONCE = new Set(["SetPositionMessage", "SetOrientationMessage", "GuiUpdateMessage", "RunJavascriptMessage",
+    "SetSceneNodeVisibilityMessage"]);
+  const MOVES = new Set(["points", "vertices", "scale", "batched_positions", "batched_wxyzs", "batched_scales"]);
   const isAtOnce = ({ type, updates }) =>
     AT_ONCE.has(type) || (type === "SceneNodeUpdateMessage" && Object.keys(updates).every((prop) => MOVES.has(prop)));
-  let request = viser.requestRender, taking = false;
+  let request = viser.requestRender, taking = null;
   const invalidate = () => {
     const own = viser.scene && viser.scene.__r3f, store = own && (own.root || own), state = store && store.getState;
     return state ? state().invalidate : null;
   };
   const prompt = () => {
     const ready = viser.getRenderRequestState === "ready" && viser.drainMessageQueue && !viser.firstMessageBatch;
-    if (!ready || taking || !viser.messageQueue.length) return request();
+    if (taking) return taking === "known" ? undefined : request();
+    if (!ready || !viser.messageQueue.length) return request();
     const draw = viser.messageQueue.every(isAtOnce) && invalidate();
-    taking = true;
-    try { viser.drainMessageQueue(); } finally { taking = false; }
-    if (draw) draw(FRAMES); else request();
+    if (window.mechvizDrawing) window.mechvizDrawing.touch();
+    taking = draw ? "known" : "other";
+    try { viser.drainMessageQueue(); } finally { taking = null; }
+    if (draw) draw(window.mechvizDrawing ? 1 : 2); else request();
   };
   Object.defineProperty(viser, "requestRender", { configurable: true, enumerable: true, get: () => prompt,
     set: (other) => { request = other; } });
@@ -113,7 +119,7 @@ PROMPT = """
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{PROMPT}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{drawing.SCRIPT}{PROMPT}"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
 
 
