@@ -477,6 +477,18 @@ def test_in_2d_dragging_moves_the_picture_and_turns_nothing(viewer, page):
     _until_fitted(viewer, page)
 
 
+def test_reset_view_leads_out_of_2d(viewer, page):
+    drag = "() => { const c = window.__viserMutable.cameraControl; return c.mouseButtons.left === c.constructor.ACTION.ROTATE; }"
+    page.get_by_role("button", name="2D", exact=True).click()
+    until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") < 2.0, "hardly any perspective")
+    assert not page.evaluate(drag)
+    page.evaluate("() => window.__viserMutable.resetCameraPose(true)")  # what viser's button calls
+    _until_fitted(viewer, page)
+    until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") > 10.0, "the usual angle of view")
+    assert page.evaluate(drag)
+    assert {viewer.scene.cameras.preset(client) for client in viewer.server.get_clients().values()} == {"front"}
+
+
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
     with Viewer(run_scene(scene.load("plans-four-bar"), frames=24), port=0) as shown:
         opened = open_viewer(browser, shown, SIZE, [link_path("crank")])

@@ -13,7 +13,7 @@ import viser
 from numpy.typing import NDArray
 from viser import _messages
 
-__all__ = ["FIELD_OF_VIEW", "PRESETS", "FittedCameras", "Preset", "View", "fit_view", "move_to", "set_first_view"]
+__all__ = ["FIELD_OF_VIEW", "PRESETS", "FittedCameras", "Preset", "View", "fit_view", "move_to", "reset_to", "set_first_view"]
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
@@ -36,6 +36,21 @@ DRAGGING = """
     controls.mouseButtons.left = flat ? action.TRUCK : action.ROTATE;
     controls.touches.one = flat ? action.TOUCH_TRUCK : action.TOUCH_ROTATE;
     controls.dollyToCursor = flat;
+  } }
+"""
+
+# viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it is
+# made to press our button of the first preset, which brings all of it back.
+RESET = """
+{ const viser = window.__viserMutable;
+  if (viser && viser.resetCameraPose && viser.sendMessage) {
+    if (!window.mechvizReset) {
+      let reset = viser.resetCameraPose;
+      const press = (pressed) => pressed ? viser.sendMessage({ type: "GuiUpdateMessage", ...window.mechvizReset }) : reset(pressed);
+      Object.defineProperty(viser, "resetCameraPose", { configurable: true, enumerable: true, get: () => press,
+        set: (other) => { reset = other; } });
+    }
+    window.mechvizReset = { uuid: UUID, updates: { value: LABEL } };
   } }
 """
 
@@ -97,6 +112,12 @@ def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> No
     camera.up = (0.0, 1.0, 0.0)
     camera.position = view.position
     camera.look_at = view.look_at
+
+
+def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
+    """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
+    source = RESET.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label))
+    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
 
 
 class FittedCameras:

@@ -7,7 +7,7 @@
 
   const REST = 150; // [ms] without a change, after which the picture is drawn as well as can be
   const LEVELS = [0, 1, 0.75, 0.5]; // parts of the pixels each way, with one sample each; 0: as the canvas is
-  const MOST = 14, LEAST = 4, GAIN = 0.85; // [ms] for a picture: above it the next level, below it the last; a gain that is worth it
+  const MOST = 14, LEAST = 4, GAIN = 0.85; // [ms] for a picture: above it the next level, below it the last; a gain worth it
   const OFTEN = 4, COUNT = 3; // one of so many pictures is timed, and the shortest of so many times decides
 
   const named = context.getExtension("WEBGL_debug_renderer_info");
@@ -15,7 +15,8 @@
   const drawing = {
     card, software: /swiftshader|llvmpipe|softpipe|software|basic render/i.test(card),
     fixed: new URLSearchParams(window.location.search).has("fixedDpr"), // somebody has chosen the number of pixels
-    moving: false, level: 1, whole: 0, light: 0, size: null, before: [], // pictures drawn as well as can be, lightly; what comes first
+    moving: false, level: 1, whole: 0, light: 0, size: null, // pictures drawn as well as can be, lightly; of the last
+    before: [], // what is to be done before each
   };
   drawing.draw = () => read().invalidate();
 
@@ -44,7 +45,9 @@
   };
 
   // -- how lightly: a picture that takes too long gets fewer pixels, if that helps ---------------------------------------
-  let times = [], before = 0, vain = false;
+  let times, before, vain;
+  drawing.forget = () => { times = []; before = 0; vain = false; };
+  drawing.forget();
   drawing.took = (time) => {
     times.push(time);
     if (times.length < COUNT) return;
@@ -79,7 +82,8 @@
     if (target) {
       context.deleteFramebuffer(target.frame); context.deleteTexture(target.color); context.deleteRenderbuffer(target.depth);
     }
-    target = { width, height, frame: context.createFramebuffer(), color: context.createTexture(), depth: context.createRenderbuffer() };
+    target = { width, height };
+    target.frame = context.createFramebuffer(); target.color = context.createTexture(); target.depth = context.createRenderbuffer();
     context.activeTexture(context.TEXTURE0);
     context.bindTexture(context.TEXTURE_2D, target.color);
     context.texStorage2D(context.TEXTURE_2D, 1, context.RGBA8, width, height);
@@ -143,12 +147,16 @@
   };
   context.canvas.addEventListener("webglcontextrestored", () => { target = copier = null; });
 
+  let canvas = "";
   gl.render = (scene, camera) => {
     const usual = scene === viser.scene && gl.getRenderTarget() === null && (viser.getRenderRequestState || "ready") === "ready";
     if (!drawing.software || !usual) return whole.call(gl, scene, camera);
     // A page without a picture behind the scene fills itself with one that is not seen
     const back = viser.backgroundMaterial, behind = back && scene.children.find((node) => node.material === back);
     if (behind) behind.visible = back.uniforms.enabled.value;
+    const full = [context.drawingBufferWidth, context.drawingBufferHeight].join();
+    if (full !== canvas) drawing.forget();
+    canvas = full;
     if (turned(camera)) drawing.touch();
     const lightly = !drawing.fixed && drawing.moving && drawing.level > 0;
     for (const first of drawing.before) first(lightly ? LEVELS[drawing.level] : 1);

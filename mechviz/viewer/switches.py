@@ -10,7 +10,7 @@ import viser
 
 from ..vectors import FAMILIES, FORCE_FAMILIES
 from .callbacks import Callback, finite
-from .camera import PRESETS
+from .camera import PRESETS, reset_to
 from .player import Player
 from .scene3d import Scene3D
 from .show import Show
@@ -46,6 +46,7 @@ class Switches:
         with tab:
             self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()), hint=CAMERAS)
             self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
+            reset_to(server, self.cameras._impl.uuid, PRESETS["front"].label)
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
                 for name in FAMILIES:
