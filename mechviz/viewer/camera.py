@@ -39,8 +39,8 @@ DRAGGING = """
   } }
 """
 
-# viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it is
-# made to press our button of the first preset, which brings all of it back.
+# viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it
+# is made to press our button of the first preset, which brings all of it back.
 RESET = """
 { const viser = window.__viserMutable;
   if (viser && viser.resetCameraPose && viser.sendMessage) {
