@@ -2,7 +2,8 @@
 
 python benchmarks/sharing.py [--short] [--forces]
 
-With ``--forces`` every link has a mass and the recording all reactions, the inertia, weight and driving torque of every frame.
+The page is made by the command in a process of its own: its memory is that of the command. With ``--forces`` every link has a mass
+and the recording all reactions, the inertia, weight and driving torque of every frame.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from timing import machine  # first: it sets one thread
 
 import resource  # isort: skip
+import subprocess
 import sys
 import tempfile
 import time
@@ -18,10 +20,18 @@ from pathlib import Path
 from mechviz import loads
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
-from mechviz.share import make_page
 from mechviz.share.browser import ChromiumError
 from mechviz.share.drawing import write_svg
 from mechviz.share.pictures import Look, Moment, shot
+
+# The command line, and then what it has used: processor time [s], most memory [KiB]
+SHARE = """
+import atexit, time
+from pathlib import Path
+from mechviz.__main__ import main
+atexit.register(lambda: print(time.process_time(), Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]))
+main()
+"""
 
 
 def train(count: int, forces: bool = False) -> str:
@@ -51,19 +61,21 @@ def main(short: bool, forces: bool) -> None:
         recording, page, picture = (Path(folder) / name for name in ("run.rrd", "page.html", "picture.png"))
         start = time.process_time()
 
-        def tell(what: str, file: Path) -> None:
+        def tell(what: str, file: Path, told: list[str] | None = None) -> None:
             nonlocal start
-            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            spent, most = time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            if told:
+                spent, most = float(told[0]), int(told[1])
             size = file.stat().st_size / 1e6
-            print(f"{what:<40} {time.process_time() - start:6.1f} s  {size:8.2f} MB  at most {memory:6.0f} MiB", flush=True)
+            print(f"{what:<40} {spent:6.1f} s  {size:8.2f} MB  at most {most / 1024:6.0f} MiB", flush=True)
             start = time.process_time()
 
         write_recording(run_scene(loads(train(count, forces)), frames=frames), recording)
         tell(f"{2 * count + 1} bodies{' with forces' if forces else ''}, {frames} frames, recorded", recording)
+        command = [sys.executable, "-c", SHARE, "share", str(recording), "-o", str(page)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        tell("page", page, done.stdout.split()[-2:])
         read = Recording(recording)
-        text, chosen = make_page(read)
-        page.write_text(text, encoding="utf-8")
-        tell(f"page with {len(chosen.chosen)} of {chosen.total} frames", page)
         drawing = write_svg(read, picture.with_suffix(".svg"))
         tell("drawing (SVG)", drawing)
         try:

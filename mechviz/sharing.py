@@ -47,7 +47,7 @@ def share(
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_target(path)
-        recording = _recording(source, frames, cycles)
+        recording = _recording(source, frames, cycles, most)
         from .share import make_page
 
         with interruptible(), progress_bar("sharing") as bar:
@@ -145,8 +145,8 @@ def film(
         print(output)
 
 
-def _recording(source: str, frames: int | None, cycles: int | None) -> Recording:
-    """The recording that is meant, or one made of the scene."""
+def _recording(source: str, frames: int | None, cycles: int | None, most: int | None = None) -> Recording:
+    """The recording that is meant, or one made of the scene, with ``most`` of its frames where a number is given."""
     from .share.source import is_recording, recorded
 
     if not is_recording(source):
@@ -154,13 +154,13 @@ def _recording(source: str, frames: int | None, cycles: int | None) -> Recording
         import rerun  # noqa: F401  before anything is begun: a library that is loading may swallow an interruption
 
         with interruptible(), progress_bar("recording") as bar:
-            return recorded(run, bar, bar.stage)
+            return recorded(run, bar, bar.stage, most=most)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
     with progress_bar(f"opening {Path(source).name}"):
         from .record import Recording
 
-        recording = Recording(source)
+        recording = Recording(source, most=most)
     if not recording.has("data", "links", recording.model["frame"], "pose"):
         fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
     return recording

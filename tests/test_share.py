@@ -180,6 +180,29 @@ def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
     assert 101 in kept.chosen
 
 
+def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("mechviz.record.writer.BLOCK", 50)  # frames, so that it has many blocks
+    # a drive that goes to and fro, and lanes
+    path = write_recording(run_scene(mechviz.load("lamp-arm"), frames=240), tmp_path / "a.rrd").path
+    whole = Recording(path)
+    total = len(whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time)
+    part = Recording(path, most=30)
+    page, frames = make_page(part, most=30)
+    assert (page, frames.total, len(frames.chosen)) == (make_page(whole, most=30)[0], total, 30)
+    assert part.events == whole.events and part.entities == whole.entities and part.notes == whole.notes
+    for entity in whole.entities:
+        if entity.startswith("/state/") and whole.has(entity):
+            lanes = [r.rows(entity, component="StateChange:state") for r in (part, whole)]
+            assert lanes[0].time.tolist() == lanes[1].time.tolist() and lanes[0].values.tolist() == lanes[1].values.tolist()
+    read = part.rows("data", "links", part.model["frame"], "pose", component="Scalars:scalars")
+    assert 30 <= len(read.time) <= 30 + -(-total // 50), "those of the page, and the first of each block"
+    fewer = make_page(part, most=10)[1]
+    assert len(fewer.chosen) == 10 and np.array_equal(
+        fewer.ns, whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time[fewer.chosen]
+    )
+    assert Recording(path, most=10_000).frame_times is None, "short enough as it is"
+
+
 def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
     _, frames, header, _arrays = ten
     largest = np.max([np.hypot(*TEN.data("joints", j, "reaction")[:, :2].T) for j in TEN.recording.model["joints"]], axis=0)

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from .errors import RecordingError
 from .paths import entity
+from .thinning import evenly, rows_at_or_before, ticks, times_of
 
 __all__ = ["LoggedEvent", "Recording", "Rows"]
 
 PROPERTIES = "/__properties/mechviz"
+IN_FULL = ("/events", "/state/")  # what does not happen at frames
 TIMELINES = ("drive_mdeg", "drive_um")
 
 
@@ -44,14 +46,19 @@ class Recording:
     """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours.
 
     Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
+
+    With ``most`` a longer recording is read at so many frames only, spread evenly over the run (and some between them, where the
+    file's blocks begin): the whole one need not fit into memory. Events and states are there in full; ``frame_times`` (F,) [ns] are
+    then those of all frames, otherwise None.
     """
 
-    def __init__(self, path: Path | str):
+    def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
+        self.frame_times: NDArray[np.int64] | None = None
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
         self.application = ""
-        self._load()
+        self._load(most)
         if PROPERTIES not in self._static:
             what = f"of the application '{self.application}'" if self.application else "of another program"
             raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
@@ -59,7 +66,8 @@ class Recording:
     def __repr__(self) -> str:
         return f"Recording {self.path.name}: {len(self.entities)} entities"
 
-    def _load(self) -> None:
+    def _load(self, most: int | None) -> None:
+        import pyarrow as pa
         from rerun.chunk import RrdReader
 
         _check_readable(self.path)
@@ -69,10 +77,18 @@ class Recording:
                 reader = RrdReader(self.path)
                 stores = reader.recordings()
                 self.application = stores[0].application_id if stores else ""
+                if most is not None and stores:
+                    self.frame_times = _times_of_frames(reader, most)
+                times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
                 for chunk in reader.stream() if stores else ():
-                    batch = chunk.to_record_batch()
-                    into = self._moving if "time" in batch.schema.names else self._static
-                    into.setdefault(str(chunk.entity_path), []).append(batch)
+                    batch, name = chunk.to_record_batch(), str(chunk.entity_path)
+                    moving = "time" in batch.schema.names
+                    known = (self._moving if moving else self._static).setdefault(name, [])
+                    if moving and times is not None and not name.startswith(IN_FULL):
+                        batch = rows_at_or_before(batch, times)
+                        if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
+                            batch = pa.concat_batches([known.pop(), batch])
+                    known.append(batch)
         except (RuntimeError, ValueError, OSError) as error:
             raise RecordingError(
                 f"'{self.path}' is cut short or damaged: {str(error).splitlines()[0]}.",
@@ -92,13 +108,7 @@ class Recording:
     @cached_property
     def properties(self) -> dict[str, Any]:
         """The recording's properties: plain values, and lists for lists of strings."""
-        found: dict[str, Any] = {}
-        for batch in self._static[PROPERTIES]:
-            for name in batch.schema.names:
-                if not name.startswith("rerun"):
-                    found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
-        lists = ("effects", "skipped", "power_items")
-        return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
+        return _plain_properties(self._static[PROPERTIES])
 
     @cached_property
     def model(self) -> dict[str, Any]:
@@ -156,13 +166,13 @@ class Recording:
         batches = [b for b in self._moving.get(path, ()) if component in b.schema.names]
         if not batches:
             raise KeyError(f"{path} has no {component}")
-        time = np.concatenate([_ticks(b["time"]) for b in batches])
+        time = np.concatenate([ticks(b["time"]) for b in batches])
         order = np.argsort(time, kind="stable")
         columns = pa.chunked_array([b[component] for b in batches]).take(pa.array(order))
         flat = columns.combine_chunks()
         lengths = np.diff(np.asarray(flat.offsets)) if len(flat) else np.zeros(0, np.int64)
         drives = {
-            name: np.concatenate([_ticks(b[name]) for b in batches])[order]
+            name: np.concatenate([ticks(b[name]) for b in batches])[order]
             for name in TIMELINES
             if all(name in b.schema.names for b in batches)
         }
@@ -180,11 +190,26 @@ def _path(parts: tuple[str, ...]) -> str:
     return entity(*parts)
 
 
-def _ticks(column: Any) -> NDArray[np.int64]:
-    import pyarrow as pa
+def _times_of_frames(reader: Any, most: int) -> NDArray[np.int64] | None:
+    """The times of all frames [ns], where there are more than ``most``."""
+    for chunk in reader.stream():
+        if str(chunk.entity_path) == PROPERTIES:
+            said = _plain_properties([chunk.to_record_batch()])
+            if "model" in said and int(said.get("frames", 0)) > most:
+                times = times_of(reader.stream(), entity("data", "links", json.loads(said["model"])["frame"], "pose"))
+                return times if len(times) > most else None
+            return None
+    return None
 
-    ticks: NDArray[np.int64] = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
-    return ticks
+
+def _plain_properties(batches: list[Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for batch in batches:
+        for name in batch.schema.names:
+            if not name.startswith("rerun"):
+                found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
+    lists = ("effects", "skipped", "power_items")
+    return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
 
 
 def _numpy(values: Any) -> NDArray[Any]:

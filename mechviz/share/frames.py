@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..record.thinning import evenly
+
 if TYPE_CHECKING:
     from ..record import Recording
 
@@ -47,12 +49,19 @@ def find_frames(recording: Recording, most: int, keep: float | None = None) -> F
     """At most ``most`` frames of a recording, spread evenly over the run, the first and the last among them, and those on both
     sides of the time ``keep`` [s]."""
     rows = recording.rows("data", "links", recording.model["frame"], "pose", component="Scalars:scalars")
-    total = len(rows.time)
-    chosen = np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
+    whole = recording.frame_times
+    total = len(rows.time) if whole is None else len(whole)
+    chosen = evenly(total, most)
     if keep is not None:
-        k = int(np.searchsorted(rows.time, round(1e9 * keep)))
+        k = int(np.searchsorted(rows.time if whole is None else whole, round(1e9 * keep)))
         chosen = np.unique(np.append(chosen, np.clip([k - 1, k], 0, total - 1)))
-    return Frames(chosen, total, rows.time[chosen], {k: v[chosen] for k, v in rows.drives.items()})
+    if whole is None:
+        row = chosen
+    else:  # those that have been read
+        numbers = np.searchsorted(whole, rows.time)
+        row = np.unique(np.clip(np.searchsorted(numbers, chosen), 0, len(numbers) - 1))
+        chosen = numbers[row]
+    return Frames(chosen, total, rows.time[row], {k: v[row] for k, v in rows.drives.items()})
 
 
 def rows_at(recording: Recording, frames: Frames, path: str, *components: str) -> list[list[NDArray[Any]]] | None:

@@ -27,12 +27,17 @@ def is_recording(source: str) -> bool:
 
 
 def recorded(
-    run: Run, progress: Callable[[int, int], None] | None = None, begin: Callable[[str], None] = lambda _: None
+    run: Run,
+    progress: Callable[[int, int], None] | None = None,
+    begin: Callable[[str], None] = lambda _: None,
+    *,
+    most: int | None = None,
 ) -> Recording:
-    """A run as a recording in memory: what pages and pictures are made from, so that a scene and its recording look the same."""
+    """A run as a recording in memory, of a long one ``most`` frames if that is given: what pages and pictures are made from, so
+    that a scene and its recording look the same."""
     from ..record import Recording, write_recording
 
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         path = Path(folder) / "run.rrd"
         write_recording(run, path, progress=progress, begin=begin)
-        return Recording(path)
+        return Recording(path, most=most)
