@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mechviz.accuracy.fit as fit_module
+import mechviz.accuracy.words as words_module
 from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.accuracy import DEFAULT, DIALS, Accuracy, accuracy_for
 from mechcore.between import between
@@ -16,8 +19,9 @@ from mechcore.differences import differentiate
 from mechcore.dynamics import simulate
 from mechviz.accuracy.estimate import integration_error, interpolation_error
 from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out
-from mechviz.accuracy.quantities import quantities
+from mechviz.accuracy.quantities import Quantity, quantities
 from mechviz.accuracy.reference import between_error, position_errors, reaction_error
+from mechviz.accuracy.words import target_words
 from mechviz.hard.dynamics import SQUEEZED
 from mechviz.run import run_scene
 from mechviz.scene import Scene, SceneError, load, loads
@@ -254,7 +258,7 @@ def test_intervals_with_a_jump_stand_out():
     assert list(np.flatnonzero(stand_out(errors))) == [80]
 
 
-@pytest.mark.parametrize("name", ["crank-rocker", "triad", "ten-link-forces", "shaper-quick-return"])
+@pytest.mark.parametrize("name", ["crank-rocker", "triad", "ten-link-forces", "shaper-quick-return", "slider-crank-compressor"])
 @pytest.mark.parametrize("target", [1e-3, 1e-5, 1e-8])
 def test_the_wanted_error_is_reached_and_not_far_undercut(name, target):
     """Measured at random times, where the fit did not look. A few frames have to be there, however little is wanted."""
@@ -269,6 +273,39 @@ def test_a_jump_is_counted_and_named():
     run = run_scene(load("cam-roller"), accuracy=1e-4)
     assert run.fit.error <= 1e-4 and run.fit.jumps > 0
     assert np.nanmax(run.errors.between) > 1e-3, "the estimate does not leave it out"
+    assert run.fit.there > 1e-3 and f"up to {run.fit.there:.1e} of the peak is left there" in target_words(run)[0]
+
+
+@pytest.mark.parametrize(
+    ("extra", "reached", "jumps"),
+    [
+        (lambda t: 8.0 * np.abs(t - 0.3712) * (t - 0.3712), True, 1),
+        (lambda t: np.where(t > 0.3712, 0.3, 0.0), False, 1),
+        (lambda t: np.where((20.0 * t) % 1.0 > 0.37, 0.3, 0.0), False, 40),
+    ],
+    ids=["bend", "jump", "many jumps"],
+)
+def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkeypatch):
+    """Cubics over a sine with something in it: the error where it bends falls with the frames, that of a jump stays."""
+
+    def at(t):
+        return [Quantity("x", "position", (np.sin(6.0 * t) + extra(t))[:, None], 1.0)]
+
+    monkeypatch.setattr(fit_module, "provider", lambda *_: at)
+    monkeypatch.setattr(fit_module, "duration", lambda *_: 1.0)
+    fit = fit_frames(types.SimpleNamespace(cycles=1), accuracy_for(1e-5, interpolation=3))
+    assert fit.error <= 1e-5 and (fit.there <= 1e-5) == reached and fit.left_out <= 0.1
+    assert fit.jumps == jumps and fit.frames < 3000
+    if not reached:
+        assert fit.there == pytest.approx(0.15, rel=0.1)
+
+
+def test_a_motion_whose_rounding_grows_beyond_the_wanted_error_says_so(monkeypatch):
+    run = run_scene(load("andrews-squeezer"), frames=100, accuracy=1e-6)
+    assert target_words(run)[1].startswith("motion under forces: within")
+    monkeypatch.setattr(words_module, "integration_error", lambda *_: np.array([3e-5]))
+    assert target_words(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
+    assert target_words(dataclasses.replace(run, again=None))[1].startswith("warning: motion under forces: no second run")
 
 
 @pytest.mark.parametrize("target", [1e-3, 1e-5, 1e-8])

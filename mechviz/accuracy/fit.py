@@ -34,19 +34,25 @@ ROUNDS = 7
 SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
 NEAR = 0.25  # of that: nearer than this is near enough
 STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
+MOST_LEFT_OUT = 0.1  # of the intervals: where jumps are closer to each other, more frames tell them apart
+WORTH = 16.0  # times as many frames for what stands out, at most
+SLOWEST = 0.7  # order by which its error has to fall: that of a bend is 1, that of a jump 0
 ENOUGH = 1e-13  # rounding
 NEARLY_ROUNDING = 1e-9  # where reactions of ill-conditioned positions may lie
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Frames over the whole run, the largest relative error between them, and how many intervals hold a jump or a bend, where no
-    number of frames helps: these are left out of the error. ``needed``: frames that would do where these do not."""
+    """Frames over the whole run, the largest relative error between them, and how many jumps and bends there are, where no number
+    of frames helps: their intervals are left out of the error, ``left_out`` of all (0 to 1), with errors of up to ``there``.
+    ``needed``: frames that would do where these do not."""
 
     frames: int
     error: float
     jumps: int
     needed: int | None = None
+    there: float = 0.0
+    left_out: float = 0.0
 
 
 def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Provider:
@@ -87,7 +93,8 @@ def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
     worst = np.nan_to_num(np.max([*errors.values()], axis=0)) if errors else np.zeros(frames)
     bad = stand_out(worst)
     jumps = int(np.count_nonzero(np.diff(np.concatenate([[0], bad.astype(int)])) == 1))
-    return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps)
+    there = float(np.max(worst[bad], initial=0.0))
+    return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps, there=there, left_out=float(np.mean(bad)))
 
 
 def _rows(q: Quantity, rows: Any) -> Quantity:
@@ -124,7 +131,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
     parts = scene.cycles if simulation is None else 1
     goal = max(SHARE * accuracy.target, ENOUGH)
-    frames, best = 48 * parts, None
+    frames, best, crowded = 48 * parts, None, None
     low, high = FEWEST * parts, min(MOST * parts, MOST_FRAMES)
     last: Fit | None = None
     for _ in range(ROUNDS):
@@ -132,7 +139,11 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
         if _rounding(last, fit, goal):
             return last or fit
         last = fit
-        if fit.error <= goal:
+        dense = fit.left_out / MOST_LEFT_OUT
+        if fit.error <= goal and dense > 1.0:
+            low = max(low, frames + 1)
+            crowded = fit
+        elif fit.error <= goal:
             best = fit if best is None or fit.frames < best.frames else best
             high = min(high, frames)
             if fit.error >= NEAR * goal or frames <= FEWEST * parts:
@@ -140,18 +151,41 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
         else:
             low = max(low, frames + 1)
         change = 1.06 * (max(fit.error, 1e-16) / goal) ** (1.0 / (order + 1))
+        if fit.error <= goal:
+            change = max(change, 1.06 * dense)
         wanted = int(np.ceil(frames * float(np.clip(change, 1.0 / 12.0, 12.0))))
         if best is None and frames >= high:
             return replace(fit, needed=int(np.ceil(frames * change)))
         frames = int(np.clip(wanted, low, max(low, high)))
         if best is not None and frames >= best.frames:
             break
-    return best or replace(fit, needed=max(frames, fit.frames + 1))
+    found = best or crowded
+    if found is None:
+        return replace(fit, needed=max(frames, fit.frames + 1))
+    return _past_bends(at, end, order, found, accuracy.target, min(MOST * parts, MOST_FRAMES))
+
+
+def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
+    """More frames where what stands out is no jump but a bend, or a narrow peak, whose error falls with them: as many as reach the
+    target there too, where that is at most `WORTH` times as many. Else the frames that were found."""
+    now, limit = fit, min(most, int(WORTH * fit.frames))
+    for _ in range(3):
+        if now.there <= target:
+            return now
+        finer = achieved(at, end, min(2 * now.frames, limit), order)
+        slope = np.log(max(now.there / max(finer.there, 1e-300), 1e-300)) / np.log(max(finer.frames / now.frames, 1.0 + 1e-9))
+        if slope < SLOWEST:
+            return fit
+        wanted = int(np.ceil(now.frames * (1.1 * now.there / (SHARE * target)) ** (1.0 / slope)))
+        if wanted > limit:
+            return fit
+        now = achieved(at, end, wanted, order)
+    return now if now.there <= target else fit
 
 
 def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
     """Whether far more frames have made an error near rounding hardly any smaller."""
-    return last is not None and last.error < NEARLY_ROUNDING and fit.error > goal and fit.frames >= 1.3 * last.frames and (
+    return last is not None and goal < last.error < NEARLY_ROUNDING and fit.error > goal and fit.frames >= 1.3 * last.frames and (
         fit.error > last.error / 1.2
     )  # fmt: skip
 

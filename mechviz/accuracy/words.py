@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .fit import MOST, MOST_FRAMES
+from .estimate import integration_error
+from .fit import MOST, MOST_FRAMES, Fit
 from .kept import FINEST
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ def target_words(run: Run) -> list[str]:
     """Lines of a run that has a target."""
     target = run.accuracy.target
     assert target is not None
-    return [_frames(run, target), _kept(run, target)]
+    motion = [] if run.simulation is None else [_motion(run, target)]
+    return [_frames(run, target), *motion, _kept(run, target)]
 
 
 def _frames(run: Run, target: float) -> str:
@@ -33,18 +35,40 @@ def _frames(run: Run, target: float) -> str:
         if worst <= target:
             return start + "reached between the frames"
         return f"warning: {start}not reached: about {worst:.1e} is left between frames. Leave the number of frames to the accuracy."
-    jumps = f"; {fit.jumps} intervals hold a jump or a bend, where interpolation is not exact" if fit.jumps else ""
     start = f"accuracy {target:g} with {fit.frames} frames joined by {order}: "
+    jumps = ""
+    if fit.jumps and fit.there > target:
+        holds = f"{fit.jumps} intervals that hold" if fit.jumps > 1 else "one interval that holds"
+        jumps = f", but in {holds} a jump or a bend: up to {fit.there:.1e} of the peak is left there, and more frames hardly help"
     if fit.error <= target:
         return f"{start}reached{jumps}"
     missed = f"warning: {start}not reached: {fit.error:.1e} is left between frames"
     if fit.needed is None:
-        return f"{missed}, and more frames do not help: it is rounding{jumps}. Ask for a larger error."
+        return f"{missed}, and more frames do not help: it is rounding{_besides(fit)}. Ask for a larger error."
     remedy = "Ask for a larger error."
     if run.accuracy.interpolation < 5:
         remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
     most = f"{MOST} a cycle, {MOST_FRAMES} in all"
-    return f"{missed}; about {fit.needed} frames would be needed, and no more than {most} are computed{jumps}. {remedy}"
+    return f"{missed}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
+
+
+def _besides(fit: Fit) -> str:
+    """Where interpolation is not exact in any case."""
+    return f"; {fit.jumps} intervals besides hold a jump or a bend, with up to {fit.there:.1e} of the peak" if fit.jumps else ""
+
+
+def _motion(run: Run, target: float) -> str:
+    """What the integration leaves, by its companion."""
+    assert run.simulation is not None
+    left = float("nan")
+    if run.again is not None:
+        left = float(integration_error(run.simulation, np.array([run.simulation.duration]), run.again)[0])
+    if left <= target:
+        return f"motion under forces: within {left:.1e}, by a run with another tolerance"
+    if np.isnan(left):
+        return "warning: motion under forces: no second run comes through that would tell its error"
+    words = f"warning: motion under forces: about {left:.1e} is left, and smaller tolerances do not help: its positions part from"
+    return f"{words} their neighbours, rounding with them. Ask for a larger error, or a shorter duration."
 
 
 def _kept(run: Run, target: float) -> str:
