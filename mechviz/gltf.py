@@ -1,7 +1,7 @@
 """The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, arrows of forces, traced paths and an animation.
 
 Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as plans and polodes.
-Belts are solids that stand still.
+Belts are solids that stand still, with marks that run along them.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .coils import find_coils
 from .files import replacing
 from .gltf_marks import ARROWS, Mark, Shape, find_marks
 from .heights import path_height
-from .rollers import COLOR as ROLLER
-from .rollers import find_rollers
+from .riders import find_riders
 from .solids import solids_of
+from .turns import about_z
 from .vectors import point_name
 
 if TYPE_CHECKING:
@@ -52,73 +52,31 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
     solids = solids or solids_of(run)
     motion = run.motion
     out = _Writer()
-    times = out.accessor(_rising(motion.time), bounds=True)
-    nodes: list[dict[str, Any]] = [{"name": run.scene.name, "children": []}]
-    channels: list[dict[str, Any]] = []
-    samplers: list[dict[str, Any]] = []
+    tree = _Tree(out, out.accessor(_rising(motion.time), bounds=True), run.scene.name)
+    numbers = {}
     for name, solid in solids.links.items():
         pose = motion.pose(name)
-        node: dict[str, Any] = {"name": name, **_placed(pose[0])}
         mesh = out.mesh(name, list(_primitives(out, solid))) if len(solid.faces) else None
-        if mesh is not None and solid.spin is None:
-            node["mesh"] = mesh
-        nodes[0]["children"].append(len(nodes))
-        if len(pose) > 1 and np.any(pose != pose[0]):
-            for path, values in (("translation", _translations(pose)), ("rotation", _rotations(pose[:, 2]))):
-                channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
-                samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
-        nodes.append(node)
+        moves = {"translation": _translations(pose), "rotation": about_z(pose[:, 2])}
+        numbers[name] = tree.add(name, 0, mesh if solid.spin is None else None, **moves)
         if mesh is not None and solid.spin is not None:  # below its link the solid turns about an axis in the plane
             from .meshes.spatial import spin_transforms
 
             shifts, turns = spin_transforms(solid.spin, pose[:, 2] - motion.pose(solid.spin.carrier)[:, 2])
-            node["children"] = [len(nodes)]
-            for path, values in (("translation", shifts), ("rotation", turns)):
-                channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
-                samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
-            nodes.append({"name": f"{name} solid", "mesh": mesh, "translation": shifts[0].tolist(), "rotation": turns[0].tolist()})
-    numbers = {node["name"]: k for k, node in enumerate(nodes)}
-    for mark in find_rollers(run, solids):  # they turn below the links that carry the rollers
-        shape = out.mesh(f"roller {mark.name}", [_primitive(out, mark.vertices, mark.normals, mark.faces, ROLLER)])
-        for path, values in (("rotation", mark.turns()),) if len(mark.angle) > 1 else ():
-            channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
-            samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
-        nodes[numbers[mark.link]].setdefault("children", []).append(len(nodes))
-        nodes.append({"name": f"roller {mark.name}", "mesh": shape, "translation": list(mark.centre)})
+            tree.add(f"{name} solid", numbers[name], mesh, translation=shifts, rotation=turns)
+    shapes: dict[Any, int] = {}  # marks of a belt are all alike
+    for rider in find_riders(run, solids):
+        key = (rider.color, rider.vertices.tobytes())
+        if key not in shapes:
+            primitive = _primitive(out, rider.vertices, rider.normals, rider.faces, out.material(rider.color))
+            shapes[key] = out.mesh(rider.title, [primitive])
+        tree.add(rider.title, numbers[rider.link], shapes[key], translation=rider.places(), rotation=rider.turns())
     for coil in find_coils(run, solids):
-        moves = {"translation": coil.places(), "rotation": _rotations(coil.pose[:, 2]), "scale": coil.scales()}
-        shape = out.mesh(f"spring {coil.name}", [_primitive(out, coil.vertices, coil.normals, coil.faces, COIL)])
-        for path, values in moves.items() if len(coil.pose) > 1 else ():
-            channels.append({"sampler": len(samplers), "target": {"node": len(nodes), "path": path}})
-            samplers.append({"input": times, "output": out.accessor(values), "interpolation": "LINEAR"})
-        nodes[0]["children"].append(len(nodes))
-        nodes.append({"name": f"spring {coil.name}", "mesh": shape, **{key: v[0].tolist() for key, v in moves.items()}})
-
-    def add(mark: Mark, parent: int) -> None:
-        """A node with what moves it, and those below it."""
-        number = len(nodes)
-        node: dict[str, Any] = {"name": mark.name}
-        nodes[parent].setdefault("children", []).append(number)
-        nodes.append(node)
-        turns = None if mark.turns is None else _rotations(mark.turns)
-        for path, values in (("translation", mark.places), ("rotation", turns), ("scale", mark.scales), ("weights", mark.weights)):
-            if values is None:
-                continue
-            if path != "weights":
-                node[path] = values[0].tolist()
-            if len(values) > 1 and np.any(values != values[0]):
-                channels.append({"sampler": len(samplers), "target": {"node": number, "path": path}})
-                flat = values.ravel() if path == "weights" else values
-                samplers.append({"input": times, "output": out.accessor(flat), "interpolation": "LINEAR"})
-        if mark.shape is not None:
-            node["mesh"] = out.mesh(mark.name, [_shown(out, mark.shape)])
-            if mark.weights is not None:
-                out.weigh(node["mesh"], mark.weights[0].tolist())
-        for below in mark.below:
-            add(below, number)
-
-    for item in find_marks(run, solids, arrows):
-        add(item, 0)
+        shape = out.mesh(f"spring {coil.name}", [_primitive(out, coil.vertices, coil.normals, coil.faces, out.material(COIL))])
+        moves = {"translation": coil.places(), "rotation": about_z(coil.pose[:, 2]), "scale": coil.scales()}
+        tree.add(f"spring {coil.name}", 0, shape, **moves)
+    for mark in find_marks(run, solids, arrows):
+        _add_mark(tree, mark, 0)
     for link, point in motion.mechanism.traced:
         xy = motion.point(link, point)
         places = np.column_stack([xy, np.full(len(xy), path_height(run, solids.heights, link, point))])
@@ -126,17 +84,58 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
             continue
         ink = out.material(solids.links[link].color, line=True)
         line = {"attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)}, "mode": LINE_STRIP, "material": ink}
-        nodes[0]["children"].append(len(nodes))
-        nodes.append({"name": f"path of {point_name(link, point)}", "mesh": out.mesh(f"path of {point_name(link, point)}", [line])})
+        name = f"path of {point_name(link, point)}"
+        tree.add(name, 0, out.mesh(name, [line]))
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "mechviz"},
         "scene": 0,
         "scenes": [{"name": run.scene.title, "nodes": [0]}],
-        "nodes": nodes,
+        "nodes": tree.nodes,
     }
-    if channels:
-        document["animations"] = [{"name": "run", "channels": channels, "samplers": samplers}]
+    if tree.channels:
+        document["animations"] = [{"name": "run", "channels": tree.channels, "samplers": tree.samplers}]
     return out.file(document)
+
+
+def _add_mark(tree: _Tree, mark: Mark, parent: int) -> None:
+    """A node with what moves it, and those below it."""
+    mesh = None
+    if mark.shape is not None:
+        mesh = tree.out.mesh(mark.name, [_shown(tree.out, mark.shape)])
+        if mark.weights is not None:
+            tree.out.weigh(mesh, mark.weights[0].tolist())
+    turns = None if mark.turns is None else about_z(mark.turns)
+    moves = {"translation": mark.places, "rotation": turns, "scale": mark.scales, "weights": mark.weights}
+    number = tree.add(mark.name, parent, mesh, **{path: values for path, values in moves.items() if values is not None})
+    for below in mark.below:
+        _add_mark(tree, below, number)
+
+
+class _Tree:
+    """The nodes of a file, the first of them their root, and what moves them."""
+
+    def __init__(self, out: _Writer, times: int, name: str) -> None:
+        self.out = out
+        self.nodes: list[dict[str, Any]] = [{"name": name}]
+        self.channels: list[dict[str, Any]] = []
+        self.samplers: list[dict[str, Any]] = []
+        self._times = times
+
+    def add(self, name: str, parent: int, mesh: int | None = None, **moves: Array) -> int:
+        """The number of a new node. ``moves``: its translation, rotation and scale (F, 3 or 4) and the weights (F, T) of its mesh's
+        targets; at rest where they do not change."""
+        number = len(self.nodes)
+        node: dict[str, Any] = {"name": name} | ({} if mesh is None else {"mesh": mesh})
+        self.nodes[parent].setdefault("children", []).append(number)
+        self.nodes.append(node)
+        for path, values in moves.items():
+            if path != "weights":
+                node[path] = values[0].tolist()
+            if np.any(values != values[0]):
+                self.channels.append({"sampler": len(self.samplers), "target": {"node": number, "path": path}})
+                output = self.out.accessor(values.ravel() if path == "weights" else values)
+                self.samplers.append({"input": self._times, "output": output, "interpolation": "LINEAR"})
+        return number
 
 
 class _Writer:
@@ -213,24 +212,24 @@ def _primitives(out: _Writer, solid: Solid) -> Iterator[dict[str, Any]]:
         place = np.zeros(len(piece), np.uint32)
         place[chosen] = np.arange(len(chosen), dtype=np.uint32)
         faces = place[solid.faces[piece[solid.faces[:, 0]] == k]]
-        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, tuple(int(c) for c in color))
+        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, out.material(tuple(int(c) for c in color)))
 
 
-def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, color: tuple[int, ...]) -> dict[str, Any]:
+def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, material: int) -> dict[str, Any]:
     return {
         "attributes": {
             "POSITION": out.accessor(vertices, target=VERTICES, bounds=True),
             "NORMAL": out.accessor(normals, target=VERTICES),
         },
         "indices": out.accessor(faces.reshape(-1), target=INDICES),
-        "material": out.material(color),
+        "material": material,
     }
 
 
 def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
     """What a mark looks like; flat ones are seen from both sides."""
-    primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, shape.color)
-    primitive["material"] = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
+    material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
+    primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)
     if shape.targets is not None:
         primitive["targets"] = [{"POSITION": out.accessor(target, target=VERTICES, bounds=True)} for target in shape.targets]
     return primitive
@@ -243,16 +242,6 @@ def _rising(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _translations(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([pose[:, :2], np.zeros(len(pose))])
-
-
-def _rotations(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternions x, y, z, w (n, 4) of turns about z, without jumps of sign from frame to frame."""
-    nothing = np.zeros(len(angle))
-    return np.column_stack([nothing, nothing, np.sin(0.5 * angle), np.cos(0.5 * angle)])
-
-
-def _placed(pose: NDArray[np.float64]) -> dict[str, Any]:
-    return {"translation": _translations(pose[None])[0].tolist(), "rotation": _rotations(pose[None, 2])[0].tolist()}
 
 
 def _linear(value: float) -> float:

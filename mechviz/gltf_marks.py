@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mechcore.spec import Damper, GasSpring, TorsionSpring
 
 from .heights import arc_height, arrow_height
+from .held import held
 from .linkers import TURNS, WIDTH
 from .vectors import FAMILIES, calm_frames, find_moments, find_scales, find_vectors
 
@@ -108,8 +109,8 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     shaft = np.maximum(length, whole) - HEAD * size
     factor = np.clip(length / whole, LEAST, 1.0)
     pointed = length > 1e-9 * size
-    turn = np.unwrap(_held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
-    places = np.column_stack([_held(origin[:, 0], known), _held(origin[:, 1], known), np.full(len(origin), height)])
+    turn = np.unwrap(held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
+    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
     one, none = np.ones(len(length)), np.zeros(len(length))
     rod = _turned([(SHAFT * size, 0.0), (SHAFT * size, 1.0)], color)
     tip = _turned([(HEAD_RADIUS * size, 0.0), (0.0, HEAD * size)], color)
@@ -130,7 +131,7 @@ def _moment(name: str, origin: Real, part: Real, height: float, size: float, col
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
     size_of = np.where(known, part, 0.0)
     size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
-    places = np.column_stack([_held(origin[:, 0], known), _held(origin[:, 1], known), np.full(len(origin), height)])
+    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
     radius, width = ARC * size, ARC_WIDTH * size
     angle = np.linspace(0.0, ARC_TURN - ARC_TIP, STEPS + 1)
     rims = [(radius + side * 0.5 * width) * np.exp(1j * angle) for side in (1.0, -1.0)]
@@ -139,16 +140,6 @@ def _moment(name: str, origin: Real, part: Real, height: float, size: float, col
     n = 2 * (STEPS + 1)
     faces = np.vstack([_ribbon_faces(STEPS + 1), [[n, n + 2, n + 1]]]).astype(np.uint32)
     return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), _flat(flat, faces, color))
-
-
-def _held(values: Real, known: NDArray[np.bool_]) -> Real:
-    """Values with those that are not known taken from the nearest one before, at the start from the first known."""
-    if known.all():
-        return np.asarray(values, float)
-    if not known.any():
-        return np.zeros(len(values))
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------

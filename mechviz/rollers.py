@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .riders import Rider
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
@@ -15,38 +16,16 @@ if TYPE_CHECKING:
     from .meshes import Solids
     from .run import Run
 
-__all__ = ["RollerMark", "find_rollers"]
+__all__ = ["find_rollers"]
 
 Real = NDArray[np.float64]
 
-COLOR = (60, 66, 74)
 INNER, OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
 SECTORS, SIDES = 3, 16
 THICK = 0.012  # of a mark, in radii
 
 
-@dataclass(frozen=True, eq=False)
-class RollerMark:
-    """``centre`` (x, y, z) [m] in the follower's axes, on the roller's face; ``angle`` (F) [rad] against it, about z or about the
-    direction ``axis`` in the plane; the mesh about that place."""
-
-    name: str
-    link: str
-    centre: tuple[float, float, float]
-    angle: Real
-    vertices: NDArray[np.float32]  # (V, 3) [m]
-    faces: NDArray[np.uint32]  # (N, 3)
-    normals: NDArray[np.float32]  # (V, 3)
-    axis: tuple[float, float] | None = None
-
-    def turns(self) -> Real:
-        """Quaternions x, y, z, w (F, 4)."""
-        c, s = np.cos(0.5 * self.angle), np.sin(0.5 * self.angle)
-        x, y, z = (0.0, 0.0, 1.0) if self.axis is None else (*self.axis, 0.0)
-        return np.column_stack([x * s, y * s, z * s, c])
-
-
-def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
+def find_rollers(run: Run, solids: Solids) -> list[Rider]:
     """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
 
     Those of turrets have none: they take turns.
@@ -63,7 +42,7 @@ def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
 
     pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
     links = {link.name: link for link in run.motion.mechanism.links}
-    found: list[RollerMark] = []
+    found: list[Rider] = []
     for cam in placed_cams(run.motion):
         if not isinstance(cam.face, Roller):
             continue
@@ -83,11 +62,12 @@ def find_rollers(run: Run, solids: Solids) -> list[RollerMark]:
             radius = rolling.face.radius
             top = _face(solids, link, (x, y), radius)
             if top is not None:
-                found.append(RollerMark(name, link, (x, y, top), roller_angle(run.motion, rolling, pressed), *_sectors(radius)))
+                turned = roller_angle(run.motion, rolling, pressed)
+                found.append(Rider("roller", name, link, (x, y, top), turned, *_sectors(radius)))
     return found
 
 
-def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[RollerMark]:
+def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
     """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
     from mechcore.cams.rolling import roller_angle
 
@@ -104,10 +84,10 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
         low, high = (float(f(part.vertices[wide, 2])) for f in (np.min, np.max))
         name = {0: cam.name, 1: f"{cam.name} upper", -1: f"{cam.name} lower"}[above]
         turned = roller_angle(run.motion, cam, force, above)
-        yield RollerMark(name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
+        yield Rider("roller", name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
 
 
-def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[RollerMark]:
+def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
     """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
     from mechcore.cams.rolling import roller_angle
 
@@ -127,7 +107,7 @@ def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[fl
     frame = np.array([[-way.imag, way.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
     x, y, z = (start + low * axis).tolist()
     shape = (vertices @ frame).astype(np.float32), faces, (normals @ frame).astype(np.float32)
-    yield RollerMark(cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
+    yield Rider("roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:

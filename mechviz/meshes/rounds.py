@@ -14,6 +14,7 @@ from shapely.ops import unary_union
 from mechcore.spec import Vec2
 
 from . import outline
+from .bands import Loop
 from .draft import Draft, Neck, Piece
 from .model import Model, place
 from .teeth import ADDENDUM, DEDENDUM, external_wheel, rack_teeth, ring_teeth
@@ -333,17 +334,18 @@ def _draw_track(model: Model, draft: Draft, track: Track) -> None:
     draft.necks.append(Neck(track.link, shape.buffer(-0.2 * r), (draft.groups[track.link], group)))
 
 
-def _draw_band(model: Model, draft: Draft, band: Band) -> None:
-    """A closed belt around two pulleys, fixed to their carrier."""
+def find_loop(model: Model, band: Band) -> Loop:
+    """Where a belt runs, in sizes of the mechanism."""
     first, second = (model.wheels.wheels[k] for k in band.wheels)
     c1, c2 = (complex(*c) for c in band.centres)
-    axis = (c2 - c1) / abs(c2 - c1)
-    r1, r2 = first.radius, second.radius
-    # where the left span leaves the first pulley, seen along the line of centres
-    leave = float(np.arccos((r1 + r2 if band.crossed else r1 - r2) / abs(c2 - c1)))
-    first_arc = np.linspace(leave, 2.0 * np.pi - leave, 97)  # over its far side, then along the right span
-    second_arc = np.linspace(np.pi - leave, leave - np.pi, 97) if band.crossed else np.linspace(-leave, leave, 97)
-    around = [*(c1 + r1 * axis * np.exp(1j * first_arc)), *(c2 + r2 * axis * np.exp(1j * second_arc))]
+    return Loop(band.pair, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
+
+
+def _draw_band(model: Model, draft: Draft, band: Band) -> None:
+    """A closed belt around two pulleys, fixed to their carrier."""
+    loop = find_loop(model, band)
+    first, span, second = loop.pieces
+    around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))
     path = LineString([(z.real, z.imag) for z in [*around, around[0]]])
-    shape = outline.polygons(path.buffer(0.5 * _belt(model), quad_segs=4).simplify(0.01 * _belt(model)))[0]
+    shape = outline.polygons(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))[0]
     draft.pieces.append(Piece(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))

@@ -12,11 +12,13 @@ import shapely
 
 from mechcore.spec import Mechanism
 
+from .bands import Loop
 from .extrude import Shell, joined_shells
 from .heights import Heights, find_heights
 from .model import Model, build_model, largest_circle
 from .palette import Color, link_colors
 from .parts import Part, make_parts
+from .rounds import find_loop
 from .shading import crisp, face_normals
 from .shapes import draft_pieces
 from .spatial import Spin, spatial_parts
@@ -68,6 +70,7 @@ class Solids:
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
     heights: Heights  # where marks lie in z
     chord: float  # largest distance of a facet from the circle that it stands for [m]
+    loops: tuple[Loop, ...] = ()  # where belts run
 
 
 def build_solids(
@@ -104,7 +107,14 @@ def build_solids(
     bounds = _bounds(model, links)
     top = float(bounds[1, 2]) + 0.01 * model.size
     heights = find_heights(mechanism, model, parts, poses, top)
-    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights, _sagitta(model))
+    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights, _sagitta(model), _loops(model, parts))
+
+
+def _loops(model: Model, parts: list[Part]) -> tuple[Loop, ...]:
+    """Where the belts run [m]: as high as the parts that they are drawn as, which stand in the same order."""
+    spaces = [part.space[0] for part in parts if part.kind == "belt"]
+    bands = model.wheels.bands
+    return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(bands, spaces, strict=True))
 
 
 def _sagitta(model: Model) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..coils import COLOR, Coil
+from ..turns import about_z
 from .paths import entity
 from .streams import Index, Real, Static, Stream
 
@@ -22,10 +23,9 @@ def coil_streams(coils: list[Coil], every: int) -> Iterator[Stream]:
         places, scales = coil.places(), coil.scales()
 
         def stretch(frames: Index, coil: Coil = coil, places: Real = places, scales: Real = scales) -> Any:
-            half, nothing = 0.5 * coil.pose[frames, 2], np.zeros(len(frames))
             return rr.Transform3D.columns(
                 translation=places[frames].astype(np.float32),
-                quaternion=np.column_stack([nothing, nothing, np.sin(half), np.cos(half)]).astype(np.float32),
+                quaternion=about_z(coil.pose[frames, 2]).astype(np.float32),
                 scale=scales[frames].astype(np.float32),
             )
 

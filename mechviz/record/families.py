@@ -13,7 +13,7 @@ from ..coils import Coil
 from ..drawings import Drawing
 from ..linkers import Linker
 from ..overlays import overlay_box
-from ..rollers import RollerMark
+from ..riders import Rider
 from ..tables import Table
 from ..vectors import Scales
 from .arrows import Arc, Arrow
@@ -25,7 +25,7 @@ from .legend import legend_shapes
 from .lumps import lump_shapes
 from .plots import plot_streams, plot_styles
 from .polygons import polygon_shapes, polygon_streams, polygon_views
-from .rollers import roller_shapes, roller_streams
+from .riders import rider_shapes, rider_streams
 from .simulations import simulation_styles
 from .streams import (
     Static,
@@ -59,7 +59,7 @@ class Content:
     drawings: dict[str, Drawing]  # graphical constructions
     linkers: list[Linker]  # dampers, gas springs, torsion springs
     coils: list[Coil]  # springs
-    rollers: list[RollerMark]  # of cams
+    riders: list[Rider]  # marks on rollers and belts
     every: int  # pictures are drawn at every so many frames
     diagrams: Sequence[Diagram] = ()  # of one quantity against another
 
@@ -98,7 +98,7 @@ FAMILIES: tuple[Family, ...] = (
     ),
     Family("simulation", statics=lambda c: simulation_styles(c.run)),
     Family("springs", streams=lambda c: coil_streams(c.coils, c.every), statics=lambda c: coil_shapes(c.coils)),
-    Family("rollers", streams=lambda c: roller_streams(c.rollers), statics=lambda c: roller_shapes(c.rollers)),
+    Family("riders", streams=lambda c: rider_streams(c.riders), statics=lambda c: rider_shapes(c.riders)),
     Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
     Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),

@@ -13,6 +13,7 @@ from ..accuracy.kept import plain_stride
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import Linker
 from ..tables import Table, joints_of, links_of, pair_unit
+from ..turns import about_z
 from ..vectors import Scales, Vector, point_name
 from .arrows import ARC_RADIUS, COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
@@ -137,11 +138,9 @@ def mechanism_streams(run: Run, solids: Solids) -> Iterator[Stream]:
         pose = motion.pose(link)
 
         def place(frames: Index, pose: Real = pose) -> Any:
-            half = 0.5 * pose[frames, 2]
-            nothing = np.zeros(len(frames))
             return rr.Transform3D.columns(
                 translation=in_space(pose[frames, :2], 0.0),
-                quaternion=np.column_stack([nothing, nothing, np.sin(half), np.cos(half)]).astype(np.float32),
+                quaternion=about_z(pose[frames, 2]).astype(np.float32),
             )
 
         yield Stream(entity("mechanism", "links", link), place)

@@ -19,7 +19,7 @@ from ..coils import find_coils
 from ..drawings import drawings_of
 from ..linkers import find_linkers
 from ..overlays import overlay_box
-from ..rollers import find_rollers
+from ..riders import find_riders
 from ..run import Stage, stopwatch
 from ..solids import solids_of
 from ..tables import tables
@@ -131,7 +131,7 @@ def write_recording(
             drawings_of(run, solids.size),
             list(find_linkers(run, solids.size)),
             find_coils(run, solids),
-            find_rollers(run, solids),
+            find_riders(run, solids),
             every,
             find_diagrams(run),
         )

@@ -86,7 +86,7 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
     """Height, colour and outline of what is seen of the solids from the front, at a frame."""
     for link in [*header["links"], *header["bodies"]]:
         mesh = link["mesh"]
-        if mesh is None or link.get("group", "rollers") not in {*shown, "rollers"}:
+        if mesh is None or link.get("group", "riders") not in {*shown, "riders"}:
             continue
         x, y, angle = _at(arrays[link["pose"]].reshape(-1, 3), frame)
         vertices, normals = (arrays[mesh[k]].reshape(-1, 3) for k in ("vertices", "normals"))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..riders import KINDS
 from ..vectors import FAMILIES
 from .frames import Frames, Progress, parts_of, quiet, rows_at
 from .pack import Pack
@@ -42,15 +43,15 @@ def find_links(recording: Recording, frames: Frames, pack: Pack) -> list[dict[st
 
 def find_bodies(recording: Recording, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
     """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and
-    marks on rollers. ``group``: what shows and hides them."""
+    marks on rollers and belts. ``group``: what shows and hides them."""
     found = []
     for path in recording.entities:
         parts = parts_of(path)
         match parts:
             case ("mechanism", "springs", name):
                 group, link = "springs", None
-            case ("mechanism", "links", link, name) if name.startswith("roller "):
-                group = "rollers"
+            case ("mechanism", "links", link, name) if name.split(" ")[0] in KINDS:
+                group = "riders"
             case _:
                 continue
         mesh = _mesh(recording, path)

@@ -20,7 +20,7 @@ from .marks3d import Joints, Paths
 from .plans3d import PlanNodes
 from .playback import PointTrack, PoseTrack
 from .poses import place
-from .rollers3d import RollerNodes
+from .riders3d import RiderNodes
 from .show import Show
 from .solids3d import SolidNodes
 from .stage import Stage
@@ -60,10 +60,10 @@ class Scene3D:
             self._paths = Paths(server, show)
             self._linkers = LinkerNodes(server, show)
             self._coils = CoilNodes(server, show)
-            self._rollers = RollerNodes(server, show)
+            self._riders = RiderNodes(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
-        self._posed = (self.links, self.ghost, self._paths, self.joints, self._rollers, self._coils)
+        self._posed = (self.links, self.ghost, self._paths, self.joints, self._riders, self._coils)
         for family in SHOWN_FIRST:
             if family in self.arrows.families:
                 self.arrows.switch(family, True)
@@ -93,7 +93,7 @@ class Scene3D:
         self._paths.update(show)
         self._linkers.update(show)
         self._coils.update(show)
-        self._rollers.update(show)
+        self._riders.update(show)
         self.joints.update(show)
         self.plans.update(show)
 
@@ -131,7 +131,7 @@ class Scene3D:
         """Cut away what lies before a height [m], None: nothing. What is no plate goes as a whole."""
         self.links.cut(height)
         self._coils.cut(height)
-        self._rollers.cut(height)
+        self._riders.cut(height)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..linkers import Linker
     from ..meshes.spatial import Spin
     from ..record.diagrams import Diagram
-    from ..rollers import RollerMark
+    from ..riders import Rider
     from ..run import Run
 
 __all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Overlay", "Piece", "Rolling", "Show"]
@@ -146,7 +146,7 @@ class Show:
     events: tuple[Happening, ...] = ()
     linkers: tuple[Linker, ...] = ()
     coils: tuple[Coil, ...] = ()
-    rollers: tuple[RollerMark, ...] = ()
+    riders: tuple[Rider, ...] = ()
     opening: int = 0  # the frame to open at
     notes: str = ""  # what was computed and left out, as HTML
     run: Run | None = None  # not of a recording

@@ -14,7 +14,7 @@ from ..coils import Coil
 from ..linkers import Linker
 from ..record import Recording
 from ..record.paths import entity as path_of
-from ..rollers import RollerMark
+from ..riders import KINDS, Rider
 from ..share.frames import parts_of
 from ..vectors import FAMILIES, FORCE_FAMILIES, LARGEST_ARROW, Scales, centre_name
 from .quantities import Axis, Quantity, inverse
@@ -228,19 +228,22 @@ class _Reader:
                 stretch = np.asarray(scale, float).reshape(-1, 3)[row_of, 0]
                 yield Coil(_last(path), pose, stretch, float(at[0, 2]), 1.0, vertices, faces, normals)
 
-    def rollers(self) -> Iterator[RollerMark]:
-        """Marks on rollers as they were drawn."""
+    def riders(self) -> Iterator[Rider]:
+        """Marks on rollers and belts as they were drawn."""
         for link in self.model["links"]:
             start = path_of("mechanism", "links", link) + "/"
             for path in self.recording.entities:
-                mesh = self.solid(path) if path.startswith(start) and _last(path).startswith("roller ") else None
-                if mesh is not None:
+                kind = next((k for k in KINDS if path.startswith(start) and _last(path).startswith(f"{k} ")), None)
+                mesh = self.solid(path) if kind else None
+                if kind is not None and mesh is not None:
                     vertices, faces, normals, _, at, turn = mesh
                     way = turn[int(np.argmax(np.hypot(turn[:, 0], turn[:, 1]))), :2]  # of an axis in the plane
                     flat = float(np.hypot(*way)) > 1e-3
                     axis = (float(way[0] / np.hypot(*way)), float(way[1] / np.hypot(*way))) if flat else None
                     angle = np.unwrap(2.0 * np.arctan2(turn[:, :2] @ axis if axis else turn[:, 2], turn[:, 3]))
-                    yield RollerMark(_last(path)[7:], link, (at[0, 0], at[0, 1], at[0, 2]), angle, vertices, faces, normals, axis)
+                    name, place = _last(path)[len(kind) + 1 :], (float(at[0, 0]), float(at[0, 1]), float(at[0, 2]))
+                    moves = at if np.any(at != at[0]) else None
+                    yield Rider(kind, name, link, place, angle, vertices, faces, normals, axis, moves)
 
     def solid(self, path: str) -> tuple[Any, ...] | None:
         """Vertices, faces and normals of a mesh that moves by itself, and at every frame: its row, its place, its turn; None where
@@ -424,7 +427,7 @@ class _Reader:
             events=tuple(Happening(e.time, e.level, e.text) for e in self.recording.events),
             linkers=tuple(self.linkers()),
             coils=tuple(self.coils()),
-            rollers=tuple(self.rollers()),
+            riders=tuple(self.riders()),
             spatial=self.spatial(),
             opening=_telling(quantities, len(self.time)),
             notes=self.about,

@@ -22,7 +22,7 @@ from ..meshes import Solid, Solids
 from ..record.diagrams import find_diagrams
 from ..record.events import peak_events
 from ..record.simulations import simulation_events
-from ..rollers import find_rollers
+from ..riders import find_riders
 from ..run import Run
 from ..solids import solids_of
 from ..tables import joints_of
@@ -173,7 +173,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
         events=happenings(run) if exact or before is None else before.events,
         linkers=tuple(find_linkers(run, solids.size)),
         coils=tuple(coils),
-        rollers=tuple(find_rollers(run, solids)),
+        riders=tuple(find_riders(run, solids)),
         opening=telling_frame(run),
         notes=words.plan_list(run),
         run=run,

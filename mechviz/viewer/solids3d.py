@@ -9,6 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..turns import about_z
 from .poses import Posed
 from .section import sectioned
 from .show import Body, Show
@@ -31,9 +32,7 @@ def link_path(link: str) -> str:
 
 def quaternions(angle: Real) -> Real:
     """Unit quaternions w, x, y, z (F, 4) of turns about z by ``angle`` (F,) [rad]."""
-    half = 0.5 * np.asarray(angle, float)
-    zero = np.zeros_like(half)
-    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+    return np.roll(about_z(angle), 1, axis=-1)
 
 
 def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
