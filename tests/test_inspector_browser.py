@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,8 +13,10 @@ import numpy as np
 import pytest
 from browsing import (
     CANVAS,
+    PATIENCE,
     POSE,
     POSES,
+    READY,
     SEEN,
     browser,
     caught_up,
@@ -28,9 +33,10 @@ import mechviz.accuracy.ladder as ladder_module
 from mechviz import scene
 from mechviz.accuracy.timing import Timed
 from mechviz.run import run_scene
-from mechviz.scene import load
+from mechviz.scene import load, loads
 from mechviz.solids import solids_of
-from mechviz.viewer import Viewer, accuracy_tab
+from mechviz.viewer import Viewer, accuracy_tab, app
+from mechviz.viewer.camera import PRESETS
 from mechviz.viewer.solids3d import link_path
 
 __all__ = ["browser"]  # a fixture
@@ -51,6 +57,18 @@ NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidde
     .filter(e => !(e.labels && e.labels.length))
     .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
     .map(e => e.outerHTML.slice(0, 250))"""
+FALLING = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+run = { frames = 90, duration = "3 s" }
+[links]
+frame = { points = { O = [0, 0] } }
+bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
+[pairs.O]
+revolute = ["frame", "bar"]
+free = { position = -30, speed = "10 rpm" }
+stops = [{ at = -100, side = "lower", restitution = 0.5 }, { at = 80, side = "upper", name = "roof" }]
+"""
 FOV = "() => window.__viserMutable.camera.fov"
 DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
 
@@ -201,6 +219,15 @@ def test_effects_are_switched_and_weighed(viewer, page):
     page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
     assert peak > 0.0
     page.get_by_text("pure kinematics").wait_for(state="detached")
+    plan = page.get_by_role("img", name="Analysis plan")
+    found = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
+    assert dict(found)["inertia"] == "1" and dict(found)["gravity"] == "0" and len(found) == 10
+    assert viewer.studio.wait(rested=True)
+    viewer.inspector.effects.table.content = ""
+    row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
+    until(page, lambda: row.count() == 0, "no table")
+    page.get_by_role("button", name="Weigh the effects").click()
+    row.first.wait_for()
 
 
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
@@ -218,6 +245,18 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     assert tab.choice.value.startswith("frames: quintics, 90 frames")
     assert viewer.studio.wait()
     assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
+
+
+def test_the_other_assembly_is_chosen_from_a_list(viewer, page):
+    before = viewer.run.motion.pose("rocker")[0, 2]
+    folder = page.get_by_text("Assembly", exact=True)
+    folder.click()
+    page.get_by_label("D side", exact=True).click()
+    page.get_by_role("option", name="right", exact=True).click()
+    until(page, lambda: viewer.run.scene.document.pairs["D"].side == "right", "the other side")
+    assert abs(viewer.run.motion.pose("rocker")[0, 2] - before) > 0.5
+    _until_drawn(viewer, page)
+    folder.click()
 
 
 def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
@@ -286,7 +325,11 @@ def test_cameras_2d_and_dark(viewer, page):
     assert abs(abs(away[2]) - 1.0) < 1e-4, "straight on"
     page.get_by_role("button", name="Angled", exact=True).click()
     until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
-    page.get_by_role("button", name="Front", exact=True).click()
+    turned = "() => window.__viserMutable.camera.getWorldDirection(window.__viserMutable.camera.position.clone()).toArray()"
+    for button, preset in (("Above", "above"), ("Behind", "behind"), ("Front", "front")):
+        page.get_by_role("button", name=button, exact=True).click()
+        away = np.array(PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
+        until(page, lambda a=away: np.allclose(page.evaluate(turned), -a / np.linalg.norm(a), atol=1e-3), f"from {button}")
     assert client.client_id in viewer.server.get_clients()
     bright = picture(page).mean()
     page.get_by_label("Dark page").check()
@@ -377,6 +420,111 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     box.click()  # no pair has a coefficient
     page.get_by_text("Friction is named, but no pair has any").first.wait_for(state="attached")
     until(page, lambda: not box.is_checked(), "the switch goes back")
+
+
+def test_a_motion_grows_in_a_page_that_then_finds_a_cam_at_a_new_server(browser, folder, monkeypatch):
+    """One page: the path of ``view --live``, a server that is started anew at the same address, and what belongs to cams."""
+    shown, opened = _watch_it_grow(browser, folder, monkeypatch)
+    try:
+        opened.bring_to_front()
+        with Viewer(run_scene(scene.load("cam-flat"), frames=90), port=shown.port, folder=folder) as second:
+            opened.wait_for_function("title => document.title.startsWith(title)", arg="Disc cam with a flat-faced follower")
+            opened.wait_for_function(READY, arg=["/mechanism/cam", "/mechanism/follower"])
+            opened.get_by_role("button", name="Start", exact=True).click()
+            until(opened, lambda: second.frame == 0, "the new server listens")
+            _look_at_a_cam(opened, second)
+    finally:
+        opened.close()
+
+
+def _watch_it_grow(browser: Any, folder: Any, monkeypatch: Any) -> tuple[Viewer, Any]:
+    """A page in which a motion under forces grows. The computing is held halfway until the page has shown how far it is."""
+    moving = loads(FALLING)
+    go_on, stopped, viewers = threading.Event(), threading.Event(), []
+
+    class Seen(Viewer):
+        def __init__(self, *args: Any, **options: Any):
+            super().__init__(*args, **options)
+            viewers.append(self)
+
+    def solve(observe: Any) -> Any:
+        def held(stretch: Any, duration: float) -> None:
+            observe(stretch, duration)
+            if stretch.duration > 0.4 * duration:
+                assert go_on.wait(PATIENCE)
+
+        return run_scene(moving, observe=held)
+
+    monkeypatch.setattr(app, "Viewer", Seen)
+    monkeypatch.setattr(app, "_until_stopped", lambda: contextlib.nullcontext(stopped))
+    serving = threading.Thread(target=app.serve_while, args=(solve, moving, 0, folder), daemon=True)
+    serving.start()
+    try:
+        end = time.monotonic() + PATIENCE
+        while not viewers:
+            assert serving.is_alive() and time.monotonic() < end
+            time.sleep(0.01)
+        (shown,) = viewers
+        opened = open_viewer(browser, shown, SIZE, ["/mechanism/bar"])
+        progress = opened.locator(".mechviz-progress")
+        progress.filter(has_text="Computing: ").wait_for()
+        assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
+        assert 1 <= shown.inspector.show.frames - 1 < moving.frames
+
+        def drawn() -> bool:
+            angle = shown.inspector.show.poses["bar"][shown.frame, 2]
+            return bool(
+                np.allclose(opened.evaluate(POSE, "/mechanism/bar")[:4], [np.cos(angle / 2), 0, 0, np.sin(angle / 2)], atol=1e-3)
+            )
+
+        until(opened, drawn, "its newest frame")
+        go_on.set()
+        opened.get_by_role("tab", name="Edit", exact=True).wait_for()
+        until(opened, lambda: shown.inspector.show.frames == moving.frames + 1, "the whole motion")
+        until(opened, lambda: progress.count() == 0 and shown.timeline.slider.max == moving.frames, "nothing is computed any more")
+        shown.set_frame(moving.frames)
+        until(opened, drawn, "its end")
+        _type(opened, "O free position", "-60")
+        until(opened, lambda: shown.run.motion.coordinate("O")[0, 0] == pytest.approx(np.radians(-60.0)), "edited")
+    finally:
+        go_on.set()
+        stopped.set()
+        serving.join(PATIENCE)
+    assert not serving.is_alive()
+    return shown, opened
+
+
+def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
+    """Its values at a click, its diagrams, the least base circle, another law, a section."""
+    open_tab(page, "View")
+    page.get_by_role("button", name="Front", exact=True).click()
+    open_tab(page, "Edit")
+    caught_up(viewer, page)
+    _click(page, viewer, np.array([0.0, -0.02]))
+    until(page, lambda: viewer.inspector.closer.item == "cam K", "a click on the cam")
+    row = page.locator("tr", has_text="contact force").first
+    force = next(q for q in viewer.inspector.show.quantities if q.label == "cam K: contact force").values()[0, 0]
+    until(page, lambda: f"{force:.5g}" in row.inner_text(), "its contact force")
+    open_tab(page, "Diagrams")
+    page.get_by_role("img", name="Pressure angle [°] of cam K", exact=True).wait_for()
+    page.get_by_label("Diagram", exact=True).click()
+    page.get_by_role("option", name="Curvature [1/m] of cam K", exact=True).click()
+    page.get_by_role("img", name="Curvature [1/m] of cam K", exact=True).wait_for()
+    _type(page, "K base [mm]", "8")
+    page.get_by_role("alert").filter(has_text="undercut").filter(has_text="Reachable: 10.6").first.wait_for()
+    page.get_by_label("K lift 1 law", exact=True).click()
+    page.get_by_role("option", name="harmonic", exact=True).click()
+    until(page, lambda: viewer.run.scene.document.pairs["K"].profile.lift[0].law == "harmonic", "another law")
+    until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
+    assert viewer.studio.wait(rested=True)
+    whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}
+    open_tab(page, "View")
+    _type(page, "Section", "30")
+    scene3d = viewer.inspector.scene
+    until(page, lambda: {piece.color for piece in scene3d.links._drawn["cam"].pieces} - whole != set(), "a cut of another colour")
+    until(page, lambda: not page.evaluate(SEEN, "/coils/return_spring"), "the spring before the cut is away")
+    _type(page, "Section", "0")
+    until(page, lambda: page.evaluate(SEEN, "/coils/return_spring"), "whole again")
 
 
 def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):

@@ -321,6 +321,79 @@ def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
     assert viewer.frame == 301 and not viewer.playing
 
 
+def test_speed_loop_and_steps(viewer, page):
+    player, cycle = viewer.player, viewer.inspector.show.cycle
+    page.get_by_role("button", name="◂ Step", exact=True).click()
+    until(page, lambda: viewer.frame == 299, "one step back")
+    for seconds in (2, 8):
+        page.get_by_label("Speed", exact=True).click()
+        label = next(option for option in viewer.timeline.speed.options if option.startswith(f"{seconds} s a cycle"))
+        page.get_by_role("option", name=label, exact=True).click()
+        until(page, lambda rate=cycle / seconds: player.rate == pytest.approx(rate), label)
+    page.get_by_role("button", name="Loop ✓", exact=True).click()
+    page.get_by_role("button", name="Loop ✗", exact=True).wait_for()
+    viewer.set_frame(360)
+    page.get_by_role("button", name="Step ▸", exact=True).click()
+    heard(viewer)
+    assert not player.loop and viewer.frame == 360, "no way on from the end"
+    page.get_by_role("button", name="Loop ✗", exact=True).click()
+    page.get_by_role("button", name="Loop ✓", exact=True).wait_for()
+    page.get_by_role("button", name="Step ▸", exact=True).click()
+    until(page, lambda: viewer.frame == 1, "on over the end: the last frame is the first")
+
+
+NOW = "() => Number(document.querySelector('.mechviz-now').getAttribute('x1'))"
+
+
+def test_events_are_jumped_to_and_the_health_strip_goes_along(viewer, page):
+    show = viewer.inspector.show
+    frames = [viewer.timeline.frame_at(e.time) for e in show.events]
+    assert len(frames) == 4
+    page.get_by_label("Jump to event", exact=True).click()
+    page.get_by_role("option", name="limit position: coordinate largest").click()
+    until(page, lambda: viewer.frame == frames[1], "the event")
+    until(page, lambda: page.evaluate(NOW) == pytest.approx(1000.0 * frames[1] / 360, abs=0.1), "the strip's cursor")
+    _until_drawn(viewer, page)
+    left, top, _, _ = page.evaluate(CANVAS)
+    page.mouse.click(left + 20, top + 20)
+    page.keyboard.press("e")
+    until(page, lambda: viewer.frame == frames[2], "the next one")
+    strip = page.get_by_role("img", name="Health of the run")
+    said = strip.get_attribute("aria-label")
+    for health in show.health:
+        assert f"{health.name}: at most" in said
+    rows = strip.locator("rect").evaluate_all("rects => rects.map(r => [r.getAttribute('fill'), Number(r.getAttribute('width'))])")
+    assert len(rows) == len(show.health) and {color for color, _ in rows} == {"#2ea060"}, "all is well all the time"
+    assert strip.locator("path").count() == len(frames)
+
+
+def test_marks_go_and_come_back_and_a_plot_runs_against_time(viewer, page):
+    page.get_by_label("Grid", exact=True).uncheck()
+    until(page, lambda: not page.evaluate(SEEN, "/grid"), "no grid")
+    page.get_by_label("Grid", exact=True).check()
+    until(page, lambda: page.evaluate(SEEN, "/grid"), "the grid")
+    b = np.array(page.evaluate(PLACE, "/joints/B/dot")) - page.evaluate(CANVAS)[:2]
+    x, y = (int(v) for v in b)
+
+    def written() -> np.ndarray:
+        """What is above and beside the joint, where its name is."""
+        return picture(page)[y - 26 : y - 4, x + 4 : x + 26]
+
+    before = written()
+    page.get_by_label("Joint names", exact=True).uncheck()
+    until(page, lambda: (np.abs(written() - before) > 60).sum() > 20, "no names")
+    page.get_by_label("Joint names", exact=True).check()
+    until(page, lambda: (np.abs(written() - before) > 60).sum() < 5, "the names again")
+    axis = page.get_by_label("Plot against", exact=True)
+    abscissa = "uuid => { const c = window.__viserTestpoints.uplots[uuid]?.chart; return c ? Array.from(c.data[0]).at(-1) : 0; }"
+    for choice, last in (("time [s]", viewer.run.motion.time[-1]), ("angle of drive A [°]", 360.0)):
+        axis.click()
+        page.get_by_role("option", name=choice, exact=True).click()
+        slots = viewer.plots.slots
+        for slot in slots:
+            until(page, lambda s=slot, x=last: page.evaluate(abscissa, s.chart._impl.uuid) == pytest.approx(x), f"against {choice}")
+
+
 def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
     assert page.evaluate(SEEN, "/vectors/reaction")
     before = _red(picture(page))
@@ -332,6 +405,20 @@ def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
     assert not page.evaluate(SEEN, "/vectors/velocity")
     page.get_by_label("Velocity", exact=True).check()
     until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
+    size = page.locator(f'[id="{viewer.switches.sizes["Size of velocities"]._impl.uuid}"] ~ div input')
+    caught_up(viewer, page)
+    before = viewer.server.scene.get_handle_by_name("/vectors/velocity").points.copy()
+    size.fill("2")
+    until(
+        page,
+        lambda: np.allclose(
+            np.diff(viewer.server.scene.get_handle_by_name("/vectors/velocity").points, axis=1),
+            2.0 * np.diff(before, axis=1),
+            atol=1e-6,
+        ),
+        "twice as long",
+    )
+    size.fill("1")
     page.get_by_label("Velocity", exact=True).uncheck()
     until(page, lambda: not page.evaluate(SEEN, "/vectors/velocity"), "no velocities")
 
