@@ -356,8 +356,12 @@ def test_events_are_jumped_to_and_the_health_strip_goes_along(viewer, page):
     _until_drawn(viewer, page)
     left, top, _, _ = page.evaluate(CANVAS)
     page.mouse.click(left + 20, top + 20)
-    page.keyboard.press("e")
+    camera = page.evaluate(CAMERA)
+    page.keyboard.down("e")
     until(page, lambda: viewer.frame == frames[2], "the next one")
+    next_frames(page, 3)  # held: viser would move the camera
+    page.keyboard.up("e")
+    assert page.evaluate(CAMERA) == camera
     strip = page.get_by_role("img", name="Health of the run")
     said = strip.get_attribute("aria-label")
     for health in show.health:

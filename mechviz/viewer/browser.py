@@ -11,9 +11,9 @@ from . import drawing
 
 __all__ = ["open_tab", "prepare_page"]
 
-# viser listens to hotkeys at the root element and turns the camera on arrow keys at the document, which comes after it.
+# viser listens to hotkeys at the root element and moves the camera on arrow keys and letters at the document, which comes after it.
 # - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
-# - Elsewhere an arrow key steps through the frames only: stopped at the root element, after the hotkeys.
+# - Elsewhere an arrow key steps through the frames only, and E goes to an event: stopped at the root element, after the hotkeys.
 # - Space presses the button that the keyboard has reached. A button that the mouse has pressed gives up the focus, so that space
 #   means play and pause after it.
 KEYS = """
@@ -26,7 +26,7 @@ if (!window.mechvizKeys) {
     if (event.code === "Space" && target.closest("button, [role=tab]")) event.stopPropagation();
   });
   document.documentElement.addEventListener("keydown", (event) => {
-    if (arrow(event)) event.stopPropagation();
+    if (arrow(event) || event.code === "KeyE") event.stopPropagation();
   });
   document.body.addEventListener("click", (event) => {
     const button = event.target.closest("button");
