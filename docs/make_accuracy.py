@@ -20,7 +20,7 @@ from mechviz.accuracy.canvas import Canvas
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder
-from mechviz.accuracy.timing import machine
+from mechviz.accuracy.timing import machine, used
 from mechviz.run import run_scene
 from mechviz.scene import load
 
@@ -49,6 +49,14 @@ def code(lines: list[str]) -> str:
     return "\n".join(["```text", *lines, "```"])
 
 
+def round_values(low: float, high: float, unit: str) -> np.ndarray:
+    """At most eight round values between two, of an angle multiples of 15 degrees."""
+    steps = [15.0, 30.0, 45.0, 90.0, 180.0] if "deg" in unit else []
+    steps += [k * 10.0**d for d in range(-6, 7) for k in (1, 2, 5)]
+    step = next(s for s in steps if (high - low) / s <= 8.0)
+    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
+
+
 def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, equal: bool = False) -> None:
     """Curves over each other; gaps where a value is not finite."""
     width, height = (620.0, 340.0) if not equal else (460.0, 460.0)
@@ -58,6 +66,8 @@ def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, e
     if equal:
         half = 0.53 * max(x1 - x0, y1 - y0)
         x0, x1, y0, y1 = (0.5 * (x0 + x1) - half, 0.5 * (x0 + x1) + half, 0.5 * (y0 + y1) - half, 0.5 * (y0 + y1) + half)
+    else:
+        y0, y1 = y0 - 0.05 * (y1 - y0), y1 + 0.05 * (y1 - y0)
     left, top, right, bottom = 64.0, 44.0, 16.0, 46.0
 
     def place(x: float, y: float) -> tuple[float, float]:
@@ -65,15 +75,15 @@ def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, e
         return left + u * (width - left - right), height - bottom - v * (height - top - bottom)
 
     sheet.text(left, 20, title, size=13)
-    for k in range(5):
-        x, y = x0 + k * (x1 - x0) / 4.0, y0 + k * (y1 - y0) / 4.0
+    for x in round_values(x0, x1, across):
         sheet.line([place(x, y0), place(x, y1)], "#e3e6ea")
+        sheet.text(place(x, y0)[0], height - bottom + 15, f"{x:.4g}", size=10, anchor="middle")
+    for y in round_values(y0, y1, up):
         sheet.line([place(x0, y), place(x1, y)], "#e3e6ea")
-        sheet.text(place(x, y0)[0], height - bottom + 15, f"{x:.3g}", size=10, anchor="middle")
-        sheet.text(left - 6, place(x0, y)[1] + 4, f"{y:.3g}", size=10, anchor="end")
+        sheet.text(left - 6, place(x0, y)[1] + 4, f"{y:.4g}", size=10, anchor="end")
     sheet.text(left + 0.5 * (width - left - right), height - 10, across, size=11, anchor="middle")
     sheet.text(6, top - 8, up, size=11)
-    at = left + 60.0
+    at = left + 110.0
     for x, y, color, label in curves:
         good = np.isfinite(y)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
@@ -109,10 +119,13 @@ def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
     found = {}
     for name in ("crank-rocker", "andrews-squeezer"):
         scene = load(name)
-        measured = kept(scene, TARGET) or keep(scene, TARGET, ladder(scene, TARGET, budget=0.02 if quick else 0.25))
-        foot = f"measured {measured.day} on {measured.machine}; one thread, medians"
+        measured = kept(scene, TARGET, rough=quick)
+        if measured is None:
+            with used() as share:
+                points = ladder(scene, TARGET, budget=0.02 if quick else 0.25)
+            measured = keep(scene, TARGET, points, quick, share())
         title = f"{scene.title}: what accuracy costs"
-        write_diagram(diagram(measured.points, title, foot, TARGET), IMAGES / f"accuracy-{name}.svg")
+        write_diagram(diagram(measured.points, title, measured.foot, TARGET), IMAGES / f"accuracy-{name}.svg")
         found[name] = measured.points
     return found
 
@@ -186,7 +199,13 @@ def hard_pictures() -> None:
     for mode, color, words in (("left", BLUE, "parallelogram"), ("right", RED, "antiparallelogram")):
         motion = solve_motion(compile_mechanism(four_bar(0.3, 0.1, 0.3, 0.1, start=0.5, mode=mode)), t)
         curves.append((np.degrees(t + 0.5), motion.velocity("rocker")[:, 2], color, words))
-    plot(IMAGES / "hard-linkages.svg", "Speed of the rocker over that of the crank, two turns", "crank [deg]", "ratio", curves)
+    plot(
+        IMAGES / "hard-linkages.svg",
+        "Speed of the rocker over that of the crank, two turns",
+        "crank [deg]",
+        "ratio of speeds",
+        curves,
+    )
 
     law = program([Segment(0.8, 0.03), Segment(0.4, 0.03), Segment(0.8, 0.0), Segment(TURN - 2.0)])
     cam = cam_on_base(law, Follower(Translating(), Roller(0.02)), 0.02)
@@ -194,7 +213,7 @@ def hard_pictures() -> None:
     contour = cut_profile(cam).contour
     left = contour(np.linspace(0.0, contour.count, 4001))[0] * 1e3
     shapes: list[Curve] = [(drawn.real, drawn.imag, RED, "drawn"), (left.real, left.imag, BLUE, "what the cutter leaves")]
-    plot(IMAGES / "hard-cams.svg", "An undercut cam", "mm", "mm", shapes, equal=True)
+    plot(IMAGES / "hard-cams.svg", "An undercut cam", "x [mm]", "y [mm]", shapes, equal=True)
 
     x = np.linspace(0.0, 0.3, 301)
     effort = np.array([float(load_at(sleeve(float(e), 0.08, 0.2), [0.0], 0.1).effort("H")[0]) for e in x])
@@ -203,7 +222,7 @@ def hard_pictures() -> None:
         IMAGES / "hard-friction.svg",
         "Effort for a weight of 30 N; it jams from 200 mm on",
         "arm [mm]",
-        "N",
+        "effort [N]",
         [(1e3 * x, shown, BLUE, "")],
     )
 
@@ -212,7 +231,13 @@ def hard_pictures() -> None:
     t = np.linspace(0.0, 1.6, 1201)
     angle = np.degrees(simulation(t)[0][:, 0] + np.pi / 2)
     hits = len([h for h in simulation.happenings if h.kind == "impact"])
-    plot(IMAGES / "hard-dynamics.svg", f"{hits} impacts, then contact", "time [s]", "deg", [(t, angle, BLUE, "")])
+    plot(
+        IMAGES / "hard-dynamics.svg",
+        f"{hits} impacts, then contact",
+        "time [s]",
+        "angle from the vertical [deg]",
+        [(t, angle, BLUE, "")],
+    )
     input_picture()
 
 

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mechviz.accuracy.ladder as ladder_module
-from mechviz.accuracy import cache
+from mechviz.accuracy import cache, timing
 from mechviz.accuracy.apply import with_setting
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
@@ -46,6 +46,21 @@ def test_timing_warms_up_and_repeats():
     calls.clear()
     side_by_side(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
     assert "".join(calls) == "ab" * 4, "in turns"
+
+
+def test_times_of_a_processor_that_others_used_are_called_rough(monkeypatch):
+    walls, own = iter([0.0, 10.0]), iter([0.0, 4.0])
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: next(walls))
+    monkeypatch.setattr(timing.time, "process_time", lambda: next(own))
+    with timing.used() as share:
+        pass
+    monkeypatch.undo()
+    assert share() == 0.4
+    found = cache.Measured("s", "a machine", "2026-01-01", (), share=share())
+    assert (
+        found.foot == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
+    )
+    assert "rough" not in cache.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
 
 
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,10 +140,15 @@ def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
     from PIL import Image
 
     assert len(set(Image.open(png).convert("RGB").getdata())) > 10
+    assert "kept from then; --again measures anew" in again.stdout and "kept from" not in first.stdout
     CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "--again"])
     CliRunner().invoke(app, ["accuracy", "crank-rocker"])
-    CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3"])
+    CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3", "--quick"])
     assert len(calls) == 4, "measured anew for another scene, another target, or where that is asked"
+    assert "of few repeats" in CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3", "--quick"]).stdout
+    assert len(calls) == 4, "a rough ladder will do where a rough one is asked for"
+    assert "of few repeats" not in CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3"]).stdout
+    assert len(calls) == 5, "and not where it is not"
 
 
 def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_path, recwarn):

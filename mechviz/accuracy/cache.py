@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,31 @@ if TYPE_CHECKING:
 __all__ = ["Measured", "keep", "kept"]
 
 
+SHARED = 0.8  # below this share others have used the processor too
+
+
 @dataclass(frozen=True)
 class Measured:
-    """A ladder with what it belongs to."""
+    """A ladder with what it belongs to.
+
+    ``rough``: with few repeats; ``share``: of the time that passed the program had the processor for so much (0 to 1).
+    """
 
     scene: str
     machine: str
     day: str
     points: tuple[Point, ...]
+    rough: bool = False
+    share: float = 1.0
+
+    @property
+    def foot(self) -> str:
+        """When, where and how it was measured, in a line."""
+        words = f"measured {self.day} on {self.machine}; one thread, medians"
+        words += " of few repeats" if self.rough else ""
+        if self.share < SHARED:
+            words += f"; rough: others had {100.0 * (1.0 - self.share):.0f} % of the time on this processor"
+        return words
 
 
 def _folder() -> Path:
@@ -50,20 +67,21 @@ def _code() -> float:
     return max(f.stat().st_mtime for root in roots for f in root.rglob("*.py"))
 
 
-def kept(scene: Scene, target: float | None) -> Measured | None:
-    """The ladder of this scene on this machine, if it was measured before."""
+def kept(scene: Scene, target: float | None, rough: bool = True) -> Measured | None:
+    """The ladder of this scene on this machine, if it was measured before; ``rough``: one with few repeats will do."""
     try:
         data: dict[str, Any] = json.loads(_file(scene, target).read_text(encoding="utf-8"))
         points = tuple(Point(**p) for p in data["points"])
-        return Measured(data["scene"], data["machine"], data["day"], points)
+        found = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
     except (OSError, ValueError, KeyError, TypeError):  # not there, or of another form
         return None
+    return found if rough or not found.rough else None
 
 
-def keep(scene: Scene, target: float | None, points: list[Point]) -> Measured:
+def keep(scene: Scene, target: float | None, points: list[Point], rough: bool = False, share: float = 1.0) -> Measured:
     """Keep a ladder; where the folder cannot be written nothing is kept."""
-    found = Measured(scene.name, machine(), date.today().isoformat(), tuple(points))
-    data = {"scene": found.scene, "machine": found.machine, "day": found.day, "points": [p.as_dict() for p in points]}
+    found = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
+    data = {**asdict(found), "points": [p.as_dict() for p in points]}
     try:
         path = _file(scene, target)
         path.parent.mkdir(parents=True, exist_ok=True)

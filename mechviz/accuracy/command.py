@@ -11,7 +11,6 @@ import typer
 from ..command_line import check_targets, clear_errors, fail, interruptible, load_scene, progress_bar
 
 if TYPE_CHECKING:
-    from .cache import Measured
     from .ladder import Point
 
 __all__ = ["accuracy", "effects", "table_lines"]
@@ -33,7 +32,7 @@ def accuracy(
     Times are medians on one thread after a warm-up. Marked: * on the Pareto front (nothing is quicker and more exact), <- what the
     scene uses now. Results are kept by scene and machine; --again measures anew.
     """
-    from .timing import one_thread
+    from .timing import one_thread, used
 
     one_thread()
     if output is not None and output.suffix.lower() not in (".svg", ".png"):
@@ -50,27 +49,26 @@ def accuracy(
 
         check_targets(output, rrd)
         loaded = load_scene(scene)
-        found = None if again else kept(loaded, target)
+        found = None if again else kept(loaded, target, rough=quick)
+        before = found is not None
         if found is None:
-            with progress_bar("measuring") as bar:
+            with progress_bar("measuring") as bar, used() as share:
                 points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25)
-            found = keep(loaded, target, points)
+            found = keep(loaded, target, points, quick, share())
         shown = [p for p in found.points if dial is None or p.dial == dial]
         if not shown:
             fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(found.points))}.")
         title = f"{loaded.title}: what accuracy costs"
-        print("\n".join([title, *table_lines(shown, target), "", *_foot(found), *_answer(shown, target)]))
+        print("\n".join([title, *table_lines(shown, target), "", found.foot, *_answer(shown, target)]))
+        if before:
+            print("\nkept from then; --again measures anew")
         with interruptible():
             if output is not None:
-                write_diagram(diagram(shown, title, "; ".join(_foot(found)), target), output)
+                write_diagram(diagram(shown, title, found.foot, target), output)
                 print(output)
             if rrd is not None:
                 write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
                 print(rrd)
-
-
-def _foot(found: Measured) -> list[str]:
-    return [f"measured {found.day} on {found.machine}; one thread, medians"]
 
 
 def table_lines(points: Sequence[Point], target: float | None) -> list[str]:

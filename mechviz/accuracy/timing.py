@@ -7,12 +7,13 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Timed", "machine", "one_thread", "side_by_side", "timed"]
+__all__ = ["Timed", "machine", "one_thread", "side_by_side", "timed", "used"]
 
 LEAST, MOST = 3, 25
 BUDGET = 0.25  # seconds of repeats: quick work is repeated more often
@@ -62,6 +63,15 @@ def side_by_side(
             work()
             own.append(time.perf_counter() - start)
     return _timed(times[0]), _timed(times[1])
+
+
+@contextmanager
+def used() -> Iterator[Callable[[], float]]:
+    """What share of the time in its block this program had the processor for: told, at most 1, by what it gives."""
+    wall, own = time.perf_counter(), time.process_time()
+    found = [1.0]
+    yield lambda: found[0]
+    found[0] = min(1.0, (time.process_time() - own) / max(time.perf_counter() - wall, 1e-9))
 
 
 def one_thread() -> None:
