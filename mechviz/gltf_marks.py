@@ -19,7 +19,22 @@ from mechcore.spec import Damper, GasSpring, TorsionSpring
 
 from .heights import arc_height, arrow_height
 from .held import held
-from .linkers import TURNS, WIDTH
+from .proportions import (
+    ARC_RADIUS,
+    ARC_WIDTH,
+    HEAD,
+    HEAD_RADIUS,
+    LEAST_ARROW,
+    LINKER,
+    POT,
+    SHAFT,
+    TURNS,
+    arc_corners,
+    arc_faces,
+    pot_length,
+    ribbon_faces,
+    spiral_radius,
+)  # fmt: skip
 from .vectors import FAMILIES, calm_frames, find_moments, find_scales, find_vectors
 
 if TYPE_CHECKING:
@@ -34,18 +49,12 @@ Color = tuple[int, int, int]
 ARROWS = ("reaction", "applied", "inertia", "friction", "drive")
 """Families of arrows that are written unless others are asked for."""
 
-# In sizes of the mechanism
-SHAFT, HEAD_RADIUS, HEAD = 0.0042, 0.0115, 0.03  # of an arrow
-ARC, ARC_WIDTH = 0.085, 0.0085  # radius of the arc of the largest moment, and its width
-SPIRAL, RIBBON = 0.09, 0.008  # radius of a torsion spring, and the width of its ribbon
-
+RIBBON = 0.008  # width of the ribbon of a torsion spring, in sizes of the mechanism
 ROUND = 16  # sides of what is round
 ARC_TURN = 1.5 * np.pi  # of a moment's arc [rad]
-ARC_TIP = 0.42  # of its head [rad]
 STEPS = 48
 LEAST = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
 TARGETS = 8  # of a morph: so many any viewer can do
-LINKER = (58, 66, 78)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +99,7 @@ def find_marks(run: Run, solids: Solids, families: Iterable[str] = ARROWS) -> li
     largest = max((_largest(m.value) for items in moments.values() for m in items.values()), default=0.0)
     for family in FAMILIES:
         for item, moment in moments.get(family, {}).items() if family in wanted else ():
-            height = arc_height(run, solids.heights, moment, ARC * solids.size)
+            height = arc_height(run, solids.heights, moment, ARC_RADIUS * solids.size)
             name = f"{FAMILIES[family].label}: moment {item}"
             found.append(_moment(name, moment.origin, moment.value / largest, height, solids.size, FAMILIES[family].color))
     return [*found, *_linkers(run, solids)]
@@ -105,7 +114,7 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     """An arrow along ``vector`` (F, 2) [m]; one that is shorter than its head is a smaller one."""
     known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
     length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
-    whole = 1.3 * HEAD * size
+    whole = LEAST_ARROW * size
     shaft = np.maximum(length, whole) - HEAD * size
     factor = np.clip(length / whole, LEAST, 1.0)
     pointed = length > 1e-9 * size
@@ -132,14 +141,8 @@ def _moment(name: str, origin: Real, part: Real, height: float, size: float, col
     size_of = np.where(known, part, 0.0)
     size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
     places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
-    radius, width = ARC * size, ARC_WIDTH * size
-    angle = np.linspace(0.0, ARC_TURN - ARC_TIP, STEPS + 1)
-    rims = [(radius + side * 0.5 * width) * np.exp(1j * angle) for side in (1.0, -1.0)]
-    barbs = (radius + np.array([1.7, -1.7]) * width) * np.exp(1j * angle[-1])
-    flat = np.concatenate([np.stack(rims, axis=1).ravel(), barbs, [radius * np.exp(1j * ARC_TURN)]])
-    n = 2 * (STEPS + 1)
-    faces = np.vstack([_ribbon_faces(STEPS + 1), [[n, n + 2, n + 1]]]).astype(np.uint32)
-    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), _flat(flat, faces, color))
+    arc = _flat(arc_corners(ARC_TURN, ARC_RADIUS * size, ARC_WIDTH * size, STEPS), arc_faces(STEPS), color)
+    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), arc)
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------
@@ -152,7 +155,7 @@ def _linkers(run: Run, solids: Solids) -> list[Mark]:
         if isinstance(load, Damper | GasSpring):
             a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
             kind = "gas spring" if isinstance(load, GasSpring) else "damper"
-            found += _strut(f"{kind} {load.name}", a, b, size, solids.z_top + WIDTH * size)
+            found += _strut(f"{kind} {load.name}", a, b, size, solids.z_top + POT * size)
         elif isinstance(load, TorsionSpring):
             pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
             if pin is not None:
@@ -166,10 +169,10 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     d = b - a
     length = np.hypot(*d.T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
-    pot = min(max((most - least) / 0.8, 0.5 * most), 0.95 * least)
+    pot = pot_length(least, most)
     stub = 0.12 * pot
     turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
-    w = WIDTH * size
+    w = POT * size
     outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], LINKER)
     inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
     z = np.full(len(a), height)
@@ -185,10 +188,10 @@ def _spiral(name: str, centre: Real, first: Real, second: Real, size: float, top
     low, high = float(wound.min()), float(wound.max())
     grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
     part = np.linspace(0.0, 1.0, STEPS * 3)
-    radius = SPIRAL * size * (0.25 + 0.75 * part)
+    radius = spiral_radius(part, size)
     half = 0.5 * RIBBON * size
     ways = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
-    shape = _flat(ways[0], _ribbon_faces(len(part)), LINKER)
+    shape = _flat(ways[0], ribbon_faces(len(part)), LINKER)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
         return Mark(name, places, second, shape=shape)
@@ -223,9 +226,3 @@ def _flat(z: NDArray[np.complex128], faces: Any, color: Color) -> Shape:
     """Something flat, seen from the front."""
     vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)
-
-
-def _ribbon_faces(places: int) -> NDArray[np.int64]:
-    """Faces of a ribbon whose corners stand as outer, inner, outer, inner ..., counter-clockwise."""
-    k = 2 * np.arange(places - 1)
-    return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from mechcore.spec import Damper, GasSpring, Spring, TorsionDamper, TorsionSpring
 
+from .proportions import POT, TURNS, pot_length, spiral_radius
+
 if TYPE_CHECKING:
     from .run import Run
 
@@ -21,8 +23,6 @@ __all__ = ["Linker", "find_linkers", "linker_ends", "spiral_strips", "strut_stri
 
 Real = NDArray[np.float64]
 
-WIDTH = 0.028  # half width of pots, in sizes of the mechanism
-TURNS = 2.5  # of a spiral
 SPIRAL_POINTS = 72
 
 
@@ -64,11 +64,11 @@ def linker_ends(run: Run) -> list[Real]:
 def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
     length = np.hypot(*(b - a).T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
-    return lambda frames: strut_strips(a[frames], b[frames], least, most, WIDTH * size, closed=kind == "gas spring")
+    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind == "gas spring")
 
 
 def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
-    return lambda frames: (spiral_strips(centre[frames], first[frames], second[frames], 0.09 * size),)
+    return lambda frames: (spiral_strips(centre[frames], first[frames], second[frames], size),)
 
 
 def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
@@ -90,7 +90,7 @@ def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, c
     Pot and rod keep their lengths while the points move between their ``least`` and ``most`` distance.
     """
     length, along, across = _axes(a, b)
-    pot = min(max((most - least) / 0.8, 0.5 * most), 0.95 * least)
+    pot = pot_length(least, most)
     plate = np.clip(length - (most - 0.92 * pot), 0.05 * pot, 0.95 * pot)  # where the piston is in the pot
     ones = np.ones_like(length)
     start = 0.0 if closed else 0.12 * pot  # a damper's pot hangs on a short rod of its own
@@ -105,9 +105,10 @@ def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, c
     return body, _placed(a, along, across, u, v)
 
 
-def spiral_strips(centre: Real, first: Real, second: Real, radius: float) -> Real:
-    """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside."""
+def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
+    """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside, in a mechanism
+    of a ``size`` [m]."""
     part = np.linspace(0.0, 1.0, SPIRAL_POINTS)
     angle = second[:, None] + (first - second + 2.0 * np.pi * TURNS)[:, None] * part
-    r = radius * (0.25 + 0.75 * part)
+    r = spiral_radius(part, size)
     return centre[:, None] + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)

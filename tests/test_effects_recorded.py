@@ -8,6 +8,7 @@ import pytest
 import mechviz
 from mechcore.spec import Damper, GasSpring
 from mechviz.linkers import find_linkers, spiral_strips, strut_strips
+from mechviz.proportions import SPIRAL
 from mechviz.run import run_scene
 from mechviz.viewer.linkers3d import segments
 from recordings import made
@@ -66,7 +67,7 @@ def test_shapes_keep_their_widths_and_lengths():
         assert np.ptp(pot[..., 0], axis=1)[0] == pytest.approx(np.ptp(pot[..., 0], axis=1)[1])  # the pot keeps its length
         assert np.ptp(rod[..., 0], axis=1)[0] == pytest.approx(np.ptp(rod[..., 0], axis=1)[1])  # and the rod
         assert np.all(rod[:, 1:, 0] <= pot[..., 0].max()) and np.all(rod[:, 1:, 0] >= 0.0)  # the piston stays in the pot
-    spiral = spiral_strips(a[:1], np.array([0.5]), np.array([1.0]), 0.2)
+    spiral = spiral_strips(a[:1], np.array([0.5]), np.array([1.0]), 0.2 / SPIRAL)
     assert np.hypot(*spiral[0, -1]) == pytest.approx(0.2) and np.arctan2(*spiral[0, 0][::-1]) == pytest.approx(1.0)
     assert np.arctan2(*spiral[0, -1][::-1]) == pytest.approx(0.5 - np.pi)  # two turns and a half further, on the first link's side
 

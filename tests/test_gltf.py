@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import mechviz
 from mechviz.cli import app
 from mechviz.gltf import glb_bytes
-from mechviz.gltf_marks import ARROWS, HEAD, find_marks
-from mechviz.linkers import TURNS
+from mechviz.gltf_marks import ARROWS, find_marks
+from mechviz.proportions import HEAD, TURNS
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
 from mechviz.vectors import FAMILIES, find_moments, find_scales, find_vectors

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..proportions import ARC_RADIUS
 from ..tables import joints_of, links_with_mass
 from ..vectors import (
     FAMILIES,
@@ -56,7 +57,6 @@ COLORS: Mapping[str, tuple[int, int, int]] = {
 
 LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
 SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
-ARC_RADIUS = 0.085  # in sizes of the mechanism; the longest arc is then a little over 300°
 ARC_POINTS = 24
 LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
 

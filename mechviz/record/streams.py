@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..accuracy.kept import plain_stride
 from ..heights import arc_height, arrow_height, path_height
 from ..linkers import Linker
+from ..proportions import ARC_RADIUS
 from ..tables import Table, joints_of, links_of, pair_unit
 from ..turns import about_z
 from ..vectors import Scales, Vector, point_name
-from .arrows import ARC_RADIUS, COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
+from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
 from .paths import entity
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..proportions import ARC_RADIUS, ARC_TIP, ARC_WIDTH, HEAD, HEAD_RADIUS, LEAST_ARROW, SHAFT, arc_corners, arc_faces
 from ..vectors import FAMILIES
 from .playback import PointTrack, ragged
 from .show import Show
@@ -16,21 +17,9 @@ __all__ = ["ArrowNodes", "arc_path", "arc_vertices", "arrow_points"]
 
 Real = NDArray[np.float64]
 
-# In parts of the mechanism's size
-SHAFT = 0.0042
-HEAD_RADIUS = 0.0115
-HEAD_LENGTH = 0.03
-ARC_RADIUS = 0.085
-ARC_WIDTH = 0.0085
-
 ARC_STEPS = 40
-ARC_HEAD = 0.42  # [rad]
 LARGEST_TURN = 1.8 * np.pi
-ARC_FACES = np.array(
-    [f for k in range(ARC_STEPS) for f in ([2 * k, 2 * k + 1, 2 * k + 2], [2 * k + 1, 2 * k + 3, 2 * k + 2])]
-    + [[2 * ARC_STEPS + 2, 2 * ARC_STEPS + 3, 2 * ARC_STEPS + 4]],
-    np.uint32,
-)
+ARC_FACES = arc_faces(ARC_STEPS)
 
 
 def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> NDArray[np.float32]:
@@ -50,13 +39,7 @@ def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> 
 
 def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> NDArray[np.float32]:
     """Corners of a flat arc with a head, for `ARC_FACES`: through ``turn`` [rad] about ``centre`` (2,) [m] from the right on."""
-    sign = np.sign(turn)
-    head = min(ARC_HEAD, abs(turn))
-    along = np.linspace(0.0, sign * (abs(turn) - head), ARC_STEPS + 1)
-    rim = np.array([radius + 0.5 * width, radius - 0.5 * width])
-    body = (rim * np.exp(1j * along)[:, None]).ravel()
-    base = np.array([radius + 1.7 * width, radius - 1.7 * width]) * np.exp(1j * along[-1])
-    flat = np.concatenate([body, base, [radius * np.exp(1j * sign * abs(turn))]]) + complex(*centre)
+    flat = arc_corners(turn, radius, width, ARC_STEPS) + complex(*centre)
     return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
 
 
@@ -126,13 +109,13 @@ class ArrowNodes:
     def points(self, family: str, frame: int) -> NDArray[np.float32]:
         """Ends (n, 2, 3) [m] of a family's arrows that are long enough to be seen at a frame."""
         origins, lengths, z = self._tracks[family]
-        return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, 1.3 * HEAD_LENGTH * self._size)
+        return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, LEAST_ARROW * self._size)
 
     def corners(self, key: tuple[str, str], frame: int) -> NDArray[np.float32] | None:
         """Corners of an arc at a frame, None where it is too short to be seen."""
         origin, turns, height = self._turns[key]
         turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
-        if not abs(turn) >= ARC_HEAD:
+        if not abs(turn) >= ARC_TIP:
             return None
         return arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, height)
 
@@ -159,7 +142,7 @@ class ArrowNodes:
             if self._on[family]:
                 drawn = lengths * self._factors[family]
                 with np.errstate(invalid="ignore"):
-                    seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= 1.3 * HEAD_LENGTH * self._size
+                    seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= LEAST_ARROW * self._size
                 seen &= np.isfinite(origins).all(axis=2) & np.isfinite(drawn).all(axis=2)
                 flat = np.stack([origins, origins + drawn], axis=2)
                 heights = np.broadcast_to(z[None, :, None, None], (*flat.shape[:3], 1))
@@ -179,7 +162,7 @@ class ArrowNodes:
             _linear(FAMILIES[family].color),
             shaft_radius=SHAFT * self._size,
             head_radius=HEAD_RADIUS * self._size,
-            head_length=HEAD_LENGTH * self._size,
+            head_length=HEAD * self._size,
             visible=False,
         )
 

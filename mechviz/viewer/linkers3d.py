@@ -9,12 +9,11 @@ import viser
 from numpy.typing import NDArray
 
 from ..linkers import Linker
+from ..proportions import LINKER
 from .playback import PointTrack
 from .show import Show
 
 __all__ = ["LinkerNodes", "segments"]
-
-COLOR = (58, 66, 78)
 
 
 def segments(strips: tuple[NDArray[np.float64], ...], z: float) -> NDArray[np.float32]:
@@ -46,7 +45,7 @@ class LinkerNodes:
             if path not in self._nodes:
                 first = segments(linker.strips(np.array([0])), self._z)
                 self._nodes[path] = self._server.scene.add_line_segments(
-                    path, first, COLOR, thickness=3.0, thickness_units="screen", visible=self._on
+                    path, first, LINKER, thickness=3.0, thickness_units="screen", visible=self._on
                 )
         for path, node in self._nodes.items():
             node.visible = self._on and path in self._linkers
