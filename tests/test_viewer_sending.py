@@ -159,6 +159,16 @@ def test_a_browser_that_comes_later_is_told_where_everything_is_now(viewer):
         assert [m["type"] for m in found].index("ReplayDoneMessage") == len(found) - 1
 
 
+def test_a_browser_that_comes_after_hours_of_play_does_not_ask_for_each_message_that_has_been_replaced(viewer):
+    buffer = buffer_of(viewer)
+    kept = len(buffer.message_from_id)
+    buffer.message_counter += 10**12
+    with sockets(viewer, 1) as (socket,):
+        viewer.set_frame(9)
+        assert any(m["type"] == "SetOrientationMessage" and m["name"] == link_path("crank") for m in messages(socket))
+        assert abs(len(buffer.message_from_id) - kept) <= 5
+
+
 def test_who_has_changed_a_value_is_not_told_of_it_and_others_are(viewer):
     buffer, uuid = buffer_of(viewer), viewer.timeline.slider._impl.uuid
     with sockets(viewer, 2) as opened:

@@ -13,7 +13,7 @@ import operator
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -25,6 +25,7 @@ from viser.infra._async_message_buffer import AsyncMessageBuffer
 __all__ = ["SharedBuffer", "send_now", "sharing"]
 
 KEPT = 4  # encoded windows: browsers that are not in the same turn
+SPARSE = 4  # from so many numbers a message on, those that are there are listed
 LEVEL = 1  # of compression, as viser's
 
 
@@ -84,12 +85,18 @@ class SharedBuffer(AsyncMessageBuffer):
     def take(self, after: int, up_to: int, client: int) -> tuple[list[Any], int]:
         """The messages for a browser after one and up to another, no more than fit into a window, and the number of the last."""
         window: list[Any] = []
-        while after < up_to and len(window) < self.max_window_size and self.atomic_counter == 0:
-            after += 1
-            message = self.message_from_id.get(after)
+        numbers: Sequence[int] = range(after + 1, up_to + 1)
+        if len(numbers) > SPARSE * (len(self.message_from_id) + 1):  # after hours of play nearly all have been replaced
+            with self.buffer_lock:
+                numbers = [number for number in self.message_from_id if after < number <= up_to]
+        for number in numbers:
+            if len(window) >= self.max_window_size or self.atomic_counter:
+                return window, after
+            after = number
+            message = self.message_from_id.get(number)
             if message is not None and message.excluded_self_client != client:
                 window.append(message)
-        return window, after
+        return window, up_to if self.atomic_counter == 0 else after
 
     def encode(self, window: list[Any]) -> bytes:
         """Messages as viser's pages expect them; the same ones again are not encoded again."""
