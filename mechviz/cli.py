@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Callable
@@ -467,6 +468,9 @@ app.command("effects")(effects_command)
 
 def main() -> None:
     """The `mechviz` command, once the signals are looked after."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop
     code: str | int | None = 0
     try:
         try:

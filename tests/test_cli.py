@@ -147,6 +147,16 @@ def test_a_reader_that_leaves_is_no_error(arguments):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"], ["--help"]])
+def test_terminals_of_few_letters_get_all_that_they_can_show(arguments):
+    done = subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}, timeout=60
+    )
+    assert done.returncode == (2 if "Kurbel ü" in arguments else 0) and "Traceback" not in done.stderr
+    assert {"crank-rocker": "3\\xb73 - 2\\xb74", "Kurbel ü": "", "--help": ""}[arguments[-1]] in done.stdout
+    assert ("Kurbel \\xfc" in done.stderr) == ("Kurbel ü" in arguments)
+
+
 SLOW_START = """
 import sys, time
 from importlib.abc import MetaPathFinder

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mechcore.errors import Fault, MechanismError
-from mechviz.scene import Scene, SceneError, gallery_names, load, loads
+from mechviz.scene import Scene, SceneError, gallery_names, lenient, load, loads
 from mechviz.scene.reading import LARGEST_FILE
 
 REMOVED = object()
@@ -94,6 +95,7 @@ CASES = [
     ("links/__x", {"points": {"P": [0, 0]}}, "links.__x", "two underscores", "Write 'x'."),
     ("links/a b ", {"points": {"P": [0, 0]}}, "links.a b ", "begins or ends with a space", "Write 'a b'."),
     ("links/a\\b", {"points": {"P": [0, 0]}}, "links.a\\b", "which breaks paths", "Write 'a_b'."),
+    ("links/<a\\b>", {"points": {"P": [0, 0]}}, "links.<a\\b>", "which breaks paths", "Write '<a_b>'."),
     ("links/a\tb", {"points": {"P": [0, 0]}}, "links.a\tb", "which breaks paths", "Write 'a_b'."),
     ("links/a😀", {"points": {"P": [0, 0]}}, "links.a😀", "which recordings cannot keep as it is", "letters of any language"),
     ("links/e\u0301", {"points": {"P": [0, 0]}}, "links.e\u0301", "which recordings cannot keep as it is", "letters of any"),
@@ -561,3 +563,9 @@ def test_a_file_named_like_a_gallery_scene_needs_its_ending(tmp_path: Path, monk
     Path("crank-rocker.toml").write_text(load("triad").text)
     assert load("crank-rocker").title != load("triad").title
     assert load("crank-rocker.toml") == load("triad")
+
+
+def test_all_branches_of_the_document_are_left_out_of_places():
+    """Tags of unions are no part of a place, names that look like them are."""
+    text = "".join(path.read_text(encoding="utf-8") for path in (Path(lenient.__file__).parent).glob("*.py"))
+    assert set(re.findall(r'Tag\("([^"]*)"\)', text)) == lenient._BRANCHES

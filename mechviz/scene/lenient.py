@@ -27,6 +27,7 @@ from .wording import Loc, meant_key, missing_key, path_text, unknown_key, words_
 __all__ = ["Meant", "read_table"]
 
 _NOTHING = object()
+_BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of the document: other names may look like them
 _adapters: dict[int, tuple[Any, TypeAdapter[Any]]] = {}
 _hints: dict[type[Table], dict[str, Any]] = {}
 
@@ -143,7 +144,7 @@ def _complaints(annotation: Any, raw: Any, loc: Loc) -> list[Fault]:
 
 def _plain(loc: Loc) -> Loc:
     """A place without the marks of the branches that unions took."""
-    return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("<") and part.endswith(">")))
+    return tuple(part for part in loc if part not in _BRANCHES)
 
 
 def _adapter(annotation: Any) -> TypeAdapter[Any]:
