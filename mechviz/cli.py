@@ -6,7 +6,6 @@ import io
 import json
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -226,8 +225,7 @@ def record(
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
         run = None if live is not None else solve(loaded, frames, cycles, accuracy)
-        import_module("rerun")  # before anything is begun: a library that is loading may swallow an interruption
-        with interruptible():
+        with interruptible("rerun", "mechviz.meshes"):
             if run is None:
                 run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
             with progress_bar("recording") as bar:
@@ -327,7 +325,7 @@ def vibrations(
         loaded = load_scene(scene)
         found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, found)))
-        with interruptible():
+        with interruptible(*(() if output is None else ("rerun", "mechviz.meshes"))):
             if csv is not None:
                 say(f"{vibrations_csv(found, csv)} written.")
             if mode is not None and output is not None:
@@ -425,7 +423,8 @@ def export(
             with progress_bar(f"exporting {target.name}"):
                 return write(run, target, *more, **options)
 
-        with interruptible():
+        solid = any(path is not None for path in (stl, glb, threemf))
+        with interruptible(*(["mechviz.meshes"] if solid else []), *(["pyarrow.parquet"] if parquet is not None else [])):
             if csv is not None:
                 print(export_to(csv, ex.export_csv, times))
             if parquet is not None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -84,8 +85,13 @@ def no_output(error: OSError) -> int:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order."""
+def interruptible(*libraries: str) -> Iterator[None]:
+    """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order.
+
+    ``libraries`` are loaded before: some catch everything while they load, and the exception would be lost.
+    """
+    for name in libraries:
+        import_module(name)
     before = {
         signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
         signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_: sys.exit(143)),

@@ -50,7 +50,7 @@ def share(
         recording = _recording(source, frames, cycles, most)
         from .share import make_page
 
-        with interruptible(), progress_bar("sharing") as bar:
+        with interruptible("pyarrow"), progress_bar("sharing") as bar:
             text, chosen = make_page(recording, most=most, progress=bar)
             with replacing(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
@@ -100,7 +100,7 @@ def shot(
         check_target(output)
         recording = _recording(source, frames, cycles)
         place = moment(recording, frame=frame, **when)
-        with interruptible(), progress_bar("drawing") as bar:
+        with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
                 from .share.drawing import write_svg
 
@@ -140,7 +140,7 @@ def film(
             find_ffmpeg()
         check_target(output)
         recording = _recording(source, frames, cycles)
-        with interruptible(), progress_bar("filming") as bar:
+        with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
 
@@ -151,9 +151,7 @@ def _recording(source: str, frames: int | None, cycles: int | None, most: int | 
 
     if not is_recording(source):
         run = solve(load_scene(source), frames, cycles)
-        import rerun  # noqa: F401  before anything is begun: a library that is loading may swallow an interruption
-
-        with interruptible(), progress_bar("recording") as bar:
+        with interruptible("rerun", "mechviz.meshes"), progress_bar("recording") as bar:
             return recorded(run, bar, bar.stage, most=most)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")

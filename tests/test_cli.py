@@ -175,7 +175,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["typer", "pydantic", "rerun", "mechcore.newton"])
+@pytest.mark.parametrize("module", ["typer", "pydantic", "rerun", "trimesh", "mechcore.newton"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path: Path, module, number, code):
     script = SLOW_START.format(module=module, path=str(tmp_path / "x.rrd"))

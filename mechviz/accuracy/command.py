@@ -62,7 +62,7 @@ def accuracy(
         print("\n".join([title, *table_lines(shown, target), "", found.foot, *_answer(shown, target)]))
         if before:
             print("\nkept from then; --again measures anew")
-        with interruptible():
+        with interruptible("PIL.Image", *(["rerun"] if rrd is not None else [])):
             if output is not None:
                 write_diagram(diagram(shown, title, found.foot, target), output)
                 print(output)

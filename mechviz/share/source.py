@@ -39,5 +39,9 @@ def recorded(
 
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         path = Path(folder) / "run.rrd"
-        write_recording(run, path, progress=progress, begin=begin)
+        try:
+            write_recording(run, path, progress=progress, begin=begin)
+        except (KeyboardInterrupt, SystemExit) as stop:
+            stop.__notes__ = []  # what is left of it goes with the folder
+            raise
         return Recording(path, most=most)
