@@ -424,7 +424,8 @@ def export(
                 return write(run, target, *more, **options)
 
         solid = any(path is not None for path in (stl, glb, threemf))
-        with interruptible(*(["mechviz.meshes"] if solid else []), *(["pyarrow.parquet"] if parquet is not None else [])):
+        libraries = [*(["mechviz.meshes", "trimesh"] if solid else []), *(["pyarrow.parquet"] if parquet is not None else [])]
+        with interruptible(*libraries):
             if csv is not None:
                 print(export_to(csv, ex.export_csv, times))
             if parquet is not None:
