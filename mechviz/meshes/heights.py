@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -77,17 +78,20 @@ class Heights:
         lines, frames = lines[known], np.asarray(frames)[known]
         if not len(lines):
             return height
-        found = height
         local: dict[str, shapely.Geometry] = {}
-        for part in sorted(self._parts, key=_height):
-            front = _height(part) * self.size + _LIFT * self.size
-            if front <= found:
-                continue
+        for front, part in self._fronts:  # from the foremost back: what is met first decides
+            if front <= height:
+                break
             if part.link not in local:
                 local[part.link] = _in_link(lines, self.poses.get(part.link), frames, self.size)
             if any(prism.outline.intersects(local[part.link]) for prism in part.space):
-                found = front
-        return min(found, self.top)
+                return min(front, self.top)
+        return min(height, self.top)
+
+    @cached_property
+    def _fronts(self) -> list[tuple[float, Part]]:
+        """Just before each part [m], the foremost first."""
+        return sorted(((_height(part) * self.size + _LIFT * self.size, part) for part in self._parts), key=lambda f: -f[0])
 
 
 def find_heights(

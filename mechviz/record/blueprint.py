@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -209,7 +210,6 @@ def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, 
     import rerun as rr
     import rerun.blueprint as rrb
 
-    whole = rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
     overrides = {
         path: rr.SeriesLines.from_fields(visible_series=list(shown)).visualizer()
         for path, shown in output.entities
@@ -229,12 +229,21 @@ def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, 
         contents=[f"+ {path}" for path in (*(path for path, _ in output.entities), *marks)],
         name=output.name,
         overrides=overrides,
-        axis_x=rrb.TimeAxis(view_range=whole),
+        axis_x=_whole_run(),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(
             corner=corner, visible=curves != 1 and not output.single
         ),  # one curve is told by the view's name
     )
+
+
+@cache
+def _whole_run() -> Any:
+    """The horizontal axis of every plot."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
 
 
 def calm_range(values: np.ndarray, least: float) -> tuple[float, float] | None:

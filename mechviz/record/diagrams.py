@@ -20,6 +20,7 @@ from mechcore.effects.gas import CylinderGas
 from mechcore.spec import GasPressure
 
 from ..tables import joints_of, pair_unit
+from .colors import packed
 from .paths import entity
 from .plots import PALETTE
 from .streams import Index, Static, Stream
@@ -197,8 +198,8 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
         ]
         colors = [ZERO if v == 0.0 else GRID for v in (*xs, *ys)]
         box = d.place(np.array([x0, x1, x1, x0, x0]), np.array([y0, y0, y1, y1, y0]))
-        thin = [rr.Radius.ui_points(0.6)] * (len(lines) + 1)
-        axes = rr.LineStrips2D([*lines, box], colors=[*colors, FRAME], radii=thin, draw_order=1.0)
+        thin = rr.Radius.ui_points(np.full(len(lines) + 1, 0.6))
+        axes = rr.LineStrips2D([*lines, box], colors=packed([*colors, FRAME]), radii=thin, draw_order=1.0)
         yield Static(entity("diagrams", d.name, "axes"), axes)
         below, beside = np.array([0.0, 0.012]), np.array([-0.06, -0.035])  # where rerun writes a label under its point
         marks = [*(d.place(xs, np.full(len(xs), y0)) + below), *(d.place(np.full(len(ys), x0), ys) + beside)]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..vectors import FAMILIES, Scales, round_value
 from .arrows import COLORS, LEGEND_ROOM, Arc, Arrow, extent, seen
+from .colors import packed
 from .paths import entity
 from .streams import Static
 
@@ -65,9 +66,9 @@ def _entry(
 ) -> Iterator[Static]:
     import rerun as rr
 
-    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=[color], radii=[0.0055 * size])
+    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=packed([color]), radii=[0.0055 * size])
     yield Static(entity(*path), arrow)
     under = start + np.array([0.5 * length, -0.01 * size, 0.0])
     yield Static(
-        entity(*path, "label"), rr.Points3D([under], radii=[1e-4 * size], colors=[color], labels=[words], show_labels=True)
+        entity(*path, "label"), rr.Points3D([under], radii=[1e-4 * size], colors=packed([color]), labels=[words], show_labels=True)
     )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 __all__ = ["entity"]
 
 
+@lru_cache(maxsize=8192)
 def entity(*parts: str) -> str:
     """An entity path from its unescaped parts."""
     import rerun as rr

@@ -14,6 +14,7 @@ from mechcore.spec import CamPair
 
 from ..tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
 from ..vectors import point_name
+from .colors import packed
 from .paths import entity
 from .streams import Index, Static, Stream
 
@@ -282,8 +283,11 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
     import rerun as rr
 
     def style(names: list[str], first: int) -> Any:
-        colors = [PALETTE[(first + i) % len(PALETTE)] for i in range(len(names))]
-        return rr.SeriesLines.from_fields(names=names, colors=colors, widths=[1.6] * len(names), aggregation_policy="MinMax")
+        colors = palette[(first + np.arange(len(names))) % len(palette)]
+        widths = np.full(len(names), 1.6, np.float32)
+        return rr.SeriesLines.from_fields(names=names, colors=colors, widths=widths, aggregation_policy="MinMax")
+
+    palette = packed(PALETTE)
 
     known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
     for table in all_tables:

@@ -17,6 +17,7 @@ from ..tables import Table, joints_of, links_of, pair_unit
 from ..turns import about_z
 from ..vectors import Scales, Vector, point_name
 from .arrows import COLORS, Arc, Arrow, arc_strips, arc_sweep, visible
+from .colors import packed
 from .paths import entity
 
 if TYPE_CHECKING:
@@ -255,7 +256,9 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
         )
         yield Static(entity("mechanism", "links", name, "mesh"), mesh)
     for joint, label in _labels(run).items():
-        style = rr.Points3D.from_fields(colors=[(250, 250, 250)], radii=[0.0045 * size], labels=[label], show_labels=bool(label))
+        style = rr.Points3D.from_fields(
+            colors=packed([(250, 250, 250)]), radii=[0.0045 * size], labels=[label], show_labels=bool(label)
+        )
         yield Static(entity("mechanism", "joints", joint), style)
     for link, point in motion.mechanism.traced:
         path = in_space(motion.point(link, point), path_height(run, solids.heights, link, point))
@@ -265,9 +268,11 @@ def static_shapes(run: Run, solids: Solids, arrows: list[Arrow], arcs: list[Arc]
     for arrow in arrows:
         family = arrow.vector.family
         radius = (0.004 if family in ("velocity", "acceleration") else 0.0055) * size
-        yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=[COLORS[family]], radii=[radius]))
+        yield Static(entity(*arrow.path), rr.Arrows3D.from_fields(colors=packed([COLORS[family]]), radii=[radius]))
     for arc in arcs:
-        yield Static(entity(*arc.path), rr.LineStrips3D.from_fields(colors=[COLORS[arc.moment.family]], radii=[0.0055 * size]))
+        yield Static(
+            entity(*arc.path), rr.LineStrips3D.from_fields(colors=packed([COLORS[arc.moment.family]]), radii=[0.0055 * size])
+        )
 
 
 def _labels(run: Run) -> dict[str, str]:
