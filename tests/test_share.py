@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -287,6 +288,31 @@ def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
         for corner in (screen.min(axis=0), screen.max(axis=0)):
             assert np.abs(spots - corner).min(axis=0) == pytest.approx([0.0, 0.0], abs=0.2)
     assert {t.text for t in svg.iter(f"{space}text")} >= {"A", "B", "C"}
+
+
+def test_a_round_cam_is_drawn_without_holes():
+    """All that the eye sees of a barrel cam is in the drawing: its pieces cover the cam's silhouette."""
+    barrel = made("cam-barrel")
+    header, arrays = content(make_page(barrel.recording, most=2, keep=float(barrel.time[9]))[0])
+    low, high = np.array(header["drawn"])[:, :2]
+    scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
+    cam = next(link for link in header["links"] if "spin" in link)
+    frame = int(np.argmin(np.abs(arrays[header["time"]] - barrel.time[9])))
+    *shift, qx, qy, qz, qw = arrays[cam["spin"]].reshape(-1, 7)[frame]
+    x, y, angle = barrel.data("links", cam["name"], "pose")[9]
+    world = turned(arrays[cam["mesh"]["vertices"]].reshape(-1, 3), [qx, qy, qz, qw]) + shift
+    flat = (world[:, :2] @ [1.0, 1.0j]) * np.exp(1j * angle) + complex(x, y)
+    corners = np.column_stack([flat.real, flat.imag])[arrays[cam["mesh"]["faces"]].reshape(-1, 3)]
+    silhouette = shapely.union_all(shapely.buffer(shapely.polygons(corners), 1e-9))
+    mine = []
+    svg = svg_of(barrel.recording, time=float(barrel.time[9]), width=1000, height=600)
+    for data, fill in re.findall(r'<path d="([^"]*)" fill="(#[^"]*)"', svg):
+        if near(fill, cam["mesh"]["palette"]):
+            for ring in data.strip("MZ").split("ZM"):
+                spots = np.array([[float(v) for v in xy.split()] for xy in ring.split("L")])
+                mine.append(shapely.polygons((spots - [500, 300]) / scale * [1, -1] + 0.5 * (low + high)))
+    drawn = shapely.union_all(shapely.buffer(mine, 0.2 / scale))
+    assert silhouette.difference(drawn).area < 1e-3 * silhouette.area
 
 
 def near(fill: str, palette: list[str]) -> bool:

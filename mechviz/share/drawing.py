@@ -75,15 +75,14 @@ def svg_of(
         f"<title>{escape(header['title'])}</title>",
         f'<rect width="100%" height="100%" fill="{ground}"/>',
     ]
-    for _, color, shape in pieces:
-        edge = _shaded(color, 0.62)
+    for _, color, edge, shape in pieces:
         lines.append(f'<path d="{_path(shape, place)}" fill="{color}" stroke="{edge}" stroke-width="0.7" stroke-linejoin="round"/>')
     lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, ink, height)]
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
-def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any) -> Iterator[tuple[float, str, Any]]:
-    """Height, colour and outline of what is seen of the solids from the front, at a frame."""
+def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any) -> Iterator[tuple[float, str, str, Any]]:
+    """Height, colours inside and along the edge, and outline of what is seen of the solids from the front, at a frame."""
     for link in [*header["links"], *header["bodies"]]:
         mesh = link["mesh"]
         if mesh is None or link.get("group", "riders") not in {*shown, "riders"}:
@@ -101,18 +100,20 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
         normal = normals[faces].mean(axis=1)
-        facing = normal[:, 2] > FACING
+        least, steps = (0.0, 24.0) if "spin" in link else (FACING, 4.0)  # of spatial cams all is round
+        facing = normal[:, 2] > least
         flat = vertices[:, :2] @ turn.T + [x, y]
         heights = vertices[faces, 2].max(axis=1)
         normal[:, :2] = normal[:, :2] @ turn.T
-        light = np.round(4.0 * (0.55 + 0.5 * np.clip(normal @ LIGHT, 0.0, 1.0))) / 4.0
+        light = np.round(steps * (0.55 + 0.5 * np.clip(normal @ LIGHT, 0.0, 1.0))) / steps
         key = np.column_stack([arrays[mesh["colors"]][faces[:, 0]], np.round(heights * 1e6), light])[facing]
         groups, number = np.unique(key, axis=0, return_inverse=True)
         triangles = polygons(flat[faces[facing]])
         for k, (color, z, bright) in enumerate(groups):
             shape = union_all(triangles[number.reshape(-1) == k])
             if not shape.is_empty:
-                yield float(z) * 1e-6, _shaded(mesh["palette"][int(color)], float(bright)), shape
+                inside = _shaded(mesh["palette"][int(color)], float(bright))
+                yield float(z) * 1e-6, inside, inside if "spin" in link else _shaded(inside, 0.62), shape
 
 
 def turned(points: Any, quaternion: Any) -> Any:
