@@ -12,6 +12,7 @@ from shapely import Point
 from mechviz.belts import MARKS, find_belt_marks, way_of
 from mechviz.gltf import glb_bytes
 from mechviz.meshes.bands import Loop
+from mechviz.record.plots import main_outputs
 from mechviz.solids import solids_of
 from mechviz.viewer.show_recording import show_of_recording
 from recordings import made
@@ -95,3 +96,9 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
             found = np.frombuffer(binary, "<f4", values.size, start).reshape(values.shape)
             assert found == pytest.approx(values, abs=1e-6)
     assert len({document["nodes"][names.index(m.title)]["mesh"] for m in marks}) == 1, "one mesh for marks of one size"
+
+
+def test_pulleys_are_not_called_rockers():
+    names = [output.name for output in main_outputs(DRIVE.run)]
+    assert names == ["Output angle [rad]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
+    assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [rad]"

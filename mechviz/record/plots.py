@@ -163,8 +163,10 @@ def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
 
 def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     sliding = joints[0].unit == "m"
-    unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Rocker", "angle")
     motions = [run.motion.coordinate(j.name) for j in joints]
+    angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
+    turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # which no rocker does
+    unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
     return [
         Gathered(
             ("plots", kind),
