@@ -46,6 +46,10 @@ CANVAS = """() => { const r = document.querySelector('canvas[data-engine]').getB
     return [r.left, r.top, r.width, r.height]; }"""
 SEEN = """name => { let node = window.__viserMutable.nodeRefFromName[name]; if (!node) return false;
     for (; node; node = node.parent) if (!node.visible) return false; return true; }"""
+# Where the middle of a node is on the page
+PLACE = """name => { const m = window.__viserMutable, node = m.nodeRefFromName[name], r = m.canvas.getBoundingClientRect();
+    const p = new m.camera.position.constructor().setFromMatrixPosition(node.matrixWorld).project(m.camera);
+    return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
 CURSOR = """uuid => { const d = window.__viserTestpoints.uplots[uuid]?.chart?.data; if (!d) return [];
     return Array.from(d[0]).filter((_, k) => Number.isFinite(d[d.length - 1][k])); }"""
 

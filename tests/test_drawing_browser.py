@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import POSE, browser, caught_up, next_frames, open_viewer, picture, until
+from browsing import CANVAS, PLACE, POSE, browser, caught_up, next_frames, open_viewer, picture, until
 
 from mechviz import scene
 from mechviz.run import run_scene
@@ -97,6 +97,23 @@ def test_a_light_picture_shows_the_same(viewer, page):
     page.evaluate("() => { const d = window.mechvizDrawing; d.level = 1; d.touch(); d.draw(); }")
     _rested(viewer, page)
     assert np.array_equal(picture(page), best)
+
+
+def test_what_is_in_front_is_seen_after_light_pictures_too(viewer, page):
+    """The dots of the joints lie before all links, the fixed one with its supports behind them."""
+    viewer.set_frame(120)
+    viewer.set_frame(100)
+    assert _rested(viewer, page)["light"] > 0
+    left, top, _, _ = page.evaluate(CANVAS)
+    shot = picture(page)
+    for joint in "AE":
+        x, y = page.evaluate(PLACE, f"/joints/{joint}/dot")
+        x, y = round(x - left), round(y - top)
+        assert np.median(shot[y - 1 : y + 2, x - 1 : x + 2]) > 150, f"the dot of {joint}"
+    state = """() => { const own = window.__viserMutable.scene.__r3f, { gl } = (own.root || own).getState();
+        return [gl.state.buffers.depth.getReversed(), window.__viserMutable.camera.reversedDepth]; }"""
+    reversed_now, wanted = page.evaluate(state)
+    assert reversed_now == wanted
 
 
 def test_pictures_that_take_long_get_fewer_pixels_if_that_helps(page):

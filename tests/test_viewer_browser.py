@@ -11,6 +11,7 @@ from browsing import (
     CAMERA,
     CANVAS,
     CURSOR,
+    PLACE,
     POSE,
     POSES,
     READY,
@@ -283,9 +284,6 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     assert viewer.frame == 11, "the slider has the key, the hotkey must not have it too"
 
 
-PLACE = """name => { const m = window.__viserMutable, node = m.nodeRefFromName[name], r = m.canvas.getBoundingClientRect();
-    const p = new m.camera.position.constructor().setFromMatrixPosition(node.matrixWorld).project(m.camera);
-    return [r.left + (p.x + 1) / 2 * r.width, r.top + (1 - p.y) / 2 * r.height]; }"""
 TOLD = "() => { const b = document.getElementById('mechviz-hover'); return b.style.display === 'none' ? '' : b.innerText; }"
 
 

@@ -69,6 +69,15 @@
     drawing.took(performance.now() - start);
   };
 
+  // three takes a state that it has forgotten for one in which what is near has the lesser depth; viser's page has it the other way
+  // round, and all that is behind would be drawn before all that is in front
+  const depth = gl.state && gl.state.buffers.depth;
+  const forget = () => {
+    const reversed = depth && depth.getReversed && depth.getReversed();
+    gl.resetState();
+    if (reversed) { depth.setReversed(true); depth.setClear(1); }
+  };
+
   // -- a picture of one sample a pixel, put onto the canvas as a whole -----------------------------------------------------
   let target = null, copier = null;
   const shader = (kind, source) => {
@@ -96,7 +105,7 @@
     context.framebufferTexture2D(context.FRAMEBUFFER, context.COLOR_ATTACHMENT0, context.TEXTURE_2D, target.color, 0);
     context.framebufferRenderbuffer(context.FRAMEBUFFER, context.DEPTH_ATTACHMENT, context.RENDERBUFFER, target.depth);
     context.bindFramebuffer(context.FRAMEBUFFER, null);
-    gl.resetState();
+    forget();
   };
   const copy = () => {
     if (!copier) {
@@ -139,10 +148,10 @@
       delete context.bindFramebuffer;
       gl.setViewport(0, 0, width, height);
       context.bindFramebuffer(context.FRAMEBUFFER, null);
-      gl.resetState();
+      forget();
     }
     copy();
-    gl.resetState();
+    forget();
     drawing.light += 1;
   };
   context.canvas.addEventListener("webglcontextrestored", () => { target = copier = null; });
