@@ -488,6 +488,8 @@ def test_arrows_are_those_of_the_frame_and_families_switch(viewer):
 def test_what_browsers_play_by_themselves_is_what_the_server_would_draw(viewer):
     tracks = viewer.inspector.tracks()
     assert {t.name for t in tracks.poses} >= {link_path(n) for n in ("crank", "coupler", "rocker")}
+    steady = [p for p in tracks.points if p.steady is not None]
+    assert steady and all(p.steady[:-1].any() and not np.diff(p.counts)[p.steady[:-1]].any() and not p.steady[-1] for p in steady)
     assert tracks.points and tracks.plots and json.loads(tracks.text())["slider"] == viewer.timeline.slider._impl.uuid
     for frame in (0, 123, 300):
         viewer.set_frame(frame)

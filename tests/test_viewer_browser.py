@@ -178,6 +178,47 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
     assert not viewer.player.aside
 
 
+BETWEEN = """node => { const p = window.mechvizPlayback, m = window.__viserMutable, pushed = [], queue = m.messageQueue;
+    p.running = false;
+    const pose = () => [...m.nodePoseData[node].wxyz, ...m.nodePoseData[node].position];
+    const real = queue.push;
+    queue.push = (...messages) => { pushed.push(...messages); return queue.length; };
+    const arrows = () => { const found = pushed.splice(0).filter(x => x.name === '/vectors/reaction' && x.updates);
+        return found.length ? Array.from(found[0].updates.points) : null; };
+    const look = (...at) => { p.show(...at); return [pose(), arrows()]; };
+    const out = { low: look(100, false), middle: look(100, false, 100, 0.5), high: look(101, false) };
+    const track = p.motion.poses.find(t => t.name === node), x = track.p[3 * 101];
+    for (let k = 101; k < p.motion.count; k++) track.p[3 * k] += 10;
+    out.leap = look(100, false, 100, 0.9);
+    for (let k = 101; k < p.motion.count; k++) track.p[3 * k] -= 10;
+    track.p[3 * 101] = x;
+    for (let i = 404; i < 408; i++) track.q[i] *= -1;
+    out.flipped = look(100, false, 100, 0.5);
+    for (let i = 404; i < 408; i++) track.q[i] *= -1;
+    p.motion.points.find(t => t.name === '/vectors/reaction').steady[100] = 0;
+    out.others = look(100, false, 100, 0.5);
+    queue.push = real;
+    return out; }"""
+
+
+def test_between_frames_a_page_draws_what_lies_between_them_but_where_something_leaps(viewer, page):
+    viewer.inspector.playback.change()
+    viewer.play()
+    until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
+    found = page.evaluate(BETWEEN, link_path("coupler"))
+    (low, low_arrows), (high, high_arrows) = ([np.array(part) for part in found[name]] for name in ("low", "high"))
+    (middle, middle_arrows), (flipped, _) = ([np.array(part) for part in found[name]] for name in ("middle", "flipped"))
+    assert np.abs(high - low).max() > 1e-4 and len(low_arrows) == len(high_arrows) > 0
+    assert np.abs(middle - (low + high) / 2).max() < 1e-6 and np.abs(flipped - middle).max() < 1e-9
+    assert np.linalg.norm(middle[:4]) == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(middle_arrows - (low_arrows + high_arrows) / 2).max() < 1e-6
+    assert np.abs(np.array(found["leap"][0]) - low).max() < 1e-9, "it stays where it is until it has leapt"
+    assert found["others"][1] == low_arrows.tolist(), "arrows of others than before are not mixed with them"
+    viewer.inspector.playback.change()
+    viewer.pause()
+    _until_drawn(viewer, page)
+
+
 def test_a_diagram_moves_while_the_browser_plays_if_it_is_seen(viewer, page):
     diagrams = viewer.inspector.diagrams
     open_tab(page, "Diagrams")

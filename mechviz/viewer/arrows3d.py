@@ -146,7 +146,8 @@ class ArrowNodes:
                 seen &= np.isfinite(origins).all(axis=2) & np.isfinite(drawn).all(axis=2)
                 flat = np.stack([origins, origins + drawn], axis=2)
                 heights = np.broadcast_to(z[None, :, None, None], (*flat.shape[:3], 1))
-                yield PointTrack(f"/vectors/{family}", "points", *ragged(np.concatenate([flat, heights], axis=3), seen))
+                steady = np.append((seen[1:] == seen[:-1]).all(axis=1), False)
+                yield PointTrack(f"/vectors/{family}", "points", *ragged(np.concatenate([flat, heights], axis=3), seen), steady)
         for key in self._turns:
             if self._on[key[0]]:
                 corners = [self.corners(key, frame) for frame in range(len(self._turns[key][1]))]

@@ -12,9 +12,9 @@ if (!window.mechvizPlayback) {
     player.motion = {
       time, count, slider: data.slider, seen: data.seen,
       poses: data.poses.map(([name, p, q]) => ({ name, p: unpack(p, Float32Array), q: q && unpack(q, Float32Array) })),
-      points: data.points.map(([name, prop, v, n]) => {
-        const values = unpack(v, Float32Array);
-        return { name, prop, values, width: values.length / count, counts: unpack(n, Float32Array), seen: null };
+      points: data.points.map(([name, prop, v, n, s]) => {
+        const values = unpack(v, Float32Array), steady = s && unpack(s, Uint8Array);
+        return { name, prop, values, width: values.length / count, counts: unpack(n, Float32Array), steady, seen: null };
       }),
       numbers: data.numbers.map(([key, v, digits, suffix]) => ({ key, values: unpack(v, Float32Array), digits, suffix })),
       plots: data.plots.map(([uuid, sx, sy, x, y, ends]) => ({ uuid, ends, sx: unpack(sx, Float32Array),
@@ -24,22 +24,40 @@ if (!window.mechvizPlayback) {
   };
 
   // -- one frame ----------------------------------------------------------------------------------------------------
-  const poses = (viser, motion, k) => {
+  // `part` of the way from frame k to the next: slow motion moves smoothly. What leaps from one to the next does not slide there.
+  const FAR = 4; // steps before and after it, which a leap is longer than
+  const step = (p, k) => Math.hypot(p[3 * k + 3] - p[3 * k], p[3 * k + 4] - p[3 * k + 1], p[3 * k + 5] - p[3 * k + 2]);
+  const leaps = (p, k, last) => step(p, k) > 1e-12 + FAR * ((k > 0 ? step(p, k - 1) : 0) + (k < last - 1 ? step(p, k + 1) : 0));
+  const between = (values, width, k, part, count = width) => {
+    const at = width * k, out = values.slice(at, at + count);
+    if (part) for (let i = 0; i < count; i++) out[i] += part * (values[at + width + i] - out[i]);
+    return out;
+  };
+  const turned = (q, k, part) => {
+    const a = q.subarray(4 * k, 4 * k + 4), b = part ? q.subarray(4 * k + 4, 4 * k + 8) : a;
+    const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+    const to = Math.abs(dot) > 0.5 ? part : 0; // a large turn has no way of its own
+    const w = [0, 1, 2, 3].map((i) => (1 - to) * a[i] + to * (dot < 0 ? -b[i] : b[i])), size = Math.hypot(...w) || 1;
+    return w.map((value) => value / size);
+  };
+  const poses = (viser, motion, k, part = 0) => {
     for (const { name, p, q } of motion.poses) {
       const pose = viser.nodePoseData[name];
       if (!pose) continue;
-      pose.position = [p[3 * k], p[3 * k + 1], p[3 * k + 2]];
-      if (q) pose.wxyz = [q[4 * k], q[4 * k + 1], q[4 * k + 2], q[4 * k + 3]];
+      const own = part && !leaps(p, k, motion.count - 1) ? part : 0;
+      pose.position = Array.from(between(p, 3, k, own));
+      if (q) pose.wxyz = turned(q, k, own);
       if (pose.poseUpdateState !== "waitForMakeObject") pose.poseUpdateState = "needsUpdate";
     }
   };
-  const scene = (viser, motion, k) => {
-    poses(viser, motion, k);
+  const scene = (viser, motion, k, part) => {
+    poses(viser, motion, k, part);
     for (const track of motion.points) {
       const count = track.counts[k], seen = count > 0;
       if (seen) {
-        const slice = track.values.slice(track.width * k, track.width * k + count);
-        const values = track.prop === "scale" ? Array.from(slice) : slice; // a tuple
+        const smooth = part && count === track.counts[k + 1] && (!track.steady || track.steady[k]);
+        const found = between(track.values, track.width, k, smooth ? part : 0, count);
+        const values = track.prop === "scale" ? Array.from(found) : found; // a tuple
         viser.messageQueue.push({ type: "SceneNodeUpdateMessage", name: track.name, updates: { [track.prop]: values } });
       }
       if (seen !== track.seen) {
@@ -101,15 +119,16 @@ if (!window.mechvizPlayback) {
       chart.redraw(false);
     }
   };
-  const nearest = (time, clock) => {
+  const place = (time, clock) => {
     let low = 0, high = time.length - 1;
     while (high - low > 1) { const middle = (low + high) >> 1; if (time[middle] <= clock) low = middle; else high = middle; }
-    return clock - time[low] < time[high] - clock ? low : high;
+    return [low, time[high] > time[low] ? Math.min(Math.max((clock - time[low]) / (time[high] - time[low]), 0), 1) : 0];
   };
-  player.show = (k, withPanels) => {
+  // Frame k, or the picture `part` of the way from `from` to the next with the numbers of frame k, which is the nearer one
+  player.show = (k, withPanels, from = k, part = 0) => {
     const viser = window.__viserMutable, motion = player.motion;
     if (!viser || !viser.messageQueue || !motion) return;
-    scene(viser, motion, k);
+    scene(viser, motion, from, part);
     if (withPanels) panels(viser, motion, k);
     player.frame = k;
     player.frames += 1;
@@ -124,12 +143,11 @@ if (!window.mechvizPlayback) {
     ticked = now;
     if (clock >= last && !(loop && last > first)) { clock = last; player.running = false; }
     else clock = first + ((clock - first) % (last - first));
-    const k = nearest(time, clock);
-    if (k !== player.frame) {
-      const due = now - panelled > PANELS;
-      if (due) panelled = now;
-      player.show(k, due);
-    }
+    const [low, part] = place(time, clock), k = part < 0.5 ? low : Math.min(low + 1, count - 1);
+    const due = k !== player.frame && now - panelled > PANELS;
+    if (due) panelled = now;
+    if (part === 0 || part === 1) player.show(k, due);
+    else player.show(k, due, low, part);
     if (player.running) requestAnimationFrame(tick);
   };
   player.play = (from, speed, again) => {

@@ -39,13 +39,15 @@ class PoseTrack:
 class PointTrack:
     """A property of a node, such as its ``points`` or ``vertices``: at frame k the first ``counts[k]`` of ``values[k]`` (F, m).
 
-    Where the count is 0 the node is hidden.
+    Where the count is 0 the node is hidden. ``steady`` (F,): whether the values are of the same things as those of the next frame,
+    so that a page may draw what lies between them; None: they are where the counts are the same.
     """
 
     name: str
     prop: str
     values: NDArray[np.float32]
     counts: NDArray[np.int64]
+    steady: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,16 @@ class Tracks:
                 "slider": self.slider,
                 "seen": self.seen,
                 "poses": [[t.name, _packed(t.places), None if t.turns is None else _packed(t.turns)] for t in self.poses],
-                "points": [[t.name, t.prop, _packed(t.values), _packed(t.counts)] for t in self.points],
+                "points": [
+                    [
+                        t.name,
+                        t.prop,
+                        _packed(t.values),
+                        _packed(t.counts),
+                        None if t.steady is None else _packed(t.steady, np.uint8),
+                    ]
+                    for t in self.points
+                ],
                 "numbers": [[t.key, _packed(t.values), t.digits, t.suffix] for t in self.numbers],
                 "plots": [[t.uuid, *(_packed(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots],
             }
