@@ -50,11 +50,11 @@ def code(lines: list[str]) -> str:
 
 
 def round_values(low: float, high: float, unit: str) -> np.ndarray:
-    """At most eight round values between two, of an angle multiples of 15 degrees."""
-    steps = [15.0, 30.0, 45.0, 90.0, 180.0] if "deg" in unit else []
+    """At most eight round values between two, of an angle multiples of 5 degrees."""
+    steps = [5.0, 15.0, 30.0, 45.0, 90.0, 180.0] if "deg" in unit else []
     steps += [k * 10.0**d for d in range(-6, 7) for k in (1, 2, 5)]
     step = next(s for s in steps if (high - low) / s <= 8.0)
-    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
+    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0  # no -0
 
 
 def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, equal: bool = False) -> None:
