@@ -28,6 +28,8 @@ import numpy as np
 from dynamic_mechanisms import chain, double_pendulum, squeezer, swinging_five_bar
 from dynamics_peers import (
     PACKAGES,
+    by_cvode,
+    by_ida,
     by_scipy,
     exudyn_chain,
     exudyn_squeezer,
@@ -54,13 +56,14 @@ def case() -> dict[str, Any]:
 # --- P3: Andrews' squeezing mechanism ---------------------------------------------------------------------------------
 
 
-def andrews_by_hand(i: dict[str, Any]) -> Callable[[float, np.ndarray], np.ndarray]:
-    """The equations of the IVP test set in seven angles, constraints differentiated twice: y = (q, q') -> y'."""
+def andrews_parts(i: dict[str, Any]) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The equations of the IVP test set in seven angles: (q, q') -> the matrix (13, 13) of accelerations and Lagrange multipliers,
+    its right side with the constraints differentiated twice, and the constraints themselves."""
     k = type("Data", (), i)
     ee, ff = k.e - k.ea, k.zf - k.fa
 
-    def rhs(_: float, y: np.ndarray) -> np.ndarray:
-        q, v = y[:7], y[7:]
+    def parts(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        q, v = y[:7], y[7:14]
         b, th, ga, ph, de, om, ep = q
         vb, vt, vg, vp, vd, vo, ve = v
         sb, cb, st, ct, sg, cg = np.sin(b), np.cos(b), np.sin(th), np.cos(th), np.sin(ga), np.cos(ga)
@@ -108,7 +111,29 @@ def andrews_by_hand(i: dict[str, Any]) -> Callable[[float, np.ndarray], np.ndarr
         f[10] = -(cy - k.e * cpd * fold + k.zt * sd * vd**2)
         f[11] = -(cx + k.zf * coe * swing + k.u * se * ve**2)
         f[12] = -(cy + k.zf * soe * swing - k.u * ce * ve**2)
-        return np.concatenate([v, np.linalg.solve(a, f)[:7]])
+        px, py = k.rr * cb - k.d * cbt, k.rr * sb - k.d * sbt
+        closed = np.array(
+            [
+                px - k.ss * sg - k.xb,
+                py + k.ss * cg - k.yb,
+                px - k.e * spd - k.zt * cd - k.xa,
+                py + k.e * cpd - k.zt * sd - k.ya,
+                px - k.zf * coe - k.u * se - k.xa,
+                py - k.zf * soe + k.u * ce - k.ya,
+            ]
+        )
+        return a, f, closed
+
+    return parts
+
+
+def andrews_by_hand(i: dict[str, Any]) -> Callable[[float, np.ndarray], np.ndarray]:
+    """The same as ordinary equations, constraints differentiated twice: y = (q, q') -> y'."""
+    parts = andrews_parts(i)
+
+    def rhs(_: float, y: np.ndarray) -> np.ndarray:
+        a, f, _closed = parts(y)
+        return np.concatenate([y[7:], np.linalg.solve(a, f)[:7]])
 
     return rhs
 
@@ -130,6 +155,10 @@ def andrews_rows(reference: dict[str, Any]) -> list[Row]:
                 continue
             job = partial(by_scipy, rhs, start, 0.03, tolerance, method)
             rows.append((f"by hand + {method}", f"rtol {tolerance:.0e}", job))
+    if find_spec("sksundae"):
+        rows += [("by hand + CVODE", f"rtol {r:.0e}", partial(by_cvode, rhs, start, 0.03, r)) for r in (1e-5, 1e-7, 1e-9)]
+        some = (1e-4, 1e-8) if "--short" in sys.argv else (1e-4, 1e-6, 1e-8, 1e-9)
+        rows += [("by hand + IDA", f"rtol {r:.0e}", partial(by_ida, andrews_parts(i), start, 0.03, r)) for r in some]
     if find_spec("pinocchio"):
         rows += [
             ("Pinocchio + DOP853", f"rtol {r:.0e}", pinocchio_squeezer(i, r)) for r in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11)
@@ -253,7 +282,14 @@ def main() -> None:
     with_peers()
     short = "--short" in sys.argv
     runs = 3 if short else 7
-    known = (("numpy", "numpy"), ("scipy", "scipy"), ("mujoco", "mujoco"), ("pin", "pinocchio"), ("exudyn", "exudyn"))
+    known = (
+        ("numpy", "numpy"),
+        ("scipy", "scipy"),
+        ("mujoco", "mujoco"),
+        ("pin", "pinocchio"),
+        ("exudyn", "exudyn"),
+        ("scikit-sundae", "sksundae"),
+    )
     packages = [p for p, name in known if find_spec(name)]
     print(f"{machine(*packages)}; least processor time of {runs} turns, taken in alternation")
     only = sys.argv[sys.argv.index("--only") + 1] if "--only" in sys.argv else ""

@@ -19,6 +19,8 @@ sys.path.append(str(Path(__file__).resolve().parent / "peers"))
 
 __all__ = [
     "PACKAGES",
+    "by_cvode",
+    "by_ida",
     "by_scipy",
     "exudyn_chain",
     "exudyn_squeezer",
@@ -28,7 +30,7 @@ __all__ = [
     "pinocchio_squeezer",
 ]
 
-PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mujoco==4.0.0", "pin==4.1.0", "exudyn==1.13.6")
+PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mujoco==4.0.0", "pin==4.1.0", "exudyn==1.13.6", "scikit-sundae==1.2.0")
 TREE = (
     ("K1", None, "O"),
     ("K2", "K1", "P"),
@@ -44,6 +46,43 @@ START = {"K1": "beta", "K2": "Theta", "K3": "gamma", "K5": "delta", "K4": "Phi",
 def by_scipy(rhs: Any, start: np.ndarray, duration: float, tolerance: float, method: str) -> float:
     found = solve_ivp(rhs, (0.0, duration), start, method=method, rtol=tolerance, atol=1e-2 * tolerance)
     return float(found.y[0, -1])
+
+
+def by_cvode(rhs: Any, start: np.ndarray, duration: float, tolerance: float) -> float:
+    """SUNDIALS' Adams method for ordinary equations."""
+    from sksundae.cvode import CVODE
+
+    def fill(t: float, y: np.ndarray, yp: np.ndarray) -> None:
+        yp[:] = rhs(t, y)
+
+    solver = CVODE(fill, method="Adams", rtol=tolerance, atol=1e-2 * tolerance, max_num_steps=100_000)
+    return float(solver.solve(np.array([0.0, 0.5 * duration, duration]), start).y[-1, 0])
+
+
+def by_ida(parts: Any, start: np.ndarray, duration: float, tolerance: float) -> float:
+    """SUNDIALS' BDF for differential-algebraic equations, of index 2 by Gear, Gupta and Leimkuhler: with the constraints and their
+    rates; y = (q, v, Lagrange multipliers, multipliers of the constraints of the rates)."""
+    from sksundae.ida import IDA
+
+    n, m = 7, 6
+    a, f, _ = parts(start)
+    found = np.linalg.solve(a, f)
+    y0 = np.concatenate([start, found[n:], np.zeros(m)])
+    yp0 = np.concatenate([start[n:], found[:n], np.zeros(2 * m)])
+
+    def residual(_: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
+        a, f, closed = parts(y)
+        g = a[n:, :n]
+        out[:n] = yp[:n] - y[n : 2 * n] - g.T @ y[2 * n + m :]
+        out[n : 2 * n] = a[:n] @ np.concatenate([yp[n : 2 * n], y[2 * n : 2 * n + m]]) - f[:n]
+        out[2 * n : 2 * n + m] = closed
+        out[2 * n + m :] = g @ y[n : 2 * n]
+
+    algebraic = list(range(2 * n, 2 * n + 2 * m))
+    atol = np.full(len(y0), 1e-2 * tolerance)
+    atol[2 * n :] = 1e3  # multipliers need not be exact, and are not smooth
+    solver = IDA(residual, rtol=tolerance, atol=atol, algebraic_idx=algebraic, max_num_steps=100_000)
+    return float(solver.solve(np.array([0.0, 0.5 * duration, duration]), y0, yp0).y[-1, 0])
 
 
 def parts_of(i: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, tuple[float, float]]]]:

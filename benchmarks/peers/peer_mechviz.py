@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from problem import FOUR_BAR, GRAVITY, SLIDER_CRANK, angles
+from problem import FOUR_BAR, GRAVITY, SLIDER_CRANK, TRIAD, angles
 from spread import DIFFERENCES, FEW
 
 PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mpmath==1.3.0")  # what mechcore and the reference values need
@@ -85,6 +85,47 @@ def slider_crank(accuracy=None):
 ROWS = {"four-bar": {"mechviz": four_bar}, "slider-crank": {"mechviz": slider_crank}}
 
 
+def triad(stop):
+    """The residual at which Newton's method stops is a dial: the group has no closed form."""
+    from mechcore import compile_mechanism, solve_motion
+    from mechcore.accuracy import Accuracy
+    from mechcore.laws import ConstantSpeed
+    from mechcore.spec import Drive, Link, Mechanism, Revolute
+
+    p = TRIAD
+    o = (0.0, 0.0)
+    points = {
+        "frame": {"O": o, "M": p.feet[0], "N": p.feet[1]},
+        "crank": {"O": o, "B": (p.crank, 0.0)},
+        "leg": {"B": o, "P": (p.legs[0], 0.0)},
+        "plate": dict(zip("PQR", p.plate, strict=True)),
+        "leg M": {"M": o, "Q": (p.legs[1], 0.0)},
+        "leg N": {"N": o, "R": (p.legs[2], 0.0)},
+    }
+    ends = {"O": ("frame", "crank"), "B": ("crank", "leg"), "P": ("leg", "plate"), "Q": ("plate", "leg M")}
+    ends |= {"R": ("plate", "leg N"), "M": ("frame", "leg M"), "N": ("frame", "leg N")}
+    x, y, turn = p.start
+    c, s = np.cos(turn), np.sin(turn)
+    at = {n: (x + c * u - s * v, y + s * u + c * v) for n, (u, v) in zip("PQR", p.plate, strict=True)}
+    rough = {"leg": ((p.crank, 0.0), at["P"]), "leg M": (p.feet[0], at["Q"]), "leg N": (p.feet[1], at["R"])}
+    sketch = {k: (*a, float(np.arctan2(b[1] - a[1], b[0] - a[0]))) for k, (a, b) in rough.items()}
+    mechanism = Mechanism(
+        name="triad",
+        frame="frame",
+        links=tuple(Link(name=k, points=v) for k, v in points.items()),
+        pairs=tuple(Revolute(name=k, links=v, points=(k, k)) for k, v in ends.items()),
+        drives=(Drive(pair="O", law=ConstantSpeed(0.0, p.speed)),),
+        sketch={**sketch, "plate": p.start},
+    )
+    compiled = compile_mechanism(mechanism, Accuracy(position=stop))
+
+    def solve(angles):
+        motion = solve_motion(compiled, angles / p.speed)
+        return {(k, 0): motion.point("plate", k) for k in "PQR"}
+
+    return solve
+
+
 def by_differences(build):
     """Rates by differences of the frames, of which only every so many is wanted."""
     from mechcore.accuracy import Accuracy
@@ -123,6 +164,9 @@ DIALS = {
         "mechviz": lambda: {"computed there": four_bar()},
         "mechviz, cubics between frames": partial(between_frames, 3),
         "mechviz, quintics between frames": partial(between_frames, 5),
+    },
+    ("triad", "positions"): {
+        "mechviz": lambda: {f"residual {stop:.0e}": triad(stop) for stop in (1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 2e-15)}
     },
     ("slider-crank", "forces"): {
         "mechviz": lambda: {"exact": slider_crank()},

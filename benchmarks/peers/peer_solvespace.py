@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from problem import FOUR_BAR
+from problem import FOUR_BAR, TRIAD
 from spread import DIFFERENCES, with_rates
 
 PACKAGES = ("python-solvespace==3.0.8",)
@@ -49,6 +49,42 @@ def four_bar():
 ROWS = {"four-bar": {"python-solvespace": four_bar}}
 
 
+def triad():
+    """A plate on three legs: six distances."""
+    from python_solvespace import ResultFlag, SolverSystem
+
+    p = TRIAD
+    sketch = SolverSystem()
+    plane = sketch.create_2d_base()
+    x, y, turn = p.start
+    c, s = np.cos(turn), np.sin(turn)
+    b, m, n = (sketch.add_point_2d(*at, plane) for at in ((p.crank, 0.0), *p.feet))
+    plate = [sketch.add_point_2d(x + c * u - s * v, y + s * u + c * v, plane) for u, v in p.plate]
+    for fixed in (b, m, n):
+        sketch.dragged(fixed, plane)
+    for foot, end, leg in zip((b, m, n), plate, p.legs, strict=True):
+        sketch.distance(foot, end, leg, plane)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        sketch.distance(plate[i], plate[j], float(np.hypot(*np.subtract(p.plate[i], p.plate[j]))), plane)
+    watched = [end.params for end in plate]
+    start = [sketch.params(w) for w in watched]
+
+    def solve(angles):
+        found = np.empty((3, len(angles), 2))
+        for w, values in zip(watched, start, strict=True):
+            sketch.set_params(w, values)
+        bx, by = (p.crank * np.cos(angles)).tolist(), (p.crank * np.sin(angles)).tolist()
+        for k in range(len(angles)):
+            sketch.set_params(b.params, (bx[k], by[k]))
+            if sketch.solve() != ResultFlag.OKAY:
+                raise RuntimeError(f"no solution at crank angle {angles[k]}")
+            for i, w in enumerate(watched):
+                found[i, k] = sketch.params(w)
+        return {(name, 0): found[i] for i, name in enumerate("PQR")}
+
+    return solve
+
+
 def differences():
     solve = four_bar()
     return {f"differences of order {k}": partial(with_rates, solve, k, FOUR_BAR.speed) for k in DIFFERENCES}
@@ -57,4 +93,5 @@ def differences():
 DIALS = {  # its tolerance cannot be set
     ("four-bar", "positions"): {"python-solvespace": lambda: {"as it is": four_bar()}},
     ("four-bar", "rates"): {"python-solvespace": differences},
+    ("triad", "positions"): {"python-solvespace": lambda: {"as it is": triad()}},
 }

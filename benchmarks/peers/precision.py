@@ -46,6 +46,7 @@ PANELS = (
     Panel("four-bar", "positions", "P1: four-bar, positions at 360 crank angles", 360),
     Panel("four-bar", "rates", "P1: four-bar, positions, velocities and accelerations at 360 crank angles", 360),
     Panel("four-bar", "any angle", "P1: four-bar, the same at any 3,600 crank angles, from fewer positions", 3600, 0.37),
+    Panel("triad", "positions", "Plate on three legs, without a closed form: positions at 360 crank angles", 360),
     Panel("slider-crank", "forces", "P2: slider-crank, all reactions and the torque at 360 crank angles", 360),
     Panel("slider-crank", "any angle", "P2: slider-crank, the same at any 3,600 crank angles, from fewer positions", 3600, 0.37),
 )

@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-__all__ = ["FOUR_BAR", "GRAVITY", "REFERENCES", "SLIDER_CRANK", "angles"]
+__all__ = ["FOUR_BAR", "GRAVITY", "REFERENCES", "SLIDER_CRANK", "TRIAD", "angles"]
 
 GRAVITY = 9.81
 
@@ -47,7 +47,23 @@ class SliderCrank:
     speed: float = 150.0
 
 
+@dataclass(frozen=True)
+class Triad:
+    """A plate on three legs, of which a crank at the origin drives the first: a group of class III, without a closed form.
+
+    Legs from B to P, from M to Q, from N to R; P, Q, R in the plate's axes.
+    """
+
+    crank: float = 0.04
+    legs: tuple[float, float, float] = (0.17, 0.2, 0.14)
+    feet: tuple[tuple[float, float], ...] = ((0.36, -0.11), (0.23, 0.22))  # M, N
+    plate: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.18, 0.02), (0.08, 0.14))  # P, Q, R
+    start: tuple[float, float, float] = (0.2, -0.056, 0.76)  # P and the plate's angle, roughly, at crank angle 0
+    speed: float = 7.0
+
+
 FOUR_BAR = FourBar()
+TRIAD = Triad()
 SLIDER_CRANK = SliderCrank()
 
 
@@ -135,5 +151,50 @@ def slider_crank(angle: np.ndarray) -> dict[Any, np.ndarray]:
     return {k: v.astype(float) for k, v in {**found, "torque": torque}.items()}
 
 
-REFERENCES = {"four-bar": four_bar, "slider-crank": slider_crank}
+def triad(angle: np.ndarray) -> dict[Any, np.ndarray]:
+    """Positions of P, Q and R: Newton's method on the three lengths in doubles from angle to angle, then twice in 30 digits."""
+    p = TRIAD
+    bx, by = p.crank * np.cos(angle), p.crank * np.sin(angle)
+
+    def newton(x: Any, y: Any, c: Any, s: Any, b: tuple[Any, Any]) -> tuple[Any, Any, Any]:
+        """A step of P and the plate's angle, by Cramer's rule; numbers or arrays of numbers of any precision."""
+        rows = []
+        for (u, v), foot, leg in zip(p.plate, (b, *p.feet), p.legs, strict=True):
+            tx, ty = c * u - s * v, s * u + c * v
+            dx, dy = x + tx - foot[0], y + ty - foot[1]
+            rows.append((dx, dy, dy * tx - dx * ty, (dx * dx + dy * dy - leg * leg) / 2))
+        (a1, b1, c1, r1), (a2, b2, c2, r2), (a3, b3, c3, r3) = rows
+
+        def det(q1: Any, q2: Any, q3: Any, w1: Any, w2: Any, w3: Any, z1: Any, z2: Any, z3: Any) -> Any:
+            return q1 * (w2 * z3 - w3 * z2) - w1 * (q2 * z3 - q3 * z2) + z1 * (q2 * w3 - q3 * w2)
+
+        whole = det(a1, a2, a3, b1, b2, b3, c1, c2, c3)
+        return (
+            det(r1, r2, r3, b1, b2, b3, c1, c2, c3) / whole,
+            det(a1, a2, a3, r1, r2, r3, c1, c2, c3) / whole,
+            det(a1, a2, a3, b1, b2, b3, r1, r2, r3) / whole,
+        )
+
+    x, y, turn = p.start
+    found = np.empty((len(angle), 3))
+    for k in range(len(angle)):
+        for _ in range(30):
+            dx, dy, d = newton(x, y, np.cos(turn), np.sin(turn), (bx[k], by[k]))
+            x, y, turn = x - dx, y - dy, turn - d
+            if abs(dx) + abs(dy) + abs(d) < 1e-15:
+                break
+        found[k] = x, y, turn
+    exact = np.frompyfunc(mpmath.mpf, 1, 1)
+    px, py, q = (exact(column) for column in found.T)
+    cos, sin = np.frompyfunc(mpmath.cos, 1, 1), np.frompyfunc(mpmath.sin, 1, 1)
+    b = exact(p.crank) * cos(exact(angle)), exact(p.crank) * sin(exact(angle))
+    for _ in range(2):
+        dx, dy, d = newton(px, py, cos(q), sin(q), b)
+        px, py, q = px - dx, py - dy, q - d
+    c, s = cos(q), sin(q)
+    points = {n: (px + c * u - s * v, py + s * u + c * v) for n, (u, v) in zip("PQR", p.plate, strict=True)}
+    return {(n, 0): np.stack(xy, -1).astype(float) for n, xy in points.items()}
+
+
+REFERENCES = {"four-bar": four_bar, "slider-crank": slider_crank, "triad": triad}
 mpmath.mp.dps = 30
