@@ -9,6 +9,7 @@ from dynamic_mechanisms import pendulum
 from mechcore.dynamics import progress as progress_module
 from mechcore.dynamics import retrace as retrace_module
 from mechcore.dynamics import simulate
+from mechcore.dynamics import simulation as simulation_module
 from mechcore.dynamics.collocation import Window
 from mechcore.dynamics.integrate import Solution, integrate
 from mechcore.dynamics.retrace import Known, retrace
@@ -156,3 +157,26 @@ def test_another_motion_helps_nothing_but_harms_nothing():
     exact = simulate(here, 2.0, tolerance=1e-12, method="gauss")
     found = simulate(here, 2.0, tolerance=1e-10, method="gauss", like=like)
     assert np.abs(found([2.0])[0] - exact([2.0])[0]).max() < 1e-9
+
+
+def test_works_of_a_periodic_motion_are_found_for_one_period_only(monkeypatch):
+    """A thousand turns in gravity: powers of one period are evaluated; works at any time are those of a ledger of all of them."""
+    mechanism = pendulum(inertia=0.02, mass=1.0, distance=0.1, angle=0.5, speed=30.0)
+    seen = []
+    plain = simulation_module.powers_of
+    monkeypatch.setattr(simulation_module, "powers_of", lambda m, f: seen.append(m.frames) or plain(m, f))
+    period = simulate(mechanism, 1.0).pieces[0].way.period
+    for turns, most in ((40, 2000), (10_000, 2000)):
+        seen.clear()
+        whole = simulate(mechanism, turns * period)
+        t = np.array([0.3, 7.7, 20.25, 39.9, turns - 0.4, turns]) * period
+        works = whole.energies(t)
+        assert 0 < sum(seen) < most
+        assert np.abs(whole.drift(t)).max() < 1e-9
+        place = whole(t)[0][:, 0]
+        assert np.abs(works[:, 1] - 9.81 * 0.1 * np.sin(place)).max() < 1e-9
+    whole = simulate(mechanism, 40 * period)
+    short = simulate(mechanism, 1.5 * period)  # not a whole number: no fold within it, or another one
+    t = np.array([0.2, 0.9, 1.3]) * period
+    assert np.abs(whole.work(t) - short.work(t)).max() < 1e-12
+    assert np.abs(whole.work(t + 20 * period) - short.work(t)).max() < 1e-9

@@ -27,14 +27,24 @@ _FIT = np.linalg.inv(legendre.legvander(_X, NODES - 1))
 @dataclass(frozen=True, eq=False)
 class Ledger:
     """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients``
-    (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel."""
+    (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
+    of the last one repeat beyond the last edge."""
 
     edges: Array
     coefficients: Array
     before: Array
+    period: float | None = None
 
     def __call__(self, t: Array) -> Array:
         """Works (n, c) until times (n,) [s]."""
+        end = self.edges[-1]
+        if self.period is None or not (t > end).any():
+            return self._within(t)
+        turns = np.maximum(np.ceil((t - end) / self.period), 0.0)
+        gained = np.diff(self._within(np.array([end - self.period, end])), axis=0)
+        return self._within(t - turns * self.period) + turns[:, None] * gained
+
+    def _within(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)
         width = self.edges[k + 1] - self.edges[k]
         first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
@@ -42,6 +52,8 @@ class Ledger:
 
     def followed_by(self, others: Sequence[Ledger]) -> Ledger:
         """This ledger and those that go on where it ends, in order."""
+        if not others:
+            return self
         parts = (self, *others)
         before, total = [], np.zeros(self.before.shape[1])
         for part in parts:

@@ -112,7 +112,7 @@ class EnergyMotion:
         t = np.atleast_1d(np.asarray(t, float))
         turns: Array = np.zeros_like(t)
         if self.period is not None:
-            end = self.legs[-1].time + self.legs[-1].duration
+            end = self.last
             turns = np.where(t > end, np.ceil((t - end) / self.period), 0.0)
         local = t - turns * (self.period or 0.0)
         starts = np.array([leg.time for leg in self.legs])
@@ -125,16 +125,16 @@ class EnergyMotion:
         a = self.curve(q[:, None], v[:, None], t)
         return q[:, None], v[:, None], a
 
-    def borders(self, end: float) -> Array:
-        """Times until ``end`` [s] between which the motion is one smooth function."""
-        legs = [leg.time + np.unique(leg.edges[:-1]) for leg in self.legs]
-        found = np.concatenate(legs)
-        last = self.legs[-1].time + self.legs[-1].duration
-        if self.period is not None and end > last:
-            again = found[found >= last - self.period * (1.0 + 1e-12)]
-            turns = np.arange(1, int(np.ceil((end - last) / self.period)) + 1)
-            found = np.concatenate([found, (again + turns[:, None] * self.period).ravel()])
-        return np.asarray(found[(found >= 0.0) & (found < end)])
+    @property
+    def last(self) -> float:
+        """When it has gone through its legs [s]."""
+        return self.legs[-1].time + self.legs[-1].duration
+
+    @property
+    def borders(self) -> Array:
+        """Times on its legs [s] between which the motion is one smooth function."""
+        found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
+        return np.asarray(found[found >= 0.0])
 
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain

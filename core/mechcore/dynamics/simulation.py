@@ -18,6 +18,7 @@ from ..spec import braked
 from .accounts import Ledger, kinetic_energy_of, ledger, powers_of
 from .curve import TURN
 from .dry import DrySystem
+from .energy import EnergyMotion
 from .free import Free
 from .happenings import Happening, Stop
 from .integrate import Solution
@@ -201,9 +202,14 @@ class Simulation:
 
     @cached_property
     def _ledger(self) -> Ledger:
-        edges = np.unique(np.concatenate([self._borders(), [self.start, self.duration]]))
+        end, period = self.duration, None
+        way = self.pieces[0].way
+        if isinstance(way, EnergyMotion) and way.period is not None and way.last < end:
+            end, period = way.last, way.period  # forces depend on the position alone: their powers repeat
+        edges = self._borders()
+        edges = np.unique(np.concatenate([edges[edges < end], [self.start, end]]))
         tiny = 1e-15 * self.duration
-        return ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], edges[-1]))
+        return replace(ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
     def _powers(self, t: Array) -> Array:
         """Powers (n, 3) [W]: of forces with a potential, of drives and process, of losses."""
@@ -262,7 +268,7 @@ class Simulation:
             if isinstance(p.way, Solution):
                 out += [w.start for w in p.way.windows if p.start <= w.start < p.end]
             else:
-                out += list(p.way.borders(p.end))
+                out += list(p.way.borders)
         return np.array(out)
 
 
