@@ -19,6 +19,7 @@ from mechcore.differences import differentiate
 from mechcore.dynamics import simulate
 from mechviz.accuracy.estimate import integration_error, interpolation_error
 from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out
+from mechviz.accuracy.poles import Passage, passages_of, size_at
 from mechviz.accuracy.quantities import Quantity, quantities
 from mechviz.accuracy.reference import between_error, position_errors, reaction_error
 from mechviz.accuracy.words import target_words
@@ -373,3 +374,36 @@ def test_a_number_of_a_few_is_told_with_those_that_are_known():
     with pytest.raises(MechanismError) as refused:
         loads(text)
     assert [str(f) for f in refused.value.faults] == ["accuracy.differences: 3 is not one of 2, 4, 6. Write one of these."]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.77])
+def test_a_pole_between_frames_is_told_as_large_as_it_is_beside_it(share):
+    """A / x + b + c x at frames: what is said is A over a hundredth of the distance; without the pole, or small, nothing is."""
+    x = np.arange(12.0) - 5.0 - share
+    passage = Passage(5, share)
+    for strength in (1.0, -3.0):
+        values = (strength / x + 0.7 + 0.2 * x)[:, None]
+        said = size_at(passage, Quantity("reaction A", "reaction", values, 2.0))
+        assert said == pytest.approx(abs(strength) / 0.01 / 2.0, rel=0.1)
+    for values in (0.7 + 0.2 * x, np.sin(x), x**3, 1e-5 / x + 1.0):
+        assert size_at(passage, Quantity("reaction A", "reaction", values[:, None], 1.0)) == 0.0
+
+
+def test_poles_are_where_bars_come_into_line():
+    """Uprights that fall through the line of the ground: the reactions of the bars go as one over the angle to it (statics)."""
+    run = run_scene(load("falling-four-bars"))
+    passages = passages_of(run.motion)
+    angle = run.motion.pose("upright0")[:, 2]
+    turns = np.flatnonzero(np.diff(np.floor(angle / np.pi)) != 0)
+    assert len(turns) == 8 and sorted({p.frame for p in passages}) == list(turns)
+    k = int(turns[0])
+    share = next(p.share for p in passages if p.frame == k)
+    there = run.motion.time[k] + share * (run.motion.time[k + 1] - run.motion.time[k])
+    assert abs(np.sin(run.simulation([there])[0][0, 0])) < 1e-3
+    assert run.errors.between[k] > 10.0 > 100.0 * np.median(run.errors.between)
+
+
+def test_rounding_next_to_a_change_point_does_not_fall_with_the_number_of_frames():
+    """A kite that folds flat: there digits are lost, and the estimate leaves them as they are."""
+    found = [c for c in compare("kite") if c.what == "between frames, order 5"]
+    assert found[0].within and found[0].truth > 1e-12

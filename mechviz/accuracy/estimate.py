@@ -12,12 +12,14 @@
   the same solution, and then tells how wrong the false one was. What both share is what no tolerance mends: the model, and the
   rounding of the same formulas. A vibration that was stepped over, because it is smaller than the tolerance, counts in full.
 - Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
-  error at twice and four times the distance shows, at most that of the interpolation.
+  error at twice and four times the distance shows around there, at most that of the interpolation: where frames lie next to a
+  singular position, what is left of their digits does not get better with their number. Values that have a pole between two frames
+  are told as large as they are a hundredth of the distance beside it (see `poles`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -27,6 +29,7 @@ from numpy.typing import NDArray
 
 from mechcore.between import between
 
+from .poles import Passage, passages_of, size_at
 from .quantities import Quantity, quantities, stands_still
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
 TIGHTER = 0.01  # tolerance of the companion of a motion under forces
 TIGHTEST = 1e-13
 SAMPLED = 257  # frames at which a companion is compared
+AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +100,9 @@ def estimate_errors(run: Run) -> ErrorEstimate:
             omega = 2.0 * np.pi * frequency
             fast = [amplitude * omega**k / max(peak, 1e-300) for k, peak in enumerate(_peaks(motion), 1)]
             velocity, acceleration, reaction = velocity + fast[0], acceleration + fast[1], reaction + fast[1]
-    return ErrorEstimate(
-        position, velocity, acceleration, reaction, interpolation_error(found, motion.time, run.accuracy.interpolation),
-        run.accuracy.interpolation,
-    )  # fmt: skip
+    order = run.accuracy.interpolation
+    apart = interpolation_error(found, motion.time, order, passages_of(motion))
+    return ErrorEstimate(position, velocity, acceleration, reaction, apart, order)
 
 
 def _travel(motion: Any, size: float) -> Real:
@@ -185,8 +188,9 @@ def _difference_errors(run: Run) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def interpolation_error(found: list[Quantity], time: Real, order: int) -> Real:
-    """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; see the module."""
+def interpolation_error(found: list[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
+    """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; ``passages`` of
+    singular positions between the frames. See the module."""
     frames = len(time)
     if frames < 9:
         return np.full(frames, np.nan)
@@ -195,12 +199,30 @@ def interpolation_error(found: list[Quantity], time: Real, order: int) -> Real:
         twice, four = (_left_out(q, time, order, step) for step in (2, 4))
         if not (np.isfinite(twice).any() and np.isfinite(four).any()):
             continue
-        a, b = float(np.nanmax(twice)), float(np.nanmax(four))
-        factor = float(np.clip(b / a, 1.0, 2.0 ** (order + 1))) if a > 0.0 else 1.0
-        local = np.nan_to_num(twice) / factor
+        local = np.nan_to_num(twice) / _gain(twice, four, order)
         each = np.interp(np.arange(frames), np.arange(1, 1 + 2 * len(local), 2)[: len(local)], local)
         worst = np.maximum(worst, np.maximum(each, local.max() * 1e-3 if len(local) else 0.0))
+        for passage in passages:
+            worst[passage.frame] = max(worst[passage.frame], size_at(passage, q))
     return worst
+
+
+def _gain(twice: Real, four: Real, order: int) -> Real:
+    """By what half the distance makes errors smaller at the places of ``twice`` (n,), from those at twice that (m,) around there;
+    next to the ends, where polynomials are one-sided and errors of different distances say little of each other, on the whole."""
+    twice, four = np.nan_to_num(twice), np.nan_to_num(four)
+    places = np.minimum(np.arange(len(twice)) // 2, len(four) - 1)
+    around, other = _largest_around(twice, 2 * AROUND), _largest_around(four, AROUND)[places]
+    edge = order // 2 + 1
+    for part in (slice(None, edge), slice(-edge, None)):
+        around[part], other[part] = twice.max(), four.max()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.clip(np.where(around > 0.0, other / around, 1.0), 1.0, 2.0 ** (order + 1)))
+
+
+def _largest_around(x: Real, reach: int) -> Real:
+    """Largest of the neighbours within a reach on both sides (n,)."""
+    return np.array(np.lib.stride_tricks.sliding_window_view(np.pad(x, reach), 2 * reach + 1).max(axis=1))
 
 
 def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
