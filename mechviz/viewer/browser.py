@@ -54,8 +54,12 @@ if (!window.mechvizNames) {
       button.setAttribute("aria-label", "Close");
   };
   window.mechvizNames = { waiting: 0 };
-  new MutationObserver(() => {
-    if (!window.mechvizNames.waiting) window.mechvizNames.waiting = setTimeout(name, 300);
+  // Numbers and pictures change all the time: only new controls need names
+  const NEW = "label[for], input, [role=slider], .mantine-Notification-closeButton";
+  const isNew = (node) => node.nodeType === 1 && (node.matches(NEW) || !!node.querySelector(NEW));
+  new MutationObserver((changes) => {
+    if (!window.mechvizNames.waiting && changes.some((change) => [...change.addedNodes].some(isNew)))
+      window.mechvizNames.waiting = setTimeout(name, 300);
   }).observe(document.body, { childList: true, subtree: true });
   name();
 }
@@ -65,12 +69,13 @@ if (!window.mechvizNames) {
 CURSOR = """
 if (!window.mechvizCursor) {
   window.mechvizCursor = true;
-  let waiting = false;
+  const lines = document.getElementsByClassName("mechviz-now");
+  let waiting = false, place = null;
   const move = () => {
     waiting = false;
-    const place = document.querySelector("[data-mv-part]");
+    if (!place || !place.isConnected) place = lines.length ? document.querySelector("[data-mv-part]") : null;
     if (!place || (window.mechvizPlayback && window.mechvizPlayback.running)) return;
-    for (const line of document.querySelectorAll(".mechviz-now"))
+    for (const line of lines)
       for (const end of ["x1", "x2"]) line.setAttribute(end, 1000 * Number(place.dataset.mvPart));
   };
   new MutationObserver(() => {
