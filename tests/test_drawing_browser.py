@@ -39,6 +39,10 @@ WATCH = """([coupler, arc]) => { const v = window.__viserMutable, own = v.scene.
         const arrows = found('/vectors/reaction', n => n.matricesTexture).matricesTexture.image.data;
         window.watched.push([pose.position.join(), corners.slice(-6).join(), arrows.slice(0, 32).join()]); };
     window.unwatch = () => { gl.render = draw; }; }"""
+# Which depth is in front: whether it runs backwards, whether it should, what it is cleared to, and what passes (>= or <=)
+DEPTH = """() => { const own = window.__viserMutable.scene.__r3f, { gl } = (own.root || own).getState(), c = gl.getContext();
+    return [gl.state.buffers.depth.getReversed(), gl.capabilities.reversedDepthBuffer, c.getParameter(c.DEPTH_CLEAR_VALUE),
+        { [c.GEQUAL]: '>=', [c.LEQUAL]: '<=' }[c.getParameter(c.DEPTH_FUNC)]]; }"""
 GRID = """() => { const { lines } = window.mechvizDrawing; if (!lines) return null;
     let seen = true; for (let o = lines; o; o = o.parent) seen = seen && o.visible;
     const color = lines.material.uniforms.cellColor.value.clone().convertLinearToSRGB();
@@ -94,9 +98,11 @@ def test_a_light_picture_shows_the_same(viewer, page):
         assert page.evaluate(STATE)["size"] == [int(length * part) for length in full]
         difference = np.abs(picture(page) - best).mean()
         assert 0.0 < difference < most, f"at {part} of the pixels each way"
+        assert page.evaluate(DEPTH)[:3] in ([True, True, 0.0], [False, False, 1.0]), "what is near stays in front"
     page.evaluate("() => { const d = window.mechvizDrawing; d.level = 1; d.touch(); d.draw(); }")
     _rested(viewer, page)
     assert np.array_equal(picture(page), best)
+    assert page.evaluate(DEPTH) in ([True, True, 0.0, ">="], [False, False, 1.0, "<="])
 
 
 def test_what_is_in_front_is_seen_after_light_pictures_too(viewer, page):
@@ -161,6 +167,50 @@ def test_the_first_picture_of_a_move_has_all_of_it(viewer, page):
     watched = page.evaluate("() => { window.unwatch(); return window.watched; }")
     first = next(seen for seen in watched if seen[0] == watched[-1][0])
     assert first == watched[-1], "the arc and the arrows stand where they belong, as the link does"
+
+
+def test_large_scenes_have_fewer_triangles_while_they_move(viewer, page):
+    """As if this were one: corners nearer than a pixel or so, of faces that look the same way, become one."""
+    viewer.set_frame(120)
+    _rested(viewer, page)
+    best = picture(page)
+    count = """() => { const own = window.__viserMutable.scene.__r3f, { gl } = (own.root || own).getState();
+        const d = window.mechvizDrawing; d.triangles = 1e6; d.light = 0; d.moving = true; d.level = 1; d.draw();
+        return gl.info.render.triangles; }"""
+    full = page.evaluate(count)
+    page.wait_for_function("() => window.mechvizDrawing.light > 0")
+    drawn = page.evaluate(
+        """() => { const own = window.__viserMutable.scene.__r3f, { gl } = (own.root || own).getState();
+        return { triangles: gl.info.render.triangles, meshes: [...window.mechvizDrawing.coarse].map(([mesh, { low }]) => [
+            mesh.layers.mask, low.layers.mask, mesh.geometry.attributes.position === low.geometry.attributes.position,
+            mesh.geometry.index.count, low.geometry.index.count]) }; }"""
+    )
+    light = picture(page)
+    page.evaluate("() => { const d = window.mechvizDrawing; d.touch(); d.draw(); }")
+    _rested(viewer, page)
+    assert drawn["triangles"] < 0.7 * full
+    assert len(drawn["meshes"]) >= 6
+    for own, low, shared, triangles, fewer in drawn["meshes"]:
+        assert own == 1 and low == 0 and shared, "outside a light picture the mesh itself is drawn, and can be clicked"
+        assert 0 < fewer < triangles
+    assert 0.0 < np.abs(light - best).mean() < 3.0
+    assert np.array_equal(picture(page), best)
+
+
+def test_corners_are_put_together_by_place_and_direction(page):
+    """A square with a corner too many, seen from both sides: what lies in a cell and looks the same way becomes one."""
+    ring = [[0, 0], [1, 0], [1, 0.02], [1, 1], [0, 1]]
+    position = [[*xy, 0.0] for xy in ring] + [[*xy, 0.0] for xy in ring]
+    normal = [[0, 0, 1]] * 5 + [[0, 0, -1]] * 5
+    front = [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    back = [[5 + a, 5 + c, 5 + b] for a, b, c in front]
+    arrays = [sum(rows, []) for rows in (position, normal, front + back)]
+    cluster = """([position, normal, index, cell]) => Array.from(
+        window.mechvizDrawing.cluster(new Float32Array(position), new Float32Array(normal), index, cell))"""
+    assert page.evaluate(cluster, [*arrays, 1e-3]) == arrays[2]
+    fewer = np.reshape(page.evaluate(cluster, [*arrays, 0.1]), (-1, 3)).tolist()
+    assert fewer == [[0, 1, 3], [0, 3, 4], [5, 8, 6], [5, 9, 8]], "the two sides stay apart"
+    assert page.evaluate(cluster, [*arrays, 10.0]) == []
 
 
 def test_the_grid_is_lines_that_are_switched_and_darkened_as_the_grid(viewer, page):

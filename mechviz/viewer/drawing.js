@@ -2,7 +2,7 @@
 (() => {
   const viser = window.__viserMutable, own = viser && viser.scene && viser.scene.__r3f, store = own && (own.root || own);
   const read = store && store.getState, gl = read && read().gl, context = gl && gl.getContext && gl.getContext();
-  const complete = context && context.texStorage2D && gl.resetState && gl.setViewport && gl.getRenderTarget && read().invalidate;
+  const complete = context && context.texStorage2D && gl.resetState && gl.state && gl.setViewport && gl.getRenderTarget && read().invalidate;
   if (window.mechvizDrawing || !complete) return;
 
   const REST = 150; // [ms] without a change, after which the picture is drawn as well as can be
@@ -16,7 +16,7 @@
     card, software: /swiftshader|llvmpipe|softpipe|software|basic render/i.test(card),
     fixed: new URLSearchParams(window.location.search).has("fixedDpr"), // somebody has chosen the number of pixels
     moving: false, level: 1, whole: 0, light: 0, size: null, // pictures drawn as well as can be, lightly; of the last
-    before: [], // what is to be done before each
+    triangles: 0, before: [], // of a whole picture; what is to be done before each, which may give what is to be done after
   };
   drawing.draw = () => read().invalidate();
 
@@ -168,10 +168,16 @@
     canvas = full;
     if (turned(camera)) drawing.touch();
     const lightly = !drawing.fixed && drawing.moving && drawing.level > 0;
-    for (const first of drawing.before) first(lightly ? LEVELS[drawing.level] : 1);
-    if (lightly) return light(scene, camera);
-    const draw = () => whole.call(gl, scene, camera);
-    if (drawing.moving && !drawing.fixed) timed(draw); else draw();
+    const part = lightly ? LEVELS[drawing.level] : 1, rows = context.drawingBufferHeight * part;
+    const after = drawing.before.map((first) => first(part, lightly, camera, rows));
+    try {
+      if (lightly) return light(scene, camera);
+      const draw = () => whole.call(gl, scene, camera);
+      if (drawing.moving && !drawing.fixed) timed(draw); else draw();
+    } finally {
+      for (const undo of after) if (undo) undo();
+    }
+    drawing.triangles = gl.info.render.triangles;
     drawing.whole += 1;
     drawing.size = [context.drawingBufferWidth, context.drawingBufferHeight];
   };
