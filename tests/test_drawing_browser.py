@@ -204,7 +204,7 @@ def test_corners_are_put_together_by_place_and_direction(page):
     normal = [[0, 0, 1]] * 5 + [[0, 0, -1]] * 5
     front = [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
     back = [[5 + a, 5 + c, 5 + b] for a, b, c in front]
-    arrays = [sum(rows, []) for rows in (position, normal, front + back)]
+    arrays = [[float(x) for row in rows for x in row] for rows in (position, normal)] + [[k for row in front + back for k in row]]
     cluster = """([position, normal, index, cell]) => Array.from(
         window.mechvizDrawing.cluster(new Float32Array(position), new Float32Array(normal), index, cell))"""
     assert page.evaluate(cluster, [*arrays, 1e-3]) == arrays[2]
