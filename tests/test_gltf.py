@@ -19,7 +19,7 @@ from mechviz.run import run_scene
 from mechviz.solids import solids_of
 from mechviz.vectors import FAMILIES, find_moments, find_scales, find_vectors
 
-NAMES = ["ten-link", "cam-roller", "slider-crank-compressor"]
+NAMES = ["ten-link", "cam-roller", "slider-crank-compressor", "belt-drive", "door-closer"]
 DTYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 
@@ -70,6 +70,37 @@ def test_accessors_and_views_keep_the_rules(made):
             rows = values.reshape(entry["count"], -1)
             assert np.array_equal(np.float32(entry["min"]), rows.min(axis=0).astype(np.float32))
             assert np.array_equal(np.float32(entry["max"]), rows.max(axis=0).astype(np.float32))
+
+
+def test_references_and_tracks_keep_the_rules(made):
+    """What the Khronos validator looks at beyond single accessors: it finds neither an error nor a warning in these files."""
+    _, _, glb = made
+    (animation,) = glb["animations"]
+    targets = [(c["target"]["node"], c["target"]["path"]) for c in animation["channels"]]
+    assert len(set(targets)) == len(targets) and max(n for n, _ in targets) < len(glb["nodes"])
+    assert sorted(c["sampler"] for c in animation["channels"]) == list(range(len(animation["samplers"])))
+    shapes = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+    for channel in animation["channels"]:
+        sampler, (node, path) = animation["samplers"][channel["sampler"]], channel["target"].values()
+        times, values = (glb["accessors"][sampler[k]] for k in ("input", "output"))
+        mesh = glb["meshes"][glb["nodes"][node]["mesh"]] if path == "weights" else {}
+        assert values["type"] == shapes[path] and values["count"] == times["count"] * len(mesh.get("weights", [0]))
+        assert values["componentType"] == 5126 and "target" not in glb["bufferViews"][values["bufferView"]]
+        if path == "rotation":
+            assert np.linalg.norm(glb.values(sampler["output"]), axis=1) == pytest.approx(1.0, abs=1e-6)
+        if path == "scale":
+            assert (glb.values(sampler["output"]) != 0.0).all()
+    primitives = [p for mesh in glb["meshes"] for p in mesh["primitives"]]
+    assert {n["mesh"] for n in glb["nodes"] if "mesh" in n} == set(range(len(glb["meshes"])))
+    assert {p["material"] for p in primitives} == set(range(len(glb["materials"]))), "none is left over"
+    used = [n for p in primitives for n in (*p["attributes"].values(), *([p["indices"]] if "indices" in p else []))]
+    used += [n for p in primitives for t in p.get("targets", []) for n in t.values()]
+    used += [n for s in animation["samplers"] for n in (s["input"], s["output"])]
+    assert set(used) == set(range(len(glb["accessors"])))
+    for primitive in primitives:
+        assert glb["bufferViews"][glb["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]]["target"] == 34962
+        if "indices" in primitive:
+            assert glb["bufferViews"][glb["accessors"][primitive["indices"]]["bufferView"]]["target"] == 34963
 
 
 def test_nodes_form_a_tree_with_a_node_for_every_link(made):
