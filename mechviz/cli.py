@@ -159,7 +159,7 @@ def forces(
         _print_steady(scene, steady, fluctuation)
         return
     with clear_errors(scene):
-        check_targets(csv, plot)
+        check_targets(scene, csv, plot)
         run = solve(load_scene(scene), frames, cycles, accuracy)
         warn_of_accuracy(run)
         if run.forces is None:
@@ -221,7 +221,7 @@ def record(
         if path is None:
             Path("recordings").mkdir(exist_ok=True)
             path = Path("recordings") / f"{loaded.name}.rrd"
-        check_targets(path)
+        check_targets(scene, path)
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
         run = None if live is not None else solve(loaded, frames, cycles, accuracy)
@@ -274,7 +274,7 @@ def balance(
     from .scene import dump
 
     with clear_errors(scene):
-        check_targets(output, plot)
+        check_targets("", output, plot)  # the scene itself may be given its counterweights
         loaded = load_scene(scene)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
@@ -321,7 +321,7 @@ def vibrations(
     if output is not None and output.suffix not in (".rrd", ".toml"):
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
     with clear_errors(scene):
-        check_targets(csv, output)
+        check_targets(scene, csv, output)
         loaded = load_scene(scene)
         found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, found)))
@@ -412,7 +412,7 @@ def export(
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(scene):
-        check_targets(csv, parquet, glb, threemf, *profiles.values())
+        check_targets(scene, csv, parquet, glb, threemf, *profiles.values())
         loaded = load_scene(scene)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)

@@ -61,11 +61,16 @@ def clear_errors(source: str) -> Iterator[None]:
         fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
 
 
-def check_targets(*paths: Path | None) -> None:
-    """Refuse files that cannot be written where they are wanted, before anything is computed for them. Raises `OutputError`."""
+def check_targets(source: str, *paths: Path | None) -> None:
+    """Refuse files that cannot be written where they are wanted, before anything is computed for them: neither over the scene or
+    recording that they are made from nor over each other. Raises `OutputError`."""
+    taken = {os.path.realpath(source): "is what this is made from"} if os.path.isfile(source) else {}
     for path in paths:
         if path is not None:
-            check_target(path)
+            real = str(check_target(path))
+            if real in taken:
+                raise OutputError(f"'{path}' {taken[real]}.", "Give another name.")
+            taken[real] = "is wanted for two things"
 
 
 def refuse(error: OSError) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .command_line import clear_errors, fail, interruptible, load_scene, progress_bar, say, solve
+from .command_line import check_targets, clear_errors, fail, interruptible, load_scene, progress_bar, say, solve
 
 if TYPE_CHECKING:
     from .record import Recording
@@ -42,11 +42,11 @@ def share(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
-    from .files import check_target, replacing
+    from .files import replacing
 
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
-        check_target(path)
+        check_targets(source, path)
         recording = _recording(source, frames, cycles, most)
         from .share import make_page
 
@@ -80,7 +80,6 @@ def shot(
 
     A PNG is made by Chromium and looks like the shared page; an SVG needs no browser: a drawing seen from the front.
     """
-    from .files import check_target
     from .share.browser import find_chromium
 
     with clear_errors(source):
@@ -97,7 +96,7 @@ def shot(
         when = {"at": _quantity(at, "at", "s", "time"), "angle": _quantity(angle, "angle", "deg", "angle")}
         if not drawing:
             find_chromium()
-        check_target(output)
+        check_targets(source, output)
         recording = _recording(source, frames, cycles)
         place = moment(recording, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
@@ -126,7 +125,6 @@ def film(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
-    from .files import check_target
     from .share.browser import find_chromium
 
     with clear_errors(source):
@@ -138,7 +136,7 @@ def film(
         find_chromium()
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
-        check_target(output)
+        check_targets(source, output)
         recording = _recording(source, frames, cycles)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)

@@ -87,3 +87,23 @@ def test_a_page_that_is_interrupted_on_its_way_says_nothing_of_hidden_files(tmp_
     done = CliRunner().invoke(app, ["share", "crank-rocker", "-n", "12", "-o", str(tmp_path / "a.html")])
     assert (done.exit_code, done.stderr.strip()) == (130, "Interrupted: nothing was written.")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("balance", "laws")])
+def test_nothing_is_written_over_what_it_is_made_from(tmp_path: Path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    name, gallery, *options, target = COMMANDS[command]
+    scene = tmp_path / target.format("scene")  # whatever it is called
+    scene.write_text(load(gallery).text, encoding="utf-8")
+    before = scene.read_bytes()
+    (tmp_path / target.format("link")).symlink_to(scene)
+    for wanted in (scene.name, target.format("link")):
+        done = CliRunner().invoke(app, [name, str(scene), *options, wanted])
+        assert done.exit_code == 2 and ("is what this is made from" in done.stderr or scene.suffix == ".rrd"), done.output
+    assert scene.read_bytes() == before
+
+
+def test_two_things_are_not_written_into_one_file(tmp_path: Path):
+    same = str(tmp_path / "out")
+    done = CliRunner().invoke(app, ["export", "crank-rocker", "--csv", same, "--parquet", same])
+    assert done.exit_code == 2 and "wanted for two things" in done.stderr and not list(tmp_path.iterdir())

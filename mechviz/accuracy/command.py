@@ -47,7 +47,7 @@ def accuracy(
         from .ladder import ladder
         from .recorded import write_rrd
 
-        check_targets(output, rrd)
+        check_targets(scene, output, rrd)
         loaded = load_scene(scene)
         found = None if again else kept(loaded, target, rough=quick)
         before = found is not None
