@@ -31,6 +31,7 @@ from mechviz import scene
 from mechviz.run import run_scene
 from mechviz.viewer import Viewer
 from mechviz.viewer.camera import fit_view
+from mechviz.viewer.curves import Curves
 from mechviz.viewer.solids3d import link_path
 
 __all__ = ["browser"]  # a fixture
@@ -617,6 +618,17 @@ def test_reset_view_leads_out_of_2d(viewer, page):
     until(page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") > 10.0, "the usual angle of view")
     assert page.evaluate(drag)
     assert {viewer.scene.cameras.preset(client) for client in viewer.server.get_clients().values()} == {"front"}
+
+
+def test_a_plot_of_many_frames_is_drawn_point_by_point(viewer, page):
+    """uPlot goes over to columns of pixels from four points a pixel on, and loses the cursor line there."""
+    wide = page.evaluate("uuid => window.__viserTestpoints.uplots[uuid].chart.bbox.width / devicePixelRatio", _first_chart(viewer))
+    many = np.random.default_rng(1).normal(size=(20_000, 1))
+    assert len(Curves(np.arange(20_000.0), many).at(7)[0]) < 4.0 * wide
+
+
+def _first_chart(viewer: Viewer) -> str:
+    return str(viewer.plots.slots[0].chart._impl.uuid)
 
 
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):

@@ -11,7 +11,9 @@ __all__ = ["Curves", "padded_range", "thinned"]
 
 Real = NDArray[np.float64]
 
-MOST_POINTS = 1200
+# From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
+# 270 pixels wide
+MOST_POINTS = 900
 FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
