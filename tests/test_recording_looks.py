@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.events import Event
 from mechviz.coils import find_coils
 from mechviz.drawings import drawings_of
 from mechviz.heights import arrow_height, path_height
 from mechviz.linkers import find_linkers
 from mechviz.overlays import overlay_box
 from mechviz.record.arrows import shapes
-from mechviz.record.blueprint import calm_range, legend_place, opening_timeline, spans_of_plots
+from mechviz.record.blueprint import calm_range, legend_place, make_blueprint, opening_timeline, spans_of_plots
 from mechviz.record.events import peak_events
 from mechviz.record.families import FAMILIES, Content, Family, find_statics, find_streams
 from mechviz.record.streams import Static, Stream, picture_stride
-from mechviz.rollers import find_rollers
+from mechviz.riders import find_riders
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
 from mechviz.tables import tables
@@ -47,7 +48,7 @@ def content_of(run):
         drawings_of(run, solids.size),
         list(find_linkers(run, solids.size)),
         find_coils(run, solids),
-        find_rollers(run, solids),
+        find_riders(run, solids),
         picture_stride(run),
     )
 
@@ -193,3 +194,17 @@ def test_plots_of_rounding_show_a_calm_axis():
     assert (low, high) == pytest.approx((0.9 * size, 1.1 * size))
     assert not [e for e in peak_events(run) if "driving torque" in e.text] and [e for e in peak_events(run) if "reaction" in e.text]
     assert calm_range(np.array([[1.0], [1.5]]), 0.0) is None and calm_range(np.array([[np.nan]]), 0.0) is None
+
+
+def test_where_nothing_happens_the_notes_are_open(leg):
+    """Else the events: health is a line along zero."""
+    import rerun.blueprint as rrb
+
+    def open_tab(events):
+        bounds = dict.fromkeys(("forces", "motion"), np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.1]]))
+        left = make_blueprint(leg, bounds, events).root_container.contents[0]
+        tabs = next(part for part in left.contents if isinstance(part, rrb.Tabs) and part.contents[-1].name == "Notes")
+        return tabs.contents[tabs.active_tab].name
+
+    assert open_tab([]) == "Notes"
+    assert open_tab([Event(0.1, "INFO", "A", "dead point")]) == "Events"

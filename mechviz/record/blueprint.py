@@ -314,4 +314,4 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.pairs)
         views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
-    return rrb.Tabs(*views, active_tab=0)
+    return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # health is a line along zero: notes say more
