@@ -26,7 +26,7 @@ def cams(
         str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: tells the least spring")
     ] = None,
     frames: Annotated[
-        int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="frames over the whole run [default: the scene's]")
+        int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")
     ] = None,
 ) -> None:
     """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact."""

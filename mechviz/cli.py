@@ -50,10 +50,10 @@ app = typer.Typer(
 
 SceneArg = Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")]
 FramesOpt = Annotated[
-    int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="frames over the whole run [default: the scene's]")
+    int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")
 ]
 CyclesOpt = Annotated[
-    int | None, typer.Option("--cycles", min=1, max=1_000_000, help="cycles of the first drive [default: the scene's]")
+    int | None, typer.Option("--cycles", min=1, max=100_000, help="cycles of the first drive [default: the scene's]")
 ]
 AccuracyOpt = Annotated[
     float | None,

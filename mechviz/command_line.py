@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -187,6 +188,8 @@ def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float
         value: float | str = float(text)
     except ValueError:
         value = text
+    if isinstance(value, float) and not math.isfinite(value):
+        fail(f"--{option}: {text} is not a finite number. Give a finite one.")
     try:
         return Units(**scene.document.units.model_dump()).si(value, kind)
     except QuantityError as e:

@@ -18,9 +18,9 @@ __all__ = ["film", "share", "shot"]
 
 SourceArg = Annotated[str, typer.Argument(metavar="SCENE|RECORDING", help="gallery name, scene file (.toml) or recording (.rrd)")]
 FramesOpt = Annotated[
-    int | None, typer.Option("--frames", "-n", min=1, max=10_000_000, help="of a scene: frames over the whole run")
+    int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="of a scene: frames over the whole run")
 ]
-CyclesOpt = Annotated[int | None, typer.Option("--cycles", min=1, max=1_000_000, help="of a scene: cycles of the first drive")]
+CyclesOpt = Annotated[int | None, typer.Option("--cycles", min=1, max=100_000, help="of a scene: cycles of the first drive")]
 ViewOpt = Annotated[str, typer.Option("--view", help="3d, front, iso, top, left, right or back")]
 SizeOpt = Annotated[str, typer.Option("--size", metavar="WxH", help="size of the picture in pixels")]
 DarkOpt = Annotated[bool, typer.Option("--dark", help="on a dark ground")]

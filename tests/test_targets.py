@@ -107,3 +107,18 @@ def test_two_things_are_not_written_into_one_file(tmp_path: Path):
     same = str(tmp_path / "out")
     done = CliRunner().invoke(app, ["export", "crank-rocker", "--csv", same, "--parquet", same])
     assert done.exit_code == 2 and "wanted for two things" in done.stderr and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["balance", "shaking-four-bar", "--radius", "nan"], "--radius: nan is not a finite number"),
+        (["export", "crank-rocker", "--csv", "x.csv", "--every", "inf"], "--every: inf is not a finite number"),
+        (["record", "crank-rocker", "--frames", "1"], "greater than or equal to 2"),
+        (["share", "crank-rocker", "--cycles", "100001"], "less than or equal to 100000"),
+    ],
+)
+def test_options_are_refused_by_their_names(tmp_path: Path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2 and words in done.stderr and not list(tmp_path.iterdir()), done.output
