@@ -1,10 +1,14 @@
 """Where the time of the three slowest paths goes, and what it was at another commit.
 
-    python benchmarks/profiles.py [--against COMMIT]
+    python benchmarks/profiles.py [--against COMMIT] [--sampled]
 
 Scene to solids, run to recording, and the errors of motions under forces, over a sample of the gallery: processor time, the least
 of three runs, and by a profile how much of it is ours, how much that of the libraries underneath. ``--against`` measures the same
 with the sources of another commit afterwards.
+
+A profile of calls counts what is written with operators (`a * b`, `a[i]` of arrays) to the function that they stand in.
+``--sampled`` looks with py-spy (to be installed beside) into the compiled code too: there such arithmetic is numpy's, and ours is
+what the interpreter does in our files.
 """
 
 from __future__ import annotations
@@ -27,8 +31,15 @@ MOVED = (
     "crank-rocker", "ten-link-forces", "gear-train", "cam-roller", "triad", "slider-crank-engine", "parallel-forces",
     "sewing-machine",
 )  # fmt: skip
+PATHS = ("solids of a scene", "run to recording", "errors of motions under forces")
 FREE = ("swinging-double-pendulum", "andrews-squeezer", "toggle-press-stop", "falling-four-bars")
 LIBRARIES = ("numpy", "scipy", "rerun", "shapely", "trimesh", "pyarrow")
+COMPILED = {
+    "numpy": "numpy", "scipy": "scipy", "geos": "shapely", "shapely": "shapely", "earcut": "earcut", "rerun_bindings": "rerun",
+    "arrow": "pyarrow",
+}  # fmt: skip
+"""Words in the file names of compiled code, and whose it is."""
+
 REPEATS = 3
 
 
@@ -95,6 +106,50 @@ def measure() -> dict[str, tuple[float, dict[str, float]]]:
         return found
 
 
+def repeat(name: str, seconds: float) -> None:
+    """One path over and over, for a sampler; only what lies below this function counts."""
+    with tempfile.TemporaryDirectory() as folder:
+        work = works(folder)[name]
+        work()
+        _watched(work, seconds)
+
+
+def _watched(work: Callable[[], object], seconds: float) -> None:
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        work()
+
+
+def sampled(name: str, seconds: float = 8.0, rate: int = 100) -> tuple[int, dict[str, float]]:
+    """Number of samples of a path, and their shares by who is at work: compiled libraries, or Python files by their owner."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "samples"
+        path = os.pathsep.join([str(ROOT / "core"), str(ROOT)])
+        env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        spy = ["py-spy", "record", "--native", "--full-filenames", "-r", str(rate), "-f", "raw", "-o", str(out), "--"]
+        command = [*spy, sys.executable, __file__, "--repeat", name, "--seconds", str(seconds)]
+        subprocess.run(command, env=env, check=True, capture_output=True, timeout=30.0 * seconds)
+        found: dict[str, float] = defaultdict(float)
+        for line in out.read_text().splitlines():
+            stack, count = line.rsplit(" ", 1)
+            frames = stack.split(";")
+            begin = next((k for k, frame in enumerate(frames) if frame.startswith("_watched ")), None)
+            if begin is not None:
+                found[_at_work(frames[begin:])] += int(count)
+    total = sum(found.values())
+    return int(total), {owner: part / total for owner, part in found.items()}
+
+
+def _at_work(frames: list[str]) -> str:
+    """Whose compiled code a stack ends in, below its last Python function; else whose function that is."""
+    last = max(k for k, frame in enumerate(frames) if ".py:" in frame)
+    for frame in reversed(frames[last + 1 :]):  # the deepest: functions of shapely are called by way of numpy
+        for word, owner in COMPILED.items():
+            if word in frame:
+                return owner
+    return _owner(frames[last].split("(")[-1].split(":")[0])
+
+
 def measured_with(sources: Path) -> dict[str, tuple[float, dict[str, float]]]:
     """The same in a process of its own, with the sources in a folder."""
     path = os.pathsep.join([str(sources / "core"), str(sources)])
@@ -103,12 +158,30 @@ def measured_with(sources: Path) -> dict[str, tuple[float, dict[str, float]]]:
     return {name: (seconds, parts) for name, (seconds, parts) in json.loads(done.stdout).items()}
 
 
+def _print_sampled(word: str) -> None:
+    owners = ["ours", "Python", *LIBRARIES, "earcut"]
+    print(f"| path | samples | {' | '.join(owners)} |")
+    print("|" + "---|" * (len(owners) + 2))
+    for name in PATHS:
+        if word in name:
+            count, parts = sampled(name)
+            print(f"| {name} | {count} | {' | '.join(f'{100.0 * parts.get(owner, 0.0):.0f} %' for owner in owners)} |", flush=True)
+
+
 def main() -> None:
     """Measure and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="COMMIT", help="compare with the sources of this commit")
     parser.add_argument("--json", action="store_true", help="only what was measured, for programs")
+    parser.add_argument("--sampled", action="store_true", help="shares by samples of compiled code too, by py-spy; no times")
+    parser.add_argument("--only", metavar="WORD", default="", help="with --sampled: paths whose names contain this")
+    parser.add_argument("--repeat", metavar="PATH", help=argparse.SUPPRESS)
+    parser.add_argument("--seconds", type=float, default=8.0, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.repeat:
+        return repeat(given.repeat, given.seconds)
+    if given.sampled:
+        return _print_sampled(given.only)
     if given.json:
         print(json.dumps(measure()))
         return
