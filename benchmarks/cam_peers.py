@@ -7,6 +7,7 @@ Offset roller follower, dwell-rise-dwell-fall, cycloidal, 3,600 angles. The envi
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -160,4 +161,6 @@ def measure() -> None:
 
 
 if __name__ == "__main__":
-    measure() if sys.argv[1:] == ["measure"] else main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("step", nargs="?", choices=["measure"], help="only measure, in the environment that has the peer already")
+    measure() if parser.parse_args().step else main()

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from timing import interleaved, machine  # first: it sets one thread
 
-import json  # isort: skip
+import argparse  # isort: skip
+import json
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,7 @@ def errors() -> dict[str, float]:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     print(machine("numpy", "scipy"))
     Follower(Translating(), Flat())
     oscillating = Follower(Oscillating(0.16, 0.14), Roller(0.01))

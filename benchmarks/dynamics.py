@@ -9,6 +9,7 @@ row. Every run of mechviz starts from the compiled mechanism: nothing is kept fr
 
 from __future__ import annotations
 
+import argparse
 import json
 import subprocess
 import sys
@@ -266,8 +267,6 @@ def scaling(counts: tuple[int, ...]) -> None:
 
 def with_peers() -> None:
     """Go on in the peers' environment, made and filled as far as needed."""
-    if "--alone" in sys.argv:
-        return
     sys.path.append(str(ROOT / "benchmarks" / "peers"))
     from run import HOME, environment
 
@@ -279,8 +278,14 @@ def with_peers() -> None:
 
 
 def main() -> None:
-    with_peers()
-    short = "--short" in sys.argv
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="fewer settings, sizes and turns")
+    parser.add_argument("--alone", action="store_true", help="where it is: what is not installed gets no row")
+    parser.add_argument("--only", choices=["squeezer", "chains", "freedoms", "scaling"], default="", help="one part")
+    given = parser.parse_args()
+    if not given.alone:
+        with_peers()
+    short, only = given.short, given.only
     runs = 3 if short else 7
     known = (
         ("numpy", "numpy"),
@@ -292,7 +297,6 @@ def main() -> None:
     )
     packages = [p for p, name in known if find_spec(name)]
     print(f"{machine(*packages)}; least processor time of {runs} turns, taken in alternation")
-    only = sys.argv[sys.argv.index("--only") + 1] if "--only" in sys.argv else ""
     if only in ("", "squeezer"):
         reference = case()
         last = reference["expected"]["rows"][-1]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from timing import interleaved, machine  # first: it sets one thread
 
-import sys  # isort: skip
+import argparse  # isort: skip
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -50,7 +50,6 @@ from mechcore.spec import (
     Viscous,
 )
 
-FRAMES = int(sys.argv[1]) if len(sys.argv) > 1 and sys.argv[1].isdigit() else 360
 ENGINE = mechviz.load("four-stroke-cycle").mechanism
 BARE = replace(ENGINE, loads=(), effects=())
 BELT = replace(mechviz.load("belt-drive").mechanism, loads=(), effects=())
@@ -140,10 +139,13 @@ def by_plan(compiled: Compiled, times: object) -> Callable[[], object]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("frames", nargs="?", type=int, default=360, help="of a run [default: %(default)s]")
+    wanted = parser.parse_args().frames
     jobs: dict[str, Callable[[], object]] = {}
     frames = 0
     for what, found in cases().items():
-        times = default_times(found["bare"], FRAMES, 2)
+        times = default_times(found["bare"], wanted, 2)
         frames = len(times)
         jobs[f"{what}: kinematics alone"] = partial(kinematics, compile_mechanism(found["bare"]), times)
         for name, mechanism in found.items():

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from timing import interleaved, machine  # first: it sets one thread
 
-import time  # isort: skip
+import argparse  # isort: skip
+import time
 
 import numpy as np  # isort: skip
 from scipy.optimize import fsolve
@@ -92,6 +93,7 @@ START = np.array([_start.pose("coupler")[0, 2], _start.pose("rocker")[0, 2]])
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     print(machine("numpy", "scipy"))
     difference = np.abs(mechviz_run(360)[0] - plain_run(360)).max() / np.abs(plain_run(360)).max()
     print(f"largest difference of the driving torque, relative: {difference:.1e}\n")

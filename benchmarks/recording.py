@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from timing import machine  # first: it sets one thread
 
-import statistics  # isort: skip
-import sys
+import argparse  # isort: skip
+import statistics
 import tempfile
 import time
 from pathlib import Path
@@ -21,8 +21,6 @@ import rerun as rr
 import mechviz
 from mechviz.record import write_recording
 from mechviz.run import Run, run_scene
-
-FRAMES, TURNS = (2_000, 3) if "--short" in sys.argv else (10_000, 5)
 
 
 def calls_of(run: Run, path: Path) -> list[tuple[tuple[Any, ...], dict[str, Any]]]:
@@ -52,17 +50,17 @@ def send_again(calls: list[tuple[tuple[Any, ...], dict[str, Any]]], path: Path) 
     stream.disconnect()
 
 
-def throughput(name: str) -> None:
+def throughput(name: str, frames: int, turns: int) -> None:
     """A row of the table."""
     scene = mechviz.load(name)
-    run = run_scene(scene, frames=FRAMES - 1)
+    run = run_scene(scene, frames=frames - 1)
     links = len(scene.mechanism.links)
     with tempfile.TemporaryDirectory() as folder:
         path, other = Path(folder) / "run.rrd", Path(folder) / "limit.rrd"
         calls = calls_of(run, path)
         times: tuple[list[float], list[float]] = ([], [])
         stages: dict[str, list[float]] = {}
-        for _ in range(TURNS):
+        for _ in range(turns):
             start = time.perf_counter()
             summary = write_recording(run, path)
             times[0].append(time.perf_counter() - start)
@@ -74,13 +72,16 @@ def throughput(name: str) -> None:
         size = path.stat().st_size
     whole, limit, writing = (statistics.median(t) for t in (*times, stages["writing"]))
     print(
-        f"| {name} | {FRAMES} | {links} | {FRAMES / whole:,.0f} | {FRAMES / writing:,.0f} | {FRAMES / limit:,.0f} "
-        f"| {writing / limit:.2f} | {size / FRAMES:,.0f} |"
+        f"| {name} | {frames} | {links} | {frames / whole:,.0f} | {frames / writing:,.0f} | {frames / limit:,.0f} "
+        f"| {writing / limit:.2f} | {size / frames:,.0f} |"
     )
 
 
 def main() -> None:
     """The table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="2,000 frames in three turns, not 10,000 in five")
+    frames, turns = (2_000, 3) if parser.parse_args().short else (10_000, 5)
     print(machine("numpy", "rerun-sdk"))
     names = (
         "scene",
@@ -95,7 +96,7 @@ def main() -> None:
     print(f"\n| {' | '.join(names)} |")
     print("|---|---|---|---|---|---|---|---|")
     for name in ("ten-link", "ten-link-forces"):
-        throughput(name)
+        throughput(name, frames, turns)
 
 
 if __name__ == "__main__":

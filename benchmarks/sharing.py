@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from timing import machine  # first: it sets one thread
 
-import resource  # isort: skip
+import argparse  # isort: skip
+import resource
 import subprocess
 import sys
 import tempfile
@@ -86,4 +87,8 @@ def main(short: bool, forces: bool) -> None:
 
 
 if __name__ == "__main__":
-    main("--short" in sys.argv, "--forces" in sys.argv)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="1,000 frames of ten loops, not 10,000 of fifty")
+    parser.add_argument("--forces", action="store_true", help="masses and effects: with reactions, inertia, weight, driving torque")
+    given = parser.parse_args()
+    main(given.short, given.forces)

@@ -7,6 +7,7 @@ A method that keeps what it promises gives lines of slope one next to the diagon
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -65,6 +66,9 @@ def svg(found: dict[str, np.ndarray]) -> str:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", metavar="OUT.svg", nargs="?", type=Path, help="where to draw the plot too")
+    out = parser.parse_args().out
     i = reference("dynamics.json", "forward-slider-crank")
     cases = {
         "double pendulum, 1 s": (double_pendulum(reference("dynamics.json", "double-pendulum-physical")), 1.0),
@@ -79,8 +83,8 @@ def main() -> None:
         print(f"| {t:.0e} | " + " | ".join(f"{e[k]:.1e}" for e in found.values()) + " |")
     slopes = [np.polyfit(np.log10(TOLERANCES[:6]), np.log10(e[:6] + 1e-15), 1)[0] for e in found.values()]
     print("| slope over five decades | " + " | ".join(f"{s:.2f}" for s in slopes) + " |")
-    if len(sys.argv) > 1:
-        Path(sys.argv[1]).write_text(svg(found), encoding="utf-8")
+    if out is not None:
+        out.write_text(svg(found), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import argparse
 import re
 import sys
 from pathlib import Path
@@ -258,7 +259,9 @@ def input_picture() -> None:
 
 def main() -> None:
     """Make all."""
-    quick = "--quick" in sys.argv
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="measure the ladders shortly: to try, not for numbers to keep")
+    quick = parser.parse_args().quick
     IMAGES.mkdir(exist_ok=True)
     hard_pictures()
     fill("hard-cases.md", hard_tables())

@@ -5,7 +5,7 @@ python docs/make_share_picture.py [SCENE] [DEGREES]
 
 from __future__ import annotations
 
-import sys
+import argparse
 import tempfile
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from mechviz.share.source import recorded
 TO = Path(__file__).parent / "images" / "share.png"
 
 
-def main(scene: str = "slider-crank-compressor", degrees: str = "300") -> None:
+def main(scene: str, degrees: float) -> None:
     recording = recorded(run_scene(mechviz.load(scene)))
     time = moment(recording, angle=np.radians(float(degrees))).time
     with tempfile.TemporaryDirectory() as folder, Chromium(1400, 820) as browser:
@@ -35,4 +35,8 @@ def main(scene: str = "slider-crank-compressor", degrees: str = "300") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", nargs="?", default="slider-crank-compressor", help="of the gallery [default: %(default)s]")
+    parser.add_argument("degrees", nargs="?", type=float, default=300.0, help="angle of the drive [default: %(default)g]")
+    given = parser.parse_args()
+    main(given.scene, given.degrees)
