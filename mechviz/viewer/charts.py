@@ -14,6 +14,7 @@ from ..record.diagrams import HEIGHT, TICKS, WIDTH, Diagram, round_ticks
 from ..record.plots import PALETTE
 from . import words
 from .plans3d import on_light
+from .svg_text import svg_text
 
 __all__ = ["chart_svg"]
 
@@ -86,7 +87,4 @@ def _color(k: int) -> str:
 
 
 def _text(x: float, y: float, text: str, anchor: str, color: str = "currentColor") -> str:
-    return (
-        f'<text x="{x:.1f}" y="{y:.1f}" font-size="10.5" text-anchor="{anchor}" dominant-baseline="central" fill="{color}" '
-        f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{escape(text)}</text>'
-    )
+    return svg_text(x, y, escape(text), 10.5, anchor=anchor, color=color)

@@ -28,6 +28,7 @@ from .label_places import LabelPlaces, half_sizes
 from .plans3d import on_light
 from .show import Rolling, Show
 from .studio import Studio
+from .svg_text import svg_text
 
 __all__ = ["Chart", "Curve", "Diagram", "Diagrams", "diagram_svg", "diagrams_of"]
 
@@ -312,10 +313,7 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
 
 
 def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:
-    return (
-        f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" font-size="11" text-anchor="{anchor}" dominant-baseline="middle" fill="{color}" '
-        f'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke">{_written(text)}</text>'
-    )
+    return svg_text(*at, _written(text), 11, anchor=anchor, color=color)
 
 
 def _written(label: str) -> str:

@@ -11,6 +11,8 @@ from mechcore.effects import effects_of
 from mechcore.plan import Plan
 from mechcore.spec import Mechanism
 
+from .svg_text import svg_text
+
 __all__ = ["Box", "PlanGraph", "plan_graph", "plan_svg"]
 
 MOTION = ("motion under forces", "positions", "velocities", "accelerations")
@@ -168,7 +170,4 @@ def _wrapped(text: str, letters: int) -> list[str]:
 
 
 def _text(x: float, y: float, text: str, more: str = "") -> str:
-    return (
-        f'<text x="{x:.1f}" y="{y:.1f}" font-size="9.5" text-anchor="middle" dominant-baseline="central" '
-        f'fill="currentColor" {more}>{escape(text)}</text>'
-    )
+    return svg_text(x, y, escape(text), 9.5, look=more)
