@@ -186,7 +186,7 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
             return EnergyMotion(curve, tuple(legs), leg.duration, sign * length)
         else:
             kinetic += float(work.gain(q, np.array([sign * way]))[0])
-            if not from_rest:
+            if not from_rest or abs(work.per_turn) > 1e-14 * size:  # else the next turn is the one that repeats
                 reach = min(2.0 * reach, 64.0 * TURN)
         q, from_rest, before = q_next, bool(turning), 0.0
     return EnergyMotion(curve, tuple(legs), None, 0.0)
