@@ -131,10 +131,20 @@ class EnergyMotion:
         return self.legs[-1].time + self.legs[-1].duration
 
     @property
-    def borders(self) -> Array:
-        """Times on its legs [s] between which the motion is one smooth function."""
+    def repeats(self) -> float | None:
+        """From when on all that has happened since the start happens again [s]; None where it does not."""
+        if self.period is None:
+            return None
+        return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before the start
+
+    def borders(self, end: float) -> Array:
+        """Times until ``end`` [s] between which the motion is one smooth function."""
         found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
-        return np.asarray(found[found >= 0.0])
+        if self.period is not None and end > self.last:
+            again = found[found >= self.last - self.period * (1.0 + 1e-12)]
+            turns = np.arange(1, int(np.ceil((end - self.last) / self.period)) + 1)
+            found = np.concatenate([found, (again + turns[:, None] * self.period).ravel()])
+        return np.asarray(found[(found >= 0.0) & (found < end)])
 
 
 SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain

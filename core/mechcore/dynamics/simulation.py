@@ -204,10 +204,9 @@ class Simulation:
     def _ledger(self) -> Ledger:
         end, period = self.duration, None
         way = self.pieces[0].way
-        if isinstance(way, EnergyMotion) and way.period is not None and way.last < end:
-            end, period = way.last, way.period  # forces depend on the position alone: their powers repeat
-        edges = self._borders()
-        edges = np.unique(np.concatenate([edges[edges < end], [self.start, end]]))
+        if isinstance(way, EnergyMotion) and way.repeats is not None and way.repeats < end:
+            end, period = way.repeats, way.period  # forces depend on the position alone: their powers repeat
+        edges = np.unique(np.concatenate([self._borders(end), [self.start, end]]))
         tiny = 1e-15 * self.duration
         return replace(ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
@@ -262,13 +261,14 @@ class Simulation:
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
         return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
 
-    def _borders(self) -> Array:
+    def _borders(self, end: float) -> Array:
+        """Times until ``end`` [s] between which the motion is one smooth function."""
         out = [p.start for p in self.pieces]
         for p in self.pieces:
             if isinstance(p.way, Solution):
                 out += [w.start for w in p.way.windows if p.start <= w.start < p.end]
             else:
-                out += list(p.way.borders)
+                out += list(p.way.borders(min(p.end, end)))
         return np.array(out)
 
 
