@@ -6,8 +6,10 @@ Without names all are run, with Chromium and playwright (Debian: apt-get install
 draws by software, and that takes most of the time. Each figure of a page is therefore taken twice: as it is, and with the drawing
 commands of WebGL left out, as if a graphics card drew for nothing; everything else of the page, the scripts of viser, three.js and
 mechviz, the panels and the plots, is the same. "arrived" is when the new poses, solids and arrows are in the page, "drawn" when
-the second frame after that begins. ``sent`` and ``page`` show N frames (432,000 by default: two hours at 60 a second) as fast as
-they can be shown: sent by the server, and played by a page.
+the second frame after that begins, they have been drawn, and a pixel of the picture has been read back. Without a graphics card
+that is the light picture of what moves (mechviz/viewer/drawing.py); the picture at rest, a moment after the last move, is not
+waited for. ``sent`` and ``page`` show N frames (432,000 by default: two hours at 60 a second) as fast as they can be shown: sent
+by the server, and played by a page.
 """
 
 from __future__ import annotations
@@ -57,13 +59,20 @@ LISTEN = (
 # In the page: set a slider as a hand would, wait until the coupler stands elsewhere, then until that has been drawn.
 MOVE = """([uuid, value, node]) => new Promise(done => {
     const m = window.__viserMutable, pose = () => m.nodePoseData[node].position.join() + m.nodePoseData[node].wxyz.join();
+    const drawn = () => m.nodePoseData[node].poseUpdateState === 'updated', own = m.scene.__r3f;
+    const gl = (own.root || own).getState().gl.getContext(), pixel = new Uint8Array(4);
     const before = pose(), start = performance.now();
     m.sendMessage({type: 'GuiUpdateMessage', uuid, updates: {value}});
     const look = () => {
         const now = performance.now();
         if (now - start > 5000) return done(null);
         if (pose() === before) { setTimeout(look, 0); return; }
-        requestAnimationFrame(() => requestAnimationFrame(() => done([now - start, performance.now() - start])));
+        const finish = () => {
+            if (!drawn()) { requestAnimationFrame(finish); return; }
+            gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);  // waits for all that has been drawn
+            done([now - start, performance.now() - start]);
+        };
+        requestAnimationFrame(() => requestAnimationFrame(finish));
     };
     look(); })"""
 
