@@ -143,10 +143,11 @@ def contributions(items: Iterable[Contribution], effort: str) -> str:
             change = item.peak_with - item.peak_without
             sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
             peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
-        cost = f"{number(float(f'{item.seconds * 1e3:.3g}'))} ms" if np.isfinite(item.seconds) else "—"
+        cost = f"{number(float(f'{item.seconds * 1e3:.2g}'))} ms" if np.isfinite(item.seconds) else "—"
         style = "" if item.on else ' style="opacity:0.55"'
         now = "on" if item.on else "off"
-        rows.append(f"<tr{style}><td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td>{cost}</td></tr>")
+        cells = f'<td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td style="white-space:nowrap">{cost}</td>'
+        rows.append(f"<tr{style}>{cells}</tr>")
     head = f"<tr><th>effect</th><th></th><th>peak {effort} changes by</th><th>costs</th></tr>"
     table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
     notes = [f"{item.name}: {item.why}" for item in items if item.why]
