@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from cam_scenes import refused
 
 import mechviz
-from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.cams import Barrel, BarrelArm
 from mechcore.cams.forces import jamming_angle
 from mechcore.cams.happenings import contact_force, placed_cams
@@ -207,8 +208,4 @@ def _pitch_rate(cam, angle, h=1e-6):
     ],
 )
 def test_faults_of_friction_at_barrel_cams(table, words):
-    with pytest.raises(MechanismError) as error:
-        mechviz.loads(rubbing("cam-barrel", table))
-    said = " ".join(str(error.value).split())
-    for word in words:
-        assert word in said, said
+    refused(rubbing("cam-barrel", table), words)

@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cam_scenes import solved, text_of
 
-import mechviz
-from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore import MechanismError, solve_forces
 from mechcore.cams import Flat, Follower, Requirement, Roller, Translating, cam_on_base, find_limits, least_base
 from mechcore.cams.happenings import cam_events, contact_force, placed_cams
 from mechcore.laws import Segment, program
-from mechviz.scene.catalogue import GALLERY_FOLDER
 
 TURN = np.radians
-
-
-def text_of(name: str) -> str:
-    return (GALLERY_FOLDER / f"{name}.toml").read_text()
-
-
-def solved(text: str):
-    mechanism = mechviz.loads(text).mechanism
-    motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism))
-    return motion, solve_forces(motion)
 
 
 def with_profile(name: str, profile: str) -> str:

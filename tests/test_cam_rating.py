@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cam_scenes import text_of
 from typer.testing import CliRunner
 
 import mechviz
@@ -18,14 +19,9 @@ from mechcore.spec import CamDrawn, CamRating
 from mechviz.cli import app
 from mechviz.run import run_scene
 from mechviz.scene.cam_ratings import whole_step
-from mechviz.scene.catalogue import GALLERY_FOLDER
 from mechviz.tables import tables
 
 STEEL = CamRating(width=0.008)
-
-
-def text_of(name: str) -> str:
-    return (GALLERY_FOLDER / f"{name}.toml").read_text()
 
 
 def solved(scene, frames: int = 360):

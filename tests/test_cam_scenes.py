@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from cam_scenes import changed, refused
 from sections import section
 
 import mechviz
-from mechcore import MechanismError, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.cams.happenings import cam_events, contact_force, placed_cams
 from mechviz.meshes import build_solids
 from mechviz.report import check_lines
 from mechviz.run import run_scene
-from mechviz.scene import SceneError
 from mechviz.tables import tables
 
 SCENES = [
@@ -33,7 +33,8 @@ def solved(name: str, frames: int | None = None):
     return motion, solve_forces(motion)
 
 
-def text_of(name: str) -> str:
+def written(name: str) -> str:
+    """A scene of the gallery in the standard layout."""
     return mechviz.load(name).to_toml()
 
 
@@ -65,13 +66,7 @@ def test_scenes_read_as_they_were_written(name):
     ],
 )  # fmt: skip
 def test_faults_of_scenes(old, new, words):
-    text = text_of("cam-roller")
-    assert old in text
-    with pytest.raises((SceneError, MechanismError)) as error:
-        compile_mechanism(mechviz.loads(text.replace(old, new, 1)).mechanism)
-    said = " ".join(str(error.value).split())
-    for word in words:
-        assert word in said, said
+    refused(changed(written("cam-roller"), old, new), words)
 
 
 def test_tables_of_the_contact():
@@ -148,7 +143,7 @@ def test_contact_is_lost_where_the_force_changes_its_sign():
     for event in events:  # the acceleration may jump there: force on both sides
         n = contact_force(solve_forces(again(np.array([event.time - 2e-6, event.time + 2e-6]))), cam)
         assert n[0] * n[1] < 0.0
-    slow = mechviz.loads(text_of("valve-train").replace("3600 rpm", "1500 rpm")).mechanism
+    slow = mechviz.loads(written("valve-train").replace("3600 rpm", "1500 rpm")).mechanism
     calm = solve_motion(compile_mechanism(slow), default_times(slow))
     assert not [e for e in cam_events(calm, solve_forces(calm)) if "lost" in e.text]
 
@@ -162,7 +157,7 @@ def test_infinite_jerk_and_pressure_angles_are_events():
     assert set(np.round(at).astype(int) % 360) == {0, 50, 100, 150, 215, 280}
     steep = [e for e in cam_events(*solved("cam-oscillating-roller")) if "pressure angle" in e.text]
     assert not steep
-    text = text_of("cam-roller").replace("base = 40", "base = 40, pressure_limit = 15")
+    text = written("cam-roller").replace("base = 40", "base = 40, pressure_limit = 15")
     m = mechviz.loads(text).mechanism
     motion = solve_motion(compile_mechanism(m), default_times(m))
     steep = [e for e in cam_events(motion, None) if "pressure angle" in e.text]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from cam_cases import CASES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,7 +35,6 @@ from mechcore.laws import (
     spline_law,
 )
 
-CASES = {c["id"]: c for c in json.loads((Path(__file__).parent / "reference" / "cams.json").read_text())["cases"]}
 REFERENCE = {
     "uniform": "constant-velocity", "parabolic": "parabolic", "harmonic": "harmonic", "cycloidal": "cycloidal",
     "poly345": "3-4-5", "poly4567": "4-5-6-7", "double_harmonic": "double-harmonic",
