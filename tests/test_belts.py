@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from mechviz.gltf import glb_bytes
 from mechviz.meshes.bands import Loop
 from mechviz.record.plots import main_outputs
 from mechviz.solids import solids_of
+from mechviz.viewer.riders3d import RiderNodes
 from mechviz.viewer.show_recording import show_of_recording
 from recordings import made
 
@@ -102,3 +105,26 @@ def test_pulleys_are_not_called_rockers():
     names = [output.name for output in main_outputs(DRIVE.run)]
     assert names == ["Output angle [rad]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
     assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [rad]"
+
+
+def test_marks_that_look_as_before_keep_their_nodes():
+    """Else every step of a slider would send the meshes of all marks again."""
+    made_nodes, gone = [], []
+
+    def add_frame(path, **options):
+        made_nodes.append(path)
+        return SimpleNamespace(name=path, visible=True, remove=lambda: gone.append(path))
+
+    server = SimpleNamespace(scene=SimpleNamespace(add_frame=add_frame, add_mesh_simple=lambda *a, **k: None))
+    marks = tuple(find_belt_marks(DRIVE.run, SOLIDS))
+    nodes = RiderNodes(server, SimpleNamespace(riders=marks))
+    assert len(made_nodes) == 2 * MARKS and not gone
+    moved = tuple(replace(m, path=m.places() + np.array([0.01, 0.0, 0.0])) for m in marks)
+    nodes.update(SimpleNamespace(riders=moved))
+    assert len(made_nodes) == 2 * MARKS and not gone
+    for (_, place, turn), mark in zip(nodes.poses(7), moved, strict=True):
+        assert place == pytest.approx(mark.places()[7]) and turn == pytest.approx(np.roll(mark.turns()[7], 1))
+    nodes.update(SimpleNamespace(riders=tuple(replace(m, vertices=1.1 * m.vertices) for m in moved)))
+    assert len(made_nodes) == 4 * MARKS and len(gone) == 2 * MARKS
+    nodes.cut(-1.0)
+    assert not any(node.visible for node, _, _ in nodes.poses(0))

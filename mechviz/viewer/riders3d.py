@@ -31,11 +31,18 @@ class RiderNodes:
         self.update(show)
 
     def update(self, show: Show) -> None:
-        """Take the marks of ``show``."""
+        """Take the marks of ``show``; those that look as before keep their nodes."""
+        before, self._marks = self._marks, show.riders
+        self._places = [mark.places() for mark in self._marks]
+        self._turns = [np.roll(mark.turns(), 1, axis=1) for mark in self._marks]  # w first
+        if len(before) != len(self._marks) or not all(map(_alike, before, self._marks)):
+            self._build()
+        self.cut(self._height)
+
+    def _build(self) -> None:
         for node in self._nodes:
             node.remove()
-        self._marks, self._nodes, self._turns = show.riders, [], []
-        self._places = [mark.places() for mark in self._marks]
+        self._nodes = []
         for mark in self._marks:
             path = f"{link_path(mark.link)}/{mark.title.replace('/', '_')}"
             node = self._server.scene.add_frame(path, show_axes=False, position=mark.centre)
@@ -43,8 +50,6 @@ class RiderNodes:
                 f"{path}/mark", mark.vertices, mark.faces, color=mark.color, side="double", cast_shadow=False, receive_shadow=False
             )
             self._nodes.append(node)
-            self._turns.append(np.roll(mark.turns(), 1, axis=1))  # w first
-        self.cut(self._height)
 
     def cut(self, height: float | None) -> None:
         """Leave out the marks before a height [m]; None: none."""
@@ -63,3 +68,8 @@ class RiderNodes:
     def tracks(self) -> dict[str, tuple[Real, Real]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
         return {node.name: (p, q) for node, p, q in zip(self._nodes, self._places, self._turns, strict=True)}
+
+
+def _alike(one: Rider, other: Rider) -> bool:
+    """Whether two marks are of one name and shape."""
+    return (one.title, one.link) == (other.title, other.link) and np.array_equal(one.vertices, other.vertices)
