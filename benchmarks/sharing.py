@@ -23,6 +23,7 @@ from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.share.browser import ChromiumError
 from mechviz.share.drawing import write_svg
+from mechviz.share.frames import MOST_FRAMES
 from mechviz.share.pictures import Look, Moment, shot
 
 # The command line, and then what it has used: processor time [s], most memory [KiB]
@@ -76,7 +77,7 @@ def main(short: bool, forces: bool) -> None:
         command = [sys.executable, "-c", SHARE, "share", str(recording), "-o", str(page)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         tell("page", page, done.stdout.split()[-2:])
-        read = Recording(recording)
+        read = Recording(recording, most=MOST_FRAMES)  # as the commands do
         drawing = write_svg(read, picture.with_suffix(".svg"))
         tell("drawing (SVG)", drawing)
         try:

@@ -97,7 +97,10 @@ def shot(
         if not drawing:
             find_chromium()
         check_targets(source, output)
-        recording = _recording(source, frames, cycles)
+        from .share.frames import MOST_FRAMES
+
+        anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
+        recording = _recording(source, frames, cycles, MOST_FRAMES if anywhere else None)
         place = moment(recording, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
@@ -137,7 +140,9 @@ def film(
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
         check_targets(source, output)
-        recording = _recording(source, frames, cycles)
+        from .share.frames import MOST_FRAMES
+
+        recording = _recording(source, frames, cycles, MOST_FRAMES)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
