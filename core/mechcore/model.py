@@ -8,7 +8,6 @@ The unknowns are the angles of the groups and the displacements of the sliding p
 from __future__ import annotations
 
 import cmath
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +17,7 @@ import numpy as np
 
 from .errors import Fault, MechanismError
 from .graph import Angles, Contour, Tree, angles, contours, leaves_first, spanning_tree, structure
-from .load_checks import load_faults
+from .model_checks import check_items, check_lengths, check_spare_angles
 from .order import Order, block_order
 from .pairs import Joint, Relation, build_pairs
 from .spec import Link, Mechanism
@@ -323,7 +322,7 @@ class Model:
 
 def build_model(mechanism: Mechanism) -> Model:
     """Compile a mechanism: graph, contours, blocks. Raises `MechanismError` where the description contradicts itself."""
-    _check(mechanism)
+    check_items(mechanism)
     parts = build_pairs(mechanism)
     names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
     index = {k: i for i, k in enumerate(names)}
@@ -332,7 +331,7 @@ def build_model(mechanism: Mechanism) -> Model:
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
     turned = [k for d in mechanism.drives if d.pair in joint_index for k in joints[joint_index[d.pair]].links]
     decided = {k for k in turned if turned.count(k) > 1} | {k for r in parts.relations for k, _ in r.angles}
-    _check_lengths(joints, ends, names, decided)
+    check_lengths(joints, ends, names, decided)
     undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
     if undrivable:
         why = "has no coordinate that a drive could prescribe."
@@ -341,7 +340,7 @@ def build_model(mechanism: Mechanism) -> Model:
     n = len(names)
 
     turning = angles(n, ends, joints, driven)
-    _check_spare_angles(mechanism, turning, joints, ends)
+    check_spare_angles(mechanism, turning, joints, ends)
     order, equations = structure(n, ends, joints, driven)
     tree = spanning_tree(n, ends, order, equations)
     if len(tree.order) < n - 1:
@@ -378,76 +377,6 @@ def build_model(mechanism: Mechanism) -> Model:
         joint_index=joint_index,
         bodies=parts.links,
     )
-
-
-def _check(m: Mechanism) -> None:
-    faults = []
-    links = {link.name: link for link in m.links}
-    if len(links) != len(m.links):
-        faults.append(Fault("links", "two links have the same name."))
-    if len({p.name for p in m.pairs}) != len(m.pairs):
-        faults.append(Fault("pairs", "two pairs have the same name."))
-    if m.frame not in links:
-        faults.append(Fault("frame", f"there is no link '{m.frame}'."))
-    for p in m.pairs:
-        points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
-        for link, point in zip(p.links, points, strict=True):
-            if link not in links:
-                faults.append(Fault(f"pairs.{p.name}", f"there is no link '{link}'."))
-            elif point is not None and point not in links[link].points:
-                faults.append(Fault(f"pairs.{p.name}", f"link '{link}' has no point '{point}'."))
-        if p.links[0] == p.links[1]:
-            faults.append(Fault(f"pairs.{p.name}", "joins a link to itself."))
-    pairs = {p.name for p in m.pairs}
-    faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
-    if len({d.pair for d in m.drives}) != len(m.drives):
-        faults.append(Fault("drives", "a pair has two drives."))
-    if not faults:
-        faults += load_faults(m)
-    if faults:
-        raise MechanismError(faults)
-
-
-def _check_lengths(joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]) -> None:
-    """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length.
-
-    Shafts and wheels are such links too: their angle is ``decided``, and passed on, by gears, belts or drives at both ends.
-    """
-    pins: dict[int, list[tuple[str, complex]]] = {}
-    others: set[int] = set()
-    for joint, (p, q) in zip(joints, ends, strict=True):
-        for k, at in ((p, joint.a), (q, joint.b)):
-            if joint.kind == "revolute":
-                pins.setdefault(k, []).append((joint.name, at))
-            else:
-                others.add(k)
-    faults = []
-    for k, own in pins.items():
-        if k == 0 or k in others or names[k] in decided or len(own) < 2:
-            continue
-        if all(abs(z - own[0][1]) <= 1e-14 * max(abs(own[0][1]), 1e-300) for _, z in own):
-            which = " and ".join(name for name, _ in own)
-            why = f"it has no length: its pins {which} are at the same point."
-            faults.append(Fault(f"links.{names[k]}", why, "Move one of the pins, or join the neighbours directly."))
-    if faults:
-        raise MechanismError(faults)
-
-
-def _check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...], ends: tuple[tuple[int, int], ...]) -> None:
-    """Joints that fix an angle which others have fixed already must agree with them."""
-    faults = []
-    for j in turning.spare:
-        p, q = ends[j]
-        if turning.spin[p] != turning.spin[q] or joints[j].turns:
-            why = "its angle is decided twice: by its own drive or guide and by other drives."
-            faults.append(Fault(f"pairs.{joints[j].name}", why, "Take one of these drives away."))
-            continue
-        off = (turning.offset[p] + joints[j].angle - turning.offset[q] + math.pi) % (2.0 * math.pi) - math.pi
-        if abs(off) > 1e-9:
-            why = f"its angle contradicts that of the other guides between the same links by {math.degrees(off):.6g}°."
-            faults.append(Fault(f"pairs.{joints[j].name}", why, "Make the guides parallel."))
-    if faults:
-        raise MechanismError(faults)
 
 
 def _by_spin(contour: Contour, turning: Angles, turn: tuple[complex, ...]) -> SpinContour:

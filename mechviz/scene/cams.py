@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mechcore.errors import Fault, MechanismError
-from mechcore.laws import Segment, program
+from mechcore.errors import Fault
 from mechcore.spec import CamPair, Friction, Pair, SpatialBlank
 
 from .cam_ratings import graphical_of, rating_of
 from .faults import did_you_mean
 from .fields import Angle, Coordinate, Direction, Distance, Extent, Flag, Length, Number, Point, Size, Text, describe
+from .given_profiles import SHAPES, given_contour, segments_curve
 from .programs import ProgramSegment
 from .tables import Table, Unknown, one_of, refuse
 from .units import magnitude
 
 if TYPE_CHECKING:
-    from mechcore.cams.contour import Contour
-    from mechcore.laws import MotionCurve
-
     from .convert import Converter
     from .pairs import PairDocument
     from .validate import Reading
 
 __all__ = ["FollowerDocument", "LiftSegment", "ProfileDocument", "cam_pair", "check_cam"]
 
-SHAPES = ("lift", "eccentric", "outline", "points", "file", "radius")
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
 FACES = ("knife", "roller", "mushroom", "flat", "groove")
 _STEEPEST = math.radians(89.0)
-_FINEST_UNIT = 1e-9  # of a drawing [m]
 
 
 class LiftSegment(ProgramSegment):
@@ -302,7 +297,7 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
             convert.note(f"{path}.friction", "a radius of a pin where there is no roller.", "Leave it out.")
     lift, contour = None, None
     if profile.lift is not None:
-        lift = _program(
+        lift = segments_curve(
             profile.lift, along, across, f"{path}.profile.lift", 0.0, not profile.bed and follower.groove is None, convert
         )
     elif len(convert.faults) == before:
@@ -358,109 +353,6 @@ def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBl
     ]
     rollers = getattr(table, "rollers", None) or 0
     return SpatialBlank(kind, sizes[0], sizes[1], axis, sizes[2], 0 if math.isnan(rollers) else rollers)
-
-
-def _program(
-    segments: Sequence[ProgramSegment], along: str, across: str, path: str, start: float, repeats: bool, convert: Converter
-) -> MotionCurve | None:
-    """Segments as one curve; None where one of them could not be read."""
-    overs = [convert.si(s.over, along, f"{path}[{k}].over") for k, s in enumerate(segments)]
-    ends = [None if s.to is None else convert.si(s.to, across, f"{path}[{k}].to") for k, s in enumerate(segments)]
-    if any(map(math.isnan, (start, *overs, *(end or 0.0 for end in ends)))) or any(s.unread for s in segments):
-        return None
-    try:
-        rows = zip(segments, overs, ends, strict=True)
-        made = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
-        return program(made, start, repeats=repeats)
-    except MechanismError:  # an unknown law, noted where the segment was read
-        return None
-
-
-def given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
-    """A given profile in the axes of the cam's link [m]; faults of it are noted."""
-    from mechcore.cams.crossing import self_crossing
-
-    found = _shape(profile, base, path, convert)
-    # circles and radii over the polar angle never cross themselves
-    place = self_crossing(found) if found is not None and profile.eccentric is None and profile.radius is None else None
-    if place is None:
-        return found
-    key = next(k for k in SHAPES if getattr(profile, k) is not None)
-    why = f"it crosses itself near [{1e3 * place.real:.4g}, {1e3 * place.imag:.4g}] mm: profiles that cross themselves are no cam."
-    convert.note(f"{path}.{key}", why, "Give the points once round the cam, in order.")
-    return None
-
-
-def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
-    from mechcore.cams import contour as shapes
-
-    try:
-        if profile.eccentric is not None:
-            radius = convert.si(profile.eccentric.radius, "length", f"{path}.eccentric.radius")
-            x, y = convert.row(profile.eccentric.centre, "length", f"{path}.eccentric.centre")
-            return None if math.isnan(radius + x + y) else shapes.circle(radius, complex(x, y))
-        if profile.outline is not None:
-            return shapes.bulged(_places(profile.outline, f"{path}.outline", convert), profile.bulges)
-        if profile.points is not None:
-            tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
-            return shapes.spline_contour(_places(profile.points, f"{path}.points", convert), tolerance)[0]
-        if profile.file is not None:
-            return _from_file(profile, path, convert)
-        if profile.radius is not None:
-            curve = _program(profile.radius, "angle", "length", f"{path}.radius", base, True, convert)
-            if curve is None:
-                return None
-            if abs(curve.advance) > 1e-12 * max(base, 1e-3):
-                convert.note(f"{path}.radius", "it does not end where it starts.", f"Let it return to {1e3 * base:g} mm.")
-                return None
-            return shapes.polar_contour(curve)
-    except MechanismError as error:
-        for f in error.faults:
-            key = "tolerance" if f.path == "contour.tolerance" else next(k for k in SHAPES if getattr(profile, k) is not None)
-            convert.note(f"{path}.{key}", f.message, f.remedy)
-    return None
-
-
-def _places(points: Sequence[Sequence[float | str]], path: str, convert: Converter) -> list[complex]:
-    return [complex(*convert.row(p, "length", f"{path}[{k}]")) for k, p in enumerate(points)]
-
-
-def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Contour | None:
-    from mechcore.cams import contour as shapes
-
-    from .bodies import FOLDER
-    from .cam_files import read_dxf, read_points
-    from .catalogue import GALLERY_FOLDER
-
-    name = str(profile.file)
-    place = next((p for p in (FOLDER.get() / name, GALLERY_FOLDER / name) if p.is_file()), None)
-    if place is None:
-        convert.note(f"{path}.file", f"there is no file '{name}'.", "Give its path from the folder of the scene file.")
-        return None
-    stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
-    if stated is not None and not stated >= _FINEST_UNIT:  # NaN is noted already
-        if not math.isnan(stated):
-            convert.note(f"{path}.file_unit", f"{stated:g} m is no unit of a drawing.", 'Give one such as "1 mm".')
-        return None
-    tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
-    if place.suffix.lower() == ".dxf":
-        if profile.tolerance is not None:
-            convert.note(f"{path}.tolerance", "a drawing is taken as it is.", "Leave it out.")
-        z, bulges, unit = read_dxf(place)
-    else:
-        z, unit = read_points(place)
-        bulges = None
-    scale = stated or unit
-    if scale is None:
-        convert.note(f"{path}.file_unit", f"'{name}' does not say its unit.", 'Add file_unit = "1 mm".')
-        return None
-    if unit is not None and abs(scale - unit) > 1e-9 * unit:
-        why = f"{1e3 * scale:g} mm, but '{name}' says that its unit is {1e3 * unit:g} mm."
-        convert.note(f"{path}.file_unit", why, "Leave it out, or correct the file.")
-        return None
-    if math.isnan(tolerance):
-        return None
-    return shapes.spline_contour(scale * z, tolerance)[0] if bulges is None else shapes.bulged(scale * z, bulges)
 
 
 def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
