@@ -261,7 +261,7 @@ class Simulation:
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
         return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
 
-    def _borders(self, end: float) -> Array:
+    def _borders(self, end: float = np.inf) -> Array:
         """Times until ``end`` [s] between which the motion is one smooth function."""
         out = [p.start for p in self.pieces]
         for p in self.pieces:
