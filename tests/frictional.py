@@ -99,7 +99,7 @@ def law_of_friction(forces: Forces) -> float:
         if isinstance(pair, Revolute):
             wanted = -direction * f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
             got, scale = friction[:, 2], f.coefficient * f.radius * np.hypot(reaction[:, 0], reaction[:, 1])
-            worst = max(worst, float(np.nanmax(np.abs(reaction[:, 2] - friction[:, 2]) / np.nanmax(scale))))
+            own = np.abs(reaction[:, 2] - friction[:, 2])
         else:
             j = m.model.joint_index[pair.name]
             u = np.broadcast_to(m.guide(j), (m.frames,)) * (1.0 if pair.guide == 0 else -1.0)
@@ -108,6 +108,10 @@ def law_of_friction(forces: Forces) -> float:
             c = reaction[:, 2]
             size = np.maximum(np.abs(n), 2 * np.abs(c) / f.length) if f.length else np.abs(n)
             wanted, got, scale = -direction * f.coefficient * size, along, f.coefficient * size
-            worst = max(worst, float(np.nanmax(np.abs(friction[:, 0] + 1j * friction[:, 1] - along * u) / np.nanmax(scale))))
-        worst = max(worst, float(np.nanmax(np.abs(got - wanted) / np.nanmax(scale))))
+            own = np.abs(friction[:, 0] + 1j * friction[:, 1] - along * u)
+        largest = float(np.nanmax(scale))
+        if largest == 0.0:  # nothing presses: nothing rubs either
+            assert not np.nanmax(np.abs(got)) and not np.nanmax(own)
+            continue
+        worst = max(worst, float(np.nanmax(np.maximum(own, np.abs(got - wanted)))) / largest)
     return worst

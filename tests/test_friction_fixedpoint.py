@@ -158,6 +158,32 @@ def test_random_systems_have_the_one_solution_of_the_fixed_point():
     np.testing.assert_allclose(found.loads, g, rtol=0, atol=1e-12 * g.max())
 
 
+def test_just_below_a_jam_loads_are_found_to_the_last_digit():
+    """Two bearings joined by a belt (a crank with a fan), coefficients 1 and 1.5: loads twenty times the frictionless ones."""
+    a = np.array([[[-53.01244450613285, 26.15609542717606], [-3.168062232412855, 0.7308160632149625]]])
+    k = np.zeros((1, 2, 2, 2))
+    k[0, 0, :, 1] = k[0, 1, :, 1] = 0.5275201702512721, 0.8350566555731247
+    k[0, 1] *= -1.0
+    found = solve_normal_loads(a, k, np.array([True, True]))
+    # g = |a + b g| with |b| < 1 is a quadratic; the first load follows from the second
+    p, b = a[0] @ [1.0, 1.0j], k[0, 1, :, 1] @ [1.0, 1.0j]
+    c = (np.conj(p[1]) * b).real
+    g = (c + np.sqrt(c**2 + (1.0 - abs(b) ** 2) * abs(p[1]) ** 2)) / (1.0 - abs(b) ** 2)
+    np.testing.assert_allclose(found.loads[0], [abs(p[0] - b * g), g], rtol=1e-11)
+    assert found.residual[0] < 1e-13 and not found.jammed[0]
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+@pytest.mark.parametrize("radius", [0.99, 0.9999, 0.999999])
+def test_where_the_map_hardly_contracts_the_equations_hold(n, radius):
+    rng = np.random.default_rng(3)
+    a, k = rng.normal(size=(300, n, 2)), rng.normal(size=(300, n, 2, n))
+    size = np.hypot(k[:, :, 0], k[:, :, 1])
+    k *= (radius / np.abs(np.linalg.eigvals(size)).max(axis=1))[:, None, None, None]
+    found = solve_normal_loads(a, k, np.ones(n, bool))
+    assert not found.jammed.any() and found.residual.max() < 1e-11
+
+
 def test_beyond_the_contraction_the_branch_is_followed():
     """Strong coupling: what is found solves the equations, has a positive determinant, and is continuous in the coefficients."""
     rng = np.random.default_rng(9)

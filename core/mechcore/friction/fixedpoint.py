@@ -25,6 +25,7 @@ Real = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-13  # of the largest normal load of the frame
+SETTLED = 1e-11  # residual, of the largest load: as close as rounding lets Newton's method come
 SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
 STARTS = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
@@ -69,7 +70,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     size = _sizes(k, euclidean)
     bound = _simple_bound(size)  # does for most mechanisms
     if (bound < 1.0).all() and np.isfinite(a).all():  # NaN is not below one
-        loads, residual, steps = _newton(a, k, euclidean, None, dominant=True, tolerance=tolerance)
+        loads, residual, steps = _contract(a, k, euclidean, bound, dominant=True, tolerance=tolerance)
         return Solution(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
     loads = np.full((frames, n), np.nan)
     reached, residual = np.ones(frames), np.full(frames, np.nan)
@@ -81,15 +82,32 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     radius = spectral_radius(size[hard])
     calm, rest = hard[radius < 1.0], hard[radius >= 1.0]
     steps = 0
-    for some, dominant in ((easy, True), (calm, False)):
+    for some, below, dominant in ((easy, bound[easy], True), (calm, radius[radius < 1.0], False)):
         if len(some):
-            loads[some], residual[some], count = _newton(a[some], k[some], euclidean, None, dominant=dominant, tolerance=tolerance)
-            steps = max(steps, count)
+            found = _contract(a[some], k[some], euclidean, below, dominant=dominant, tolerance=tolerance)
+            loads[some], residual[some] = found[:2]
+            steps = max(steps, found[2])
     if len(rest):
-        found = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
-        loads[rest], reached[rest], share[rest], residual[rest] = found
+        loads[rest], reached[rest], share[rest], residual[rest] = _follow(a[rest], k[rest], euclidean, radius[radius >= 1.0])
         jammed[rest] = reached[rest] < 1.0
     return Solution(loads, jammed, reached, share, residual, steps)
+
+
+def _contract(
+    a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: bool, tolerance: float
+) -> tuple[Real, Real, int]:
+    """Loads (F, n), residuals (F,) and the number of steps where the map contracts, at most by ``radius`` (F,) below one.
+
+    Just below a jam the loads are many times the frictionless ones, Newton's method from these goes astray and fixed-point steps
+    hardly come closer: such frames are followed from smaller coefficients, as beyond.
+    """
+    loads, residual, steps = _newton(a, k, euclidean, None, dominant=dominant, tolerance=tolerance)
+    slow = np.flatnonzero(residual > max(SETTLED, tolerance))
+    if len(slow):
+        new, _, _, left = _follow(a[slow], k[slow], euclidean, radius[slow])
+        nearer = left < residual[slow]
+        loads[slow[nearer]], residual[slow[nearer]] = new[nearer], left[nearer]
+    return loads, residual, steps
 
 
 def stability(a: Real, k: Real, euclidean: Flags, loads: Real) -> Real:
@@ -220,7 +238,7 @@ def _newton(
         f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
         miss_new = np.abs(f_new).max(axis=0)
         worse = ~(miss_new < 0.7 * miss)
-        stay = ~going | (worse & (miss <= 1e-11 * size))  # there, or as close as rounding lets it come
+        stay = ~going | (worse & (miss <= SETTLED * size))  # there, or as close as rounding lets it come
         if (worse & ~stay).any():
             step = np.where(worse & ~stay, here - f, step)
             f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
