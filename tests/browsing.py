@@ -131,6 +131,17 @@ def next_frames(page: Any, count: int = 2) -> None:
     )
 
 
+def camera_rests(page: Any, frames: int = 30) -> None:
+    """Wait until the camera has stood still over some frames: after an edit it may be fitted anew, a quarter of a second later."""
+    page.evaluate(
+        """frames => new Promise(done => { let last = "", same = 0; const look = () => {
+            const now = window.__viserMutable.camera.matrixWorld.elements.join();
+            same = now === last ? same + 1 : 0; last = now;
+            same >= frames ? done() : requestAnimationFrame(look); }; look(); })""",
+        frames,
+    )
+
+
 def until(page: Any, condition: Any, what: str, seconds: float = PATIENCE) -> None:
     """Wait for a condition of this process, while the page's events are handled."""
     end = time.monotonic() + seconds

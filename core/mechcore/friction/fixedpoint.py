@@ -93,9 +93,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TO
     return Solution(loads, jammed, reached, share, residual, steps)
 
 
-def _contract(
-    a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: bool, tolerance: float
-) -> tuple[Real, Real, int]:
+def _contract(a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: bool, tolerance: float) -> tuple[Real, Real, int]:
     """Loads (F, n), residuals (F,) and the number of steps where the map contracts, at most by ``radius`` (F,) below one.
 
     Just below a jam the loads are many times the frictionless ones, Newton's method from these goes astray and fixed-point steps
