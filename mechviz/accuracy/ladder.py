@@ -262,8 +262,9 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
         now = run.simulation.tolerance
         error = float(np.nanmax(poses_apart(run.simulation.view(t), truth)))
         words = next(w for m, w, n in methods if m == run.simulation.method and n is None)
-        options = {"method": run.simulation.method, "integrator": run.simulation.tolerance}
-        yield _at("integrator", words, f"{now:.0e}", options, error, timed(partial(again, now), budget, least=1), current=True)
+        options = {"method": run.simulation.method, "integrator": now}
+        work = partial(_simulated, run.scene, _dial("method", run.simulation.method, Accuracy(integrator=now)))
+        yield _at("integrator", words, f"{now:.0e}", options, error, timed(work, budget, least=1), current=True)
 
 
 def _tessellation(run: Run, budget: float) -> Iterator[Point]:
