@@ -29,6 +29,7 @@ from browsing import (
     reload,
     until,
 )
+from test_live import BOUNCING
 
 import mechviz.accuracy.ladder as ladder_module
 from mechviz import scene
@@ -58,18 +59,6 @@ NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidde
     .filter(e => !(e.labels && e.labels.length))
     .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
     .map(e => e.outerHTML.slice(0, 250))"""
-FALLING = """
-units = { length = "mm", angle = "deg" }
-effects = ["inertia", "gravity"]
-run = { frames = 90, duration = "3 s" }
-[links]
-frame = { points = { O = [0, 0] } }
-bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
-[pairs.O]
-revolute = ["frame", "bar"]
-free = { position = -30, speed = "10 rpm" }
-stops = [{ at = -100, side = "lower", restitution = 0.5 }, { at = 80, side = "upper", name = "roof" }]
-"""
 FOV = "() => window.__viserMutable.camera.fov"
 DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
 
@@ -442,7 +431,7 @@ def test_a_motion_grows_in_a_page_that_then_finds_a_cam_at_a_new_server(browser,
 
 def _watch_it_grow(browser: Any, folder: Any, monkeypatch: Any) -> tuple[Viewer, Any]:
     """A page in which a motion under forces grows. The computing is held halfway until the page has shown how far it is."""
-    moving = loads(FALLING)
+    moving = loads(BOUNCING)
     go_on, stopped, viewers = threading.Event(), threading.Event(), []
 
     class Seen(Viewer):

@@ -11,8 +11,30 @@ from spread import DIFFERENCES, with_rates
 PACKAGES = ("python-solvespace==3.0.8",)
 
 
+def _turned(sketch, pin, crank, watched, names):
+    """Solves the sketch with the crank's pin at one angle after the other, from where it was drawn."""
+    from python_solvespace import ResultFlag
+
+    start = [sketch.params(w) for w in watched]
+
+    def solve(angles):
+        found = np.empty((3, len(angles), 2))
+        for w, values in zip(watched, start, strict=True):
+            sketch.set_params(w, values)
+        bx, by = (crank * np.cos(angles)).tolist(), (crank * np.sin(angles)).tolist()
+        for k in range(len(angles)):
+            sketch.set_params(pin.params, (bx[k], by[k]))
+            if sketch.solve() != ResultFlag.OKAY:
+                raise RuntimeError(f"no solution at crank angle {angles[k]}")
+            for i, w in enumerate(watched):
+                found[i, k] = sketch.params(w)
+        return {(name, 0): found[i] for i, name in enumerate(names)}
+
+    return solve
+
+
 def four_bar():
-    from python_solvespace import ResultFlag, SolverSystem
+    from python_solvespace import SolverSystem
 
     p = FOUR_BAR
     sketch = SolverSystem()
@@ -28,22 +50,7 @@ def four_bar():
     sketch.distance(b, point, float(np.hypot(*p.p)), plane)
     sketch.distance(c, point, float(np.hypot(p.p[0] - p.coupler, p.p[1])), plane)
     watched = (b.params, c.params, point.params)
-    start = [sketch.params(w) for w in watched]
-
-    def solve(angles):
-        found = np.empty((3, len(angles), 2))
-        for w, values in zip(watched, start, strict=True):
-            sketch.set_params(w, values)
-        bx, by = (p.crank * np.cos(angles)).tolist(), (p.crank * np.sin(angles)).tolist()
-        for k in range(len(angles)):
-            sketch.set_params(b.params, (bx[k], by[k]))
-            if sketch.solve() != ResultFlag.OKAY:
-                raise RuntimeError(f"no solution at crank angle {angles[k]}")
-            for i, w in enumerate(watched):
-                found[i, k] = sketch.params(w)
-        return {(n, 0): found[i] for i, n in enumerate("BCP")}
-
-    return solve
+    return _turned(sketch, b, p.crank, watched, "BCP")
 
 
 ROWS = {"four-bar": {"python-solvespace": four_bar}}
@@ -51,7 +58,7 @@ ROWS = {"four-bar": {"python-solvespace": four_bar}}
 
 def triad():
     """A plate on three legs: six distances."""
-    from python_solvespace import ResultFlag, SolverSystem
+    from python_solvespace import SolverSystem
 
     p = TRIAD
     sketch = SolverSystem()
@@ -67,22 +74,7 @@ def triad():
     for i, j in ((0, 1), (1, 2), (2, 0)):
         sketch.distance(plate[i], plate[j], float(np.hypot(*np.subtract(p.plate[i], p.plate[j]))), plane)
     watched = [end.params for end in plate]
-    start = [sketch.params(w) for w in watched]
-
-    def solve(angles):
-        found = np.empty((3, len(angles), 2))
-        for w, values in zip(watched, start, strict=True):
-            sketch.set_params(w, values)
-        bx, by = (p.crank * np.cos(angles)).tolist(), (p.crank * np.sin(angles)).tolist()
-        for k in range(len(angles)):
-            sketch.set_params(b.params, (bx[k], by[k]))
-            if sketch.solve() != ResultFlag.OKAY:
-                raise RuntimeError(f"no solution at crank angle {angles[k]}")
-            for i, w in enumerate(watched):
-                found[i, k] = sketch.params(w)
-        return {(name, 0): found[i] for i, name in enumerate("PQR")}
-
-    return solve
+    return _turned(sketch, b, p.crank, watched, "PQR")
 
 
 def differences():

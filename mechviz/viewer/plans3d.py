@@ -6,8 +6,9 @@ polodes and substitute masses lie on the mechanism. Every construction has a swi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import viser
@@ -236,14 +237,18 @@ class PlanNodes:
             start = np.where(np.abs(vector) >= LEAST_LABEL * size, start, np.nan)
             marked = _apart(spots[:, frame], NEAR * size)
             for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
-                for label, z in zip(labels, places, strict=True):
-                    seen = bool(np.isfinite(z))
-                    if label.visible != seen:
-                        label.visible = seen
-                    if seen:
-                        label.position = (z.real, z.imag, self._z)
+                self._stand(labels, places)
 
         return Construction(tuple(nodes), show)
+
+    def _stand(self, labels: Iterable[Any], places: Iterable[Any]) -> None:
+        """Put labels at places x + iy of the plane; those without a place are hidden."""
+        for label, z in zip(labels, places, strict=True):
+            seen = bool(np.isfinite(z))
+            if label.visible != seen:
+                label.visible = seen
+            if seen:
+                label.position = (z.real, z.imag, self._z)
 
     def _funicular(self) -> Construction:
         """Strings, lines of the forces and resultants on the mechanism."""
@@ -314,12 +319,7 @@ class PlanNodes:
             if lines is not None:
                 lines.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
             middles = starts[named, frame] + 0.5 * vectors[named, frame]
-            for label, z in zip((*labels, *pins), (*middles, *spots[:, frame]), strict=True):
-                seen = bool(np.isfinite(z))
-                if label.visible != seen:
-                    label.visible = seen
-                if seen:
-                    label.position = (z.real, z.imag, self._z)
+            self._stand((*labels, *pins), (*middles, *spots[:, frame]))
 
         return Construction(tuple(nodes), show)
 
