@@ -14,6 +14,7 @@ from mechcore.errors import Fault, MechanismError
 
 from .files import replacing
 from .scene import SceneError
+from .scene.signals import SIGNALS
 
 if TYPE_CHECKING:
     from mechcore.dynamics.equilibrium import Seek
@@ -183,7 +184,7 @@ def _without_forces_of_motion(scene: Scene) -> dict[str, Any]:
     timed = [
         name
         for name, load in data.get("loads", {}).items()
-        if "time" in load.get("table", {}) or load.get("polynomial", {}).get("of") == "time"
+        if "time" in load.get("table", {}) or load.get("polynomial", {}).get("of") == "time" or not SIGNALS.keys().isdisjoint(load)
     ]
     for name in timed:
         del data["loads"][name]

@@ -17,7 +17,7 @@ from mechcore import MechanismError, compile_mechanism, default_times, solve_for
 from mechcore.clearance import Clearance, with_clearances
 from mechcore.effects import CAUSES, EFFECTS, LOADS, NEEDS, effects_of, potential, power_of
 from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
-from mechcore.laws import ConstantSpeed, Oscillation, Table
+from mechcore.laws import Chirp, ConstantSpeed, Oscillation, Ramp, Sine, Step, Table
 from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor, JournalContact, JournalLoss
 from mechcore.spec import (
     Belt,
@@ -51,7 +51,8 @@ def factors(draw, mechanism):
     of = draw(st.sampled_from(["time", "position", "velocity", "x", "y", "vx", "vy", "speed"]))
     smooth = Polynomial((draw(number), draw(number), draw(number)), per=draw(st.floats(1.0, 10.0)))
     table = Table(x=(-2.0, 0.0, 1.0, 5.0), y=(draw(number), 1.0, draw(number), 0.5))
-    function = draw(st.sampled_from([smooth, table, np.cos]))
+    signals = [Sine(frequency=draw(positive)), Step(at=0.4), Ramp(begin=0.1, end=0.7), Chirp(frequencies=(1.0, 3.0), duration=0.5)]
+    function = draw(st.sampled_from([smooth, table, np.cos, *(signals if of == "time" else [])]))
     if of in ("position", "velocity"):
         return Factor(function=function, of=of, pair=draw(st.sampled_from([None, *(p.name for p in mechanism.pairs)])))
     link = mechanism.links[2]

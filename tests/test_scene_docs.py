@@ -14,6 +14,7 @@ from mechviz.scene.clearances import ClearanceDocument
 from mechviz.scene.document import LinkDocument, LoadDocument, PairDocument, SceneDocument
 from mechviz.scene.frictions import FrictionDefaults, FrictionDocument
 from mechviz.scene.motions import DriveDocument
+from mechviz.scene.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "scenes.md"
 BLOCKS = re.findall(r"```(\w*)\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -71,6 +72,10 @@ def test_every_key_of_the_format_is_on_the_page():
         FrictionDocument,
         FrictionDefaults,
         ClearanceDocument,
+        SineDocument,
+        StepDocument,
+        RampDocument,
+        ChirpDocument,
     ):
         for key in table.model_fields:
             assert re.search(rf"(`{key}`|\b{key} = )", page), f"{table.__name__}.{key}"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .effects.argument import breaks_of
 from .errors import Fault, MechanismError
 from .kinetostatics import Forces
 from .loads import Force, GasPressure, Load, Torque
@@ -62,7 +63,8 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
 def _jumps(load: Load) -> bool:
     """Whether a load may jump or have a kink."""
     factor = load.factor if isinstance(load, Force | Torque) else None
-    return isinstance(load, GasPressure) or (factor is not None and not getattr(factor.function, "smooth", True))
+    bent = factor is not None and not getattr(factor.function, "smooth", True)
+    return isinstance(load, GasPressure) or bent or bool(breaks_of(factor))
 
 
 def flywheel_of_torque(position: Real, torque: Real, omega: float, fluctuation: float, *, smooth: bool = True) -> Flywheel:

@@ -60,9 +60,10 @@ class Polynomial:
 class Factor:
     """A factor as a function of something that the mechanism does.
 
-    ``function`` takes an array of arguments and returns as many factors: a `Table`, a `Polynomial` or any Python callable.
-    ``of`` names the argument: the ``time`` [s]; ``position`` or ``velocity``, coordinate or rate of a ``pair`` [rad or m, per s],
-    driven or not, by default of the first drive; ``x``, ``y``, ``vx``, ``vy`` or ``speed`` of a ``point`` (link, point) [m, m/s].
+    ``function`` takes an array of arguments and returns as many factors: a `Table`, a `Polynomial`, a signal of time
+    (`mechcore.laws.signals`) or any Python callable. ``of`` names the argument: the ``time`` [s]; ``position`` or ``velocity``,
+    coordinate or rate of a ``pair`` [rad or m, per s], driven or not, by default of the first drive; ``x``, ``y``, ``vx``, ``vy``
+    or ``speed`` of a ``point`` (link, point) [m, m/s].
     """
 
     function: Callable[[Any], Any]

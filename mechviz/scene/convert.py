@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from mechcore.errors import Fault
 
-from .document import UnitsDocument
 from .units import KINDS, QuantityError, Units, magnitude
+
+if TYPE_CHECKING:
+    from .document import UnitsDocument
 
 __all__ = ["LARGEST", "SMALLEST", "Converter"]
 

@@ -33,9 +33,10 @@ from .fields import (
     TorsionalGain,
     fault,
 )
+from .signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
 from .tables import Table, one_of, refuse
 
-__all__ = ["KINDS", "MACHINES", "CompressorDocument", "DiagramDocument", "FourStrokeDocument", "LoadDocument"]
+__all__ = ["FACTORS", "KINDS", "MACHINES", "CompressorDocument", "DiagramDocument", "FourStrokeDocument", "LoadDocument"]
 
 
 def _positive(value: float) -> float:
@@ -148,14 +149,17 @@ class Kind:
     some: tuple[str, ...] = ()  # at least one of these
 
 
+FACTORS = ("table", "polynomial", *SIGNALS)
+"""Keys by which a load is multiplied by a factor: one of them at most."""
+
 _CYCLES = ("compressor", "four_stroke", "diagram")
 
 _DC = ("stall_torque", "no_load_speed")
 _INDUCTION = ("breakdown_torque", "breakdown_slip", "synchronous_speed")
 
 KINDS: Mapping[str, Kind] = {
-    "force": Kind("a force", ("on", "at", "axes", "against", "table", "polynomial"), ("on",)),
-    "torque": Kind("a torque, which acts on the whole link", ("on", "against", "table", "polynomial"), ("on",)),
+    "force": Kind("a force", ("on", "at", "axes", "against", *FACTORS), ("on",)),
+    "torque": Kind("a torque, which acts on the whole link", ("on", "against", *FACTORS), ("on",)),
     "spring": Kind("a spring", ("stiffness", "free_length", "preload"), ("stiffness", "free_length")),
     "damper": Kind("a damper", ("linear", "quadratic"), some=("linear", "quadratic")),
     "gas_spring": Kind("a gas spring", ("thrust", "extended", "gas_length", "exponent"), ("thrust", "extended", "gas_length")),
@@ -246,6 +250,14 @@ class LoadDocument(Table):
     """Force, torque: the value is multiplied by this factor."""
     polynomial: FactorPolynomial | None = None
     """Force, torque: the value is multiplied by this polynomial."""
+    sine: SineDocument | None = None
+    """Force, torque: the value is multiplied by a sine of time."""
+    step: StepDocument | None = None
+    """Force, torque: the value is multiplied by a factor that jumps at a time."""
+    ramp: RampDocument | None = None
+    """Force, torque: the value is multiplied by a factor that changes evenly between two times."""
+    chirp: ChirpDocument | None = None
+    """Force, torque: the value is multiplied by a sine whose frequency changes with time."""
     stiffness: Stiffness | None = None
     """Spring: force per length. Torsion spring: moment per angle."""
     free_length: Extent | None = None
@@ -339,8 +351,9 @@ class LoadDocument(Table):
             )
         if self.kind == "gas":
             found += one_of(self, _CYCLES, "the gas")
-        if self.table is not None and self.polynomial is not None:
-            found.append(("polynomial", "table and polynomial at once.", "Keep one of them."))
+        factors = [key for key in FACTORS if getattr(self, key) is not None]
+        if len(factors) > 1:
+            found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
         for pair in (self.spring, self.damper, self.gas_spring, self.torsion_spring, self.torsion_damper):
             if pair is not None and pair[0] == pair[1]:
                 found.append((self.kind, f"acts between '{pair[0]}' and itself.", "Name two different ones."))

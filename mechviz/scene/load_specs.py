@@ -34,6 +34,7 @@ from .document import LoadDocument, SceneDocument
 from .factors import FactorPolynomial, FactorTable
 from .load_references import split_point
 from .meant import likely_sort
+from .signals import SIGNALS, signal_of
 from .validate import Reading
 
 __all__ = ["load_spec"]
@@ -107,7 +108,11 @@ class _Maker:
         return Torque(**self.common, link=self.load.on, moment=moment, factor=factor, against=self.load.against)
 
     def factor(self) -> Factor | None:
-        """The factor by table or polynomial, None where there is none or a fault was noted."""
+        """The factor of a load, None where there is none or a fault was noted."""
+        for key in SIGNALS:
+            if (signal := getattr(self.load, key)) is not None:
+                found = signal_of(key, signal, self.convert, f"{self.path}.{key}")
+                return None if found is None else Factor(function=found, of="time")
         given: FactorTable | FactorPolynomial | None = self.load.table or self.load.polynomial
         if given is None:
             return None

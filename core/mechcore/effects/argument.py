@@ -11,7 +11,7 @@ from ..laws import Table
 from ..loads import Factor
 from .base import Configuration
 
-__all__ = ["bends", "coordinate", "factor_of", "needs_of", "phase_of", "rate"]
+__all__ = ["bends", "breaks_of", "coordinate", "factor_of", "needs_of", "phase_of", "rate"]
 
 Array = Any
 
@@ -92,6 +92,11 @@ def phase_of(at: Configuration, factor: Factor | None) -> Array:
     argument = np.asarray(_argument(at, factor), float)
     table = factor.function
     return np.asarray(table.part(argument))  # type: ignore[attr-defined] # a table, as `bends` has seen
+
+
+def breaks_of(factor: Factor | None) -> tuple[float, ...]:
+    """Times [s] at which a factor of time changes its form, as its function tells them."""
+    return () if factor is None or factor.of != "time" else tuple(getattr(factor.function, "breaks", ()))
 
 
 def _argument(at: Configuration, factor: Factor) -> Array:

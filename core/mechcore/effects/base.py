@@ -94,6 +94,11 @@ class Effect:
         """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
         return np.zeros(np.shape(at.time), int)
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times [s] at which its law changes its form, whatever the mechanism does."""
+        return ()
+
     def potential(self, at: Configuration) -> Array:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""
         return 0.0

@@ -7,7 +7,7 @@ from typing import Any
 from ..loads import Force, Torque
 from ..model import Model
 from ..statics import Acting
-from .argument import bends, factor_of, needs_of, phase_of
+from .argument import bends, breaks_of, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
 from .wrench import Wrench
 
@@ -16,10 +16,10 @@ __all__ = ["AppliedForce", "AppliedTorque"]
 Array = Any
 
 
-class AppliedForce(Effect):
-    """A force at a named point of a link."""
+class _Varied(Effect):
+    """A load that a factor multiplies."""
 
-    def __init__(self, load: Force):
+    def __init__(self, load: Any):
         super().__init__(load.name)
         self.load = load
         self.needs = needs_of(load.factor)
@@ -28,8 +28,18 @@ class AppliedForce(Effect):
     def piecewise(self) -> bool:
         return bends(self.load.factor)
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return breaks_of(self.load.factor)
+
     def phase(self, at: Configuration) -> Array:
         return phase_of(at, self.load.factor)
+
+
+class AppliedForce(_Varied):
+    """A force at a named point of a link."""
+
+    load: Force
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load, model = self.load, at.model
@@ -52,20 +62,10 @@ class AppliedForce(Effect):
         return [Acting(k, model.points[k][load.point], force=complex(*load.vector))]
 
 
-class AppliedTorque(Effect):
+class AppliedTorque(_Varied):
     """A free moment on a link."""
 
-    def __init__(self, load: Torque):
-        super().__init__(load.name)
-        self.load = load
-        self.needs = needs_of(load.factor)
-
-    @property
-    def piecewise(self) -> bool:
-        return bends(self.load.factor)
-
-    def phase(self, at: Configuration) -> Array:
-        return phase_of(at, self.load.factor)
+    load: Torque
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load

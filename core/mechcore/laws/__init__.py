@@ -6,7 +6,8 @@
 ``harmonics``: families behind them (sine-constant-cosine acceleration, sums of harmonics); ``conditions``: polynomials and
 B-splines from boundary conditions, measured tables smoothed, laws given by acceleration or velocity;
 ``program``: rises, dwells and returns over a turn, and drives that follow a master angle (several axes on one master);
-``factors``: jumps, extremes and the peak factors Cv, Ca, Cj; ``optimal``: laws of least peak acceleration, jerk or force.
+``factors``: jumps, extremes and the peak factors Cv, Ca, Cj; ``optimal``: laws of least peak acceleration, jerk or force;
+``signals``: sine, step, ramp and chirp, which loads and the speeds of drives follow.
 """
 
 from .catalogue import RISES, rise
@@ -24,10 +25,12 @@ from .factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_fac
 from .harmonics import acceleration_zones, harmonic_sum, scca
 from .optimal import Optimum, least_peak
 from .program import Follow, Segment, constant_breadth, program
+from .signals import Chirp, Ramp, Signal, SignalSpeed, Sine, Step
 from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Table, TableLaw, polynomial_through, zones
 
 __all__ = [
     "RISES",
+    "Chirp",
     "Condition",
     "ConstantSpeed",
     "Extreme",
@@ -39,8 +42,13 @@ __all__ = [
     "Oscillation",
     "PeakFactors",
     "Piecewise",
+    "Ramp",
     "Segment",
+    "Signal",
+    "SignalSpeed",
+    "Sine",
     "Smoothing",
+    "Step",
     "Table",
     "TableLaw",
     "acceleration_zones",
