@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browsing import CANVAS, PLACE, POSE, browser, caught_up, next_frames, open_viewer, picture, until
+from pixels import changed, same
 
 from mechviz import scene
 from mechviz.run import run_scene
@@ -26,6 +27,12 @@ COUPLER = link_path("coupler")
 STATE = """() => { const { software, fixed, moving, level, whole, light, size } = window.mechvizDrawing;
     const canvas = document.querySelector('canvas[data-engine]');
     return { software, fixed, moving, level, whole, light, size, full: [canvas.width, canvas.height] }; }"""
+# On a busy machine viser takes pixels away, even after the last picture: another one at rest gives them back
+RESTS = """() => { const own = window.__viserMutable.scene.__r3f, { viewport, gl } = (own.root || own).getState();
+    const d = window.mechvizDrawing, canvas = gl.getContext().canvas;
+    if (d.moving || !d.software) return !d.moving;
+    if (viewport.dpr < window.devicePixelRatio) { d.touch(); return false; }
+    return d.size[0] === canvas.width && d.size[1] === canvas.height; }"""
 # Decisions are made by the tests, not by the time that this machine needs
 TIMED = "() => { const d = window.mechvizDrawing; d.decide = d.took; d.took = () => {}; d.forget(); d.level = 1; }"
 TOOK = "time => { for (let k = 0; k < 3; k++) window.mechvizDrawing.decide(time); return window.mechvizDrawing.level; }"
@@ -69,8 +76,9 @@ def page(browser, viewer) -> Iterator[Any]:
 def _rested(viewer: Viewer, page: Any) -> dict[str, Any]:
     """The state when everything has arrived and nothing moves any more, drawn since then."""
     caught_up(viewer, page)
-    page.wait_for_function("() => !window.mechvizDrawing.moving")
+    page.wait_for_function(RESTS)
     next_frames(page, 3)
+    page.wait_for_function(RESTS)
     return dict(page.evaluate(STATE))
 
 
@@ -105,7 +113,7 @@ def test_a_light_picture_shows_the_same(viewer, page):
         assert page.evaluate(DEPTH)[:3] in ([True, True, 0.0], [False, False, 1.0]), "what is near stays in front"
     page.evaluate(release)
     _rested(viewer, page)
-    assert np.array_equal(picture(page), best)
+    assert same(picture(page), best)
     assert page.evaluate(DEPTH) in ([True, True, 0.0, ">="], [False, False, 1.0, "<="])
 
 
@@ -198,7 +206,7 @@ def test_large_scenes_have_fewer_triangles_while_they_move(viewer, page):
         assert own == 1 and low == 0 and shared, "outside a light picture the mesh itself is drawn, and can be clicked"
         assert 0 < fewer < triangles
     assert 0.0 < np.abs(light - best).mean() < 3.0
-    assert np.array_equal(picture(page), best)
+    assert same(picture(page), best)
 
 
 def test_corners_are_put_together_by_place_and_direction(page):
@@ -228,8 +236,7 @@ def test_the_grid_is_lines_that_are_switched_and_darkened_as_the_grid(viewer, pa
         caught_up(viewer, page)
         until(page, lambda: not page.evaluate(GRID)["seen"], "no lines")
         _rested(viewer, page)
-        changed = (picture(page) != with_grid).any(axis=2).mean()
-        assert 0.005 < changed < 0.5, "lines, not an area"
+        assert 0.005 < changed(picture(page), with_grid) < 0.5, "lines, not an area"
         viewer.scene.stage.switch(True)
         viewer.scene.stage.darken(True)
         until(page, lambda: tuple(page.evaluate(GRID)["color"]) == CELLS[True][0], "the colour of a dark page")
@@ -238,4 +245,4 @@ def test_the_grid_is_lines_that_are_switched_and_darkened_as_the_grid(viewer, pa
         viewer.scene.stage.darken(False)
     until(page, lambda: tuple(page.evaluate(GRID)["color"]) == CELLS[False][0], "the colour of a light page")
     _rested(viewer, page)
-    assert np.array_equal(picture(page), with_grid)
+    assert same(picture(page), with_grid)

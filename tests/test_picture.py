@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from pixels import same
 
 from recordings import Made, made
 
@@ -81,7 +82,7 @@ def shown(v: Any, m: Made, view: str) -> np.ndarray:
     while True:  # the first pictures may come before the meshes are on the card
         png = v.take_screenshot(found[0].view_id, max_size=640)
         picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
-        if before is not None and np.array_equal(before, picture) and fraction_of_background(picture) < 0.97:
+        if before is not None and same(before, picture) and fraction_of_background(picture) < 0.97:
             return picture
         assert time.monotonic() < end, "the picture does not come to rest, or stays empty"
         before = picture

@@ -16,6 +16,7 @@ __all__ = ["Solution", "System", "integrate", "nodes_for", "tails"]
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
+ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
 
 
@@ -124,8 +125,7 @@ def integrate(
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
-        tiny = 1e-15 * (1.0 + float(np.abs(q).max()))
-        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance * float(np.min(scale)), tiny))
+        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * np.asarray(scale))
         if solved is not None:
             nodes_a, count = solved
             solution.evaluations += count
