@@ -63,7 +63,7 @@ class Damped(Vibrating):
 
 @pytest.mark.parametrize("nodes", [2, 5, 8, 11, 12, 13, 14, 17])
 def test_stiff_windows_do_not_stand_on_the_last_digits(nodes):
-    """Rounding in the rule's matrices changes with the processor's linear algebra; it does not decide whether a window converges."""
+    """Rounding in the rule's matrices changes with the processor's linear algebra; it decides about no window's convergence."""
     exact = radau(nodes)
     for seed in range(150):
         noise = np.random.default_rng(seed)
