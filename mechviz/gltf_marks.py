@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Damper, GasSpring, TorsionSpring
+from mechcore.spec import TorsionSpring
 
 from .heights import arc_height, arrow_height
 from .held import held
+from .linkers import find_struts
 from .proportions import (
     ARC_RADIUS,
     ARC_WIDTH,
@@ -151,12 +152,11 @@ def _linkers(run: Run, solids: Solids) -> list[Mark]:
         return []
     motion, size = run.motion, solids.size
     found = []
+    for strut in find_struts(motion.mechanism):
+        a, b = (motion.point(*end) for end in strut.ends)
+        found += _strut(f"{strut.kind} {strut.name}", a, b, size, solids.z_top + POT * size)
     for load in motion.mechanism.loads:
-        if isinstance(load, Damper | GasSpring):
-            a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
-            kind = "gas spring" if isinstance(load, GasSpring) else "damper"
-            found += _strut(f"{kind} {load.name}", a, b, size, solids.z_top + POT * size)
-        elif isinstance(load, TorsionSpring):
+        if isinstance(load, TorsionSpring):
             pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
             if pin is not None:
                 first, second = (motion.pose(link)[:, 2] for link in load.links)

@@ -12,18 +12,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Damper, GasSpring, Spring, TorsionDamper, TorsionSpring
+from mechcore.spec import Actuator, Damper, GasSpring, Mechanism, Spring, TorsionSpring
 
 from .proportions import POT, TURNS, pot_length, spiral_radius
 
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Linker", "find_linkers", "linker_ends", "spiral_strips", "strut_strips"]
+__all__ = ["Linker", "Strut", "find_linkers", "find_struts", "linker_ends", "spiral_strips", "strut_strips"]
 
 Real = NDArray[np.float64]
 
 SPIRAL_POINTS = 72
+
+
+@dataclass(frozen=True)
+class Strut:
+    """A load that is drawn as a pot with a rod between two points, each (link, point)."""
+
+    name: str
+    kind: str  # "damper", "gas spring", "actuator"
+    ends: tuple[tuple[str, str], tuple[str, str]]
+
+
+def find_struts(mechanism: Mechanism) -> Iterator[Strut]:
+    """Dampers, gas springs and actuators between two points."""
+    for load in mechanism.loads:
+        if isinstance(load, Damper | GasSpring | Actuator) and load.points:
+            kind = "damper" if isinstance(load, Damper) else "gas spring" if isinstance(load, GasSpring) else "actuator"
+            first, second = zip(load.links, load.points, strict=True)
+            yield Strut(load.name, kind, (first, second))
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +49,7 @@ class Linker:
     """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
 
     name: str
-    kind: str  # "damper", "gas spring", "torsion spring"
+    kind: str  # "damper", "gas spring", "actuator", "torsion spring"
     strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
 
 
@@ -40,31 +58,32 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
     if run.forces is None:
         return
     motion = run.motion
+    for strut in find_struts(motion.mechanism):
+        a, b = (motion.point(*end) for end in strut.ends)
+        yield Linker(strut.name, strut.kind, _between(a, b, strut.kind, size))
     for load in motion.mechanism.loads:
-        if isinstance(load, Damper | GasSpring):
-            a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
-            kind = "damper" if isinstance(load, Damper) else "gas spring"
-            yield Linker(load.name, kind, _between(a, b, kind, size))
-        elif isinstance(load, TorsionSpring | TorsionDamper):
+        if isinstance(load, TorsionSpring):
             pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
-            if isinstance(load, TorsionSpring) and pin is not None:
+            if pin is not None:
                 centre = motion.pair_position(pin.name)
                 angles = [motion.pose(link)[:, 2] for link in load.links]
                 yield Linker(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
 
 
 def linker_ends(run: Run) -> list[Real]:
-    """Where springs, dampers and gas springs between two points end, (F, 2) [m] each."""
+    """Where springs, dampers, gas springs and actuators between two points end, (F, 2) [m] each."""
     if run.forces is None:
         return []
-    found = [load for load in run.motion.mechanism.loads if isinstance(load, Spring | Damper | GasSpring)]
-    return [run.motion.point(*end) for load in found for end in zip(load.links, load.points, strict=True)]
+    mechanism = run.motion.mechanism
+    ends = [end for load in mechanism.loads if isinstance(load, Spring) for end in zip(load.links, load.points, strict=True)]
+    ends += [end for strut in find_struts(mechanism) for end in strut.ends]
+    return [run.motion.point(*end) for end in ends]
 
 
 def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:
     length = np.hypot(*(b - a).T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
-    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind == "gas spring")
+    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind != "damper")
 
 
 def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[NDArray[np.int64]], tuple[Real, ...]]:

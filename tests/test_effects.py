@@ -20,6 +20,7 @@ from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagra
 from mechcore.laws import Chirp, ConstantSpeed, Oscillation, Ramp, Sine, Step, Table
 from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor, JournalContact, JournalLoss
 from mechcore.spec import (
+    Actuator,
     Belt,
     BeltTension,
     Damper,
@@ -84,6 +85,7 @@ def loads(draw, mechanism):
             factor=draw(factors(mechanism)),
             against=draw(st.sampled_from([None, first])),
         ),
+        Actuator(name="actuator", **moving, force=draw(number), factor=draw(st.one_of(st.none(), factors(mechanism)))),
         Spring(name="spring", **ends, stiffness=draw(positive), free_length=draw(st.floats(0.0, 20.0)), preload=draw(number)),
         Spring(name="inner spring", **moving, stiffness=draw(positive), free_length=0.0),
         Damper(name="damper", **moving, linear=draw(positive), quadratic=draw(st.floats(0.0, 5.0))),
@@ -106,6 +108,8 @@ def loads(draw, mechanism):
         ConstantPower(name="constant power", link=last, power=draw(positive), torque_limit=draw(positive)),
         Governor(name="governor", link=first, set_speed=draw(number), gain=draw(positive), least=-5.0, most=draw(positive)),
     ]
+    sliding = [p.name for p in mechanism.pairs if isinstance(p, Prismatic)]
+    made += [Actuator(name="ram", pair=name, force=draw(number), factor=draw(factors(mechanism))) for name in sliding]
     assert {type(load) for load in made} | {GasPressure, BeltTension, JournalContact, JournalLoss} == set(LOADS), (
         "a load of the registry is never drawn"
     )
@@ -223,6 +227,7 @@ def every_load() -> Mechanism:
             factor=Factor(function=np.cos, of="x", point=("rocker", "Z")),
         ),
         Torque(name="by speed", link="rocker", moment=2.0, factor=Factor(function=np.cos, of="velocity", pair="D")),
+        Actuator(name="actuator", **between, force=3.0),
         Spring(name="spring", **between, stiffness=3.0, free_length=1.0),
         Damper(name="damper", **between, linear=3.0),
         GasSpring(name="gas spring", **between, force=3.0, extended=60.0, gas_length=70.0),
@@ -521,6 +526,9 @@ FAULTY = [
     (Force(name="F", **{**ON, "point": "Q"}), "has no point 'Q'"),
     (Spring(name="F", links=("crank", "crank"), points=("A", "B"), stiffness=1, free_length=0), "'crank' and itself"),
     (Spring(name="F", **BETWEEN, stiffness=-1, free_length=0), "stiffness of -1 is negative"),
+    (Actuator(name="F", force=1.0), "between two points or along a pair"),
+    (Actuator(name="F", **BETWEEN, pair="A", force=1.0), "between two points or along a pair"),
+    (Actuator(name="F", pair="A", force=1.0), "'A' is no sliding pair"),
     (Damper(name="F", **BETWEEN), "neither a linear nor a quadratic"),
     (GasSpring(name="F", **BETWEEN, force=1, extended=9, gas_length=0), "gas_length of 0 is zero"),
     (Viscous(name="F", pair="X", coefficient=1), "no pair 'X'"),

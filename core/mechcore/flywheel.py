@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .effects.argument import breaks_of
 from .errors import Fault, MechanismError
 from .kinetostatics import Forces
-from .loads import Force, GasPressure, Load, Torque
+from .loads import GasPressure, Load, Prescribed
 
 __all__ = ["Flywheel", "flywheel", "flywheel_of_torque"]
 
@@ -62,7 +62,7 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
 
 def _jumps(load: Load) -> bool:
     """Whether a load may jump or have a kink."""
-    factor = load.factor if isinstance(load, Force | Torque) else None
+    factor = load.factor if isinstance(load, Prescribed) else None
     bent = factor is not None and not getattr(factor.function, "smooth", True)
     return isinstance(load, GasPressure) or bent or bool(breaks_of(factor))
 

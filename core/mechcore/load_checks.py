@@ -8,6 +8,7 @@ from dataclasses import fields
 
 from .errors import Fault
 from .loads import (
+    Actuator,
     BeltTension,
     Damper,
     Drag,
@@ -18,11 +19,11 @@ from .loads import (
     Governor,
     Load,
     Machine,
+    Prescribed,
     Spring,
-    Torque,
     Viscous,
 )
-from .spec import EFFECTS, Belt, Cylinder, Mechanism, Prismatic, Revolute, Weld
+from .spec import EFFECTS, Belt, Cylinder, Mechanism, PinSlot, Prismatic, Revolute, Weld
 
 __all__ = ["load_faults"]
 
@@ -72,11 +73,11 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
     if len(used) == 2 and used[0] == used[1]:
         yield f"acts between '{used[0]}' and itself.", "Name two different links."
     places: list[tuple[str, str]] = []
-    if isinstance(load, Spring | Damper | GasSpring):
-        places = list(zip(load.links, load.points, strict=True))
+    if isinstance(load, Spring | Damper | GasSpring | Actuator):
+        places = list(zip(load.links, load.points, strict=False))
     elif isinstance(load, Force | Drag) and load.point is not None:
         places = [(load.link, load.point)]
-    factor = load.factor if isinstance(load, Force | Torque) else None
+    factor = load.factor if isinstance(load, Prescribed) else None
     if factor is not None:
         places += [factor.point] if factor.point is not None else []
         yield from _factor(m, factor)
@@ -91,6 +92,11 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
         elif isinstance(pairs[load.pair], Weld) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
             what = "sliding pair" if gas else "pair that moves"
             yield f"'{load.pair}' is no {what}.", f"Name a {what}."
+    if isinstance(load, Actuator):
+        if (load.pair is None) != (len(load.links) == len(load.points) == 2):
+            yield "it has to act between two points or along a pair.", "Give one of them."
+        elif load.pair is not None and not isinstance(pairs.get(load.pair), Prismatic | PinSlot | Cylinder):
+            yield f"'{load.pair}' is no sliding pair.", "Name a sliding pair, or two points."
     if isinstance(load, BeltTension) and not isinstance(pairs.get(load.pair), Belt):
         yield f"'{load.pair}' is no belt or chain.", "Name a belt or chain."
     if isinstance(load, Machine):

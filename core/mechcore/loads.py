@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .indicator import Cycle
 
 __all__ = [
+    "Actuator",
     "BeltTension",
     "ConstantPower",
     "Damper",
@@ -142,6 +143,18 @@ class GasSpring(_Load):
     extended: float  # distance of the points when extended [m]
     gas_length: float
     exponent: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actuator(_Load):
+    """An actuator of constant ``force`` [N] times ``factor``: it pushes two points apart along their line, or the links of a
+    sliding ``pair`` in the direction of its coordinate."""
+
+    force: float
+    links: tuple[str, ...] = ()  # two, and as many points, or a pair instead
+    points: tuple[str, ...] = ()
+    pair: str | None = None
+    factor: Factor | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,6 +305,6 @@ class JournalLoss(JournalContact):
 
 
 Machine = DcMotor | InductionMotor | ConstantPower | Governor
-Prescribed = Force | Torque
+Prescribed = Force | Torque | Actuator
 Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper
 Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | JournalContact | Machine

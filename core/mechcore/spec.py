@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from .laws import Law, MotionCurve
 from .loads import (
+    Actuator,
     BeltTension,
     ConstantPower,
     Damper,
@@ -41,6 +42,7 @@ __all__ = [
     "ANSWERS",
     "EFFECTS",
     "PLANS",
+    "Actuator",
     "Belt",
     "BeltTension",
     "CamPair",

@@ -48,6 +48,7 @@ LINKER_COLORS = {
     "torsion spring": (196, 214, 236),
     "damper": (168, 176, 188),
     "gas spring": (176, 190, 200),
+    "actuator": (150, 170, 196),
 }
 
 

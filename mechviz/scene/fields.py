@@ -13,10 +13,12 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     PlainValidator,
+    Tag,
     WithJsonSchema,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -27,9 +29,10 @@ __all__ = [
     "Angle", "AngularSpeed", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration",
     "Effort", "Extent",
     "Flag", "Force",
-    "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "Period", "Point",
+    "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "OneOrTwoNames",
+    "Period", "Point",
     "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",
-    "Time", "Torque", "TorsionalGain",
+    "Time", "Torque", "TorsionalGain", "TwoNames",
     "UnitName", "describe", "fault", "faults",
 ]  # fmt: skip
 
@@ -208,7 +211,13 @@ def _name(value: str) -> str:
     return value
 
 
+def _one_or_several(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<list>"
+
+
 Text = Annotated[str, BeforeValidator(_text)]
+TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
+OneOrTwoNames = Annotated[Annotated[Text, Tag("<name>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(_one_or_several)]
 Flag = Annotated[bool, PlainValidator(_flag), WithJsonSchema({"type": "boolean"})]
 Name = Annotated[Text, AfterValidator(_name), Field(json_schema_extra={"pattern": r'^(?!__)[^/\\"]{1,100}$'})]
 

@@ -23,6 +23,7 @@ from .fields import (
     ForceVector,
     Length,
     Number,
+    OneOrTwoNames,
     Power,
     Pressure,
     QuadraticCoefficient,
@@ -31,6 +32,7 @@ from .fields import (
     Text,
     Torque,
     TorsionalGain,
+    TwoNames,
     fault,
 )
 from .signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
@@ -60,7 +62,6 @@ def _not_negative(value: float) -> float:
 Positive = Annotated[Number, AfterValidator(_positive)]
 AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
-TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
 
 
 class CompressorDocument(Table):
@@ -163,6 +164,7 @@ KINDS: Mapping[str, Kind] = {
     "spring": Kind("a spring", ("stiffness", "free_length", "preload"), ("stiffness", "free_length")),
     "damper": Kind("a damper", ("linear", "quadratic"), some=("linear", "quadratic")),
     "gas_spring": Kind("a gas spring", ("thrust", "extended", "gas_length", "exponent"), ("thrust", "extended", "gas_length")),
+    "actuator": Kind("an actuator", ("thrust", *FACTORS), ("thrust",)),
     "torsion_spring": Kind("a torsion spring", ("stiffness", "free_angle"), ("stiffness",)),
     "torsion_damper": Kind("a torsion damper", ("linear",), ("linear",)),
     "drag": Kind("drag", ("linear", "quadratic"), some=("linear", "quadratic")),
@@ -181,7 +183,7 @@ _EXAMPLES = {
     "on": '"the link"',
     "stiffness": '"2 N/mm" (or "3 N m/rad" for a torsion spring)',
     "free_length": '"80 mm"',
-    "thrust": '"400 N", its force when extended',
+    "thrust": '"400 N", with which it pushes',
     "extended": '"300 mm", the distance of its points when extended',
     "gas_length": '"250 mm", the volume of the gas when extended over the area of the rod',
     "linear": '"20 N s/m" (or "0.1 N m s/rad" for rotation)',
@@ -203,8 +205,7 @@ _EXAMPLES = {
 
 
 class LoadDocument(Table):
-    """A load: exactly one of force, torque, spring, damper, gas_spring, torsion_spring, torsion_damper, drag, viscous, gas,
-    dc_motor, induction_motor, constant_power or governor."""
+    """A load: exactly one of the keys from force to governor, which name its kind, and what goes with that kind."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
 
@@ -212,6 +213,8 @@ class LoadDocument(Table):
     """Components [x, y] of a force."""
     torque: Torque | None = None
     """A free moment, counter-clockwise positive."""
+    actuator: OneOrTwoNames | None = None
+    """The two points that an actuator of constant force pushes apart, or the sliding pair along which it pushes."""
     spring: TwoNames | None = None
     """The two points between which a spring pulls: ["link.point", "link.point"]."""
     damper: TwoNames | None = None
@@ -247,17 +250,17 @@ class LoadDocument(Table):
     against: Text | None = None
     """Force, torque: the link on which the opposite acts at the same point."""
     table: FactorTable | None = None
-    """Force, torque: the value is multiplied by this factor."""
+    """Force, torque, actuator: the value is multiplied by this factor."""
     polynomial: FactorPolynomial | None = None
-    """Force, torque: the value is multiplied by this polynomial."""
+    """Force, torque, actuator: the value is multiplied by this polynomial."""
     sine: SineDocument | None = None
-    """Force, torque: the value is multiplied by a sine of time."""
+    """Force, torque, actuator: the value is multiplied by a sine of time."""
     step: StepDocument | None = None
-    """Force, torque: the value is multiplied by a factor that jumps at a time."""
+    """Force, torque, actuator: the value is multiplied by a factor that jumps at a time."""
     ramp: RampDocument | None = None
-    """Force, torque: the value is multiplied by a factor that changes evenly between two times."""
+    """Force, torque, actuator: the value is multiplied by a factor that changes evenly between two times."""
     chirp: ChirpDocument | None = None
-    """Force, torque: the value is multiplied by a sine whose frequency changes with time."""
+    """Force, torque, actuator: the value is multiplied by a sine whose frequency changes with time."""
     stiffness: Stiffness | None = None
     """Spring: force per length. Torsion spring: moment per angle."""
     free_length: Extent | None = None
@@ -271,7 +274,7 @@ class LoadDocument(Table):
     quadratic: QuadraticCoefficient | None = None
     """Damper, drag: force per speed squared, or moment per angular speed squared."""
     thrust: Force | None = None
-    """Gas spring: force when extended."""
+    """Actuator: force with which it pushes apart, or in the direction of its pair's coordinate. Gas spring: force when extended."""
     extended: Size | None = None
     """Gas spring: distance of its two points when extended."""
     gas_length: Size | None = None
@@ -354,8 +357,8 @@ class LoadDocument(Table):
         factors = [key for key in FACTORS if getattr(self, key) is not None]
         if len(factors) > 1:
             found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
-        for pair in (self.spring, self.damper, self.gas_spring, self.torsion_spring, self.torsion_damper):
-            if pair is not None and pair[0] == pair[1]:
+        for pair in (self.spring, self.damper, self.gas_spring, self.torsion_spring, self.torsion_damper, self.actuator):
+            if isinstance(pair, list) and pair[0] == pair[1]:
                 found.append((self.kind, f"acts between '{pair[0]}' and itself.", "Name two different ones."))
         refuse(found)
         return self

@@ -16,6 +16,7 @@ from .validate import Reading
 __all__ = ["check_loads", "known_pair", "known_place", "split_point"]
 
 _SLIDES = ("prismatic", "cylinder")
+_PUSHED = ("prismatic", "pin_slot", "cylinder")
 _MOVES = ("revolute", "prismatic", "pin_slot", "cylinder", "rolling", "gear", "rack", "belt", "chain", "cam")
 
 
@@ -33,8 +34,10 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
     for name, load in reading.document.loads.items():
         path = f"loads.{name}"
         yield from _prescribed(reading, load, path)
-        for key in ("spring", "damper", "gas_spring"):
-            ends = getattr(load, key)
+        if isinstance(load.actuator, str):
+            yield from _pair(reading, f"{path}.actuator", load.actuator, _PUSHED, "sliding pair")
+        for key in ("spring", "damper", "gas_spring", "actuator"):
+            ends = getattr(load, key) if isinstance(getattr(load, key), list) else None
             for k, text in enumerate(ends or ()):
                 yield from _point(reading, f"{path}.{key}[{k}]", text)
             found = [split_point(reading, text) for text in ends or ()]

@@ -9,6 +9,7 @@ from typing import Any
 from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import Table
 from mechcore.spec import (
+    Actuator,
     BeltTension,
     ConstantPower,
     Damper,
@@ -106,6 +107,13 @@ class _Maker:
         if self.load.on is None:  # noted where the load was read
             return None
         return Torque(**self.common, link=self.load.on, moment=moment, factor=factor, against=self.load.against)
+
+    def actuator(self) -> Load | None:
+        on = self.load.actuator
+        assert on is not None
+        place: dict[str, Any] | None = {"pair": on} if isinstance(on, str) else self.ends(on)
+        factor, force = self.factor(), self.si("thrust", "force")
+        return None if place is None else Actuator(**self.common, **place, force=force, factor=factor)
 
     def factor(self) -> Factor | None:
         """The factor of a load, None where there is none or a fault was noted."""
@@ -412,6 +420,7 @@ class _Maker:
 _MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
     "force": _Maker.force,
     "torque": _Maker.torque,
+    "actuator": _Maker.actuator,
     "spring": _Maker.spring,
     "damper": _Maker.damper,
     "gas_spring": _Maker.gas_spring,

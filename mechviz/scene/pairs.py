@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from .cam_ratings import GraphicalDocument, RatingDocument
 from .cams import FollowerDocument, ProfileDocument
 from .clearances import ClearanceDocument
-from .fields import Angle, Direction, Flag, Size, Text
+from .fields import Angle, Direction, Flag, OneOrTwoNames, Size, Text, TwoNames
 from .free_motion import FreeDocument, LiftoffDocument, StopDocument
 from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
@@ -23,12 +23,6 @@ from .tables import Table, one_of, refuse
 __all__ = ["KINDS", "Kind", "PairDocument"]
 
 
-def _is_text(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<list>"
-
-
-TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
-At = Annotated[Annotated[Text, Tag("<name>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(_is_text)]
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
 
@@ -143,7 +137,7 @@ class PairDocument(Table):
     """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
     cam: TwoNames | None = None
     """[cam, follower], both guided on one link."""
-    at: At | None = None
+    at: OneOrTwoNames | None = None
     """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name."""
     along: Direction | None = None
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..frames import crossed, nothing, plus
 from ..loads import (
+    Actuator,
     BeltTension,
     ConstantPower,
     Damper,
@@ -32,6 +33,7 @@ from ..loads import (
     Viscous,
 )
 from ..spec import Mechanism
+from .actuator import ConstantThrust
 from .along_line import LineDamper, LineGasSpring, LineSpring
 from .base import CAUSES, NEEDS, Configuration, Effect
 from .belts import BeltPull
@@ -72,6 +74,7 @@ EFFECTS: dict[str, Callable[[str], Effect]] = {
 LOADS: dict[type, Callable[[Any], Effect]] = {
     Force: AppliedForce,
     Torque: AppliedTorque,
+    Actuator: ConstantThrust,
     Spring: LineSpring,
     Damper: LineDamper,
     GasSpring: LineGasSpring,

@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 
 from ..errors import Fault, MechanismError
-from ..loads import Damper, GasSpring, Spring
+from ..loads import Actuator, Damper, GasSpring, Spring
 from .base import Configuration, Effect
 from .wrench import Wrench
 
-__all__ = ["LineDamper", "LineGasSpring", "LineSpring"]
+__all__ = ["Line", "LineDamper", "LineGasSpring", "LineSpring"]
 
 Array = Any
 
 
-class _Line(Effect):
+class Line(Effect):
     """Between ``load.points`` of ``load.links``; the pull acts on the first link towards the second's point."""
 
     kind = ""
 
-    def __init__(self, load: Spring | Damper | GasSpring):
-        super().__init__(load.name)
+    def __init__(self, load: Spring | Damper | GasSpring | Actuator):
+        Effect.__init__(self, load.name)
         self.ends = tuple(zip(load.links, load.points, strict=True))
 
     def place(self, at: Configuration, end: int, derivative: int = 0) -> Array:
@@ -55,7 +55,7 @@ class _Line(Effect):
         return [Wrench(self.name, self.kind, first, force, 0.0, arm, self.cause, second, other_arm)]
 
 
-class LineSpring(_Line):
+class LineSpring(Line):
     """Pull ``preload + stiffness (L - free_length)``; its energy is zero at the free length."""
 
     cause, kind = "elastic", "spring"
@@ -78,7 +78,7 @@ class LineSpring(_Line):
         return (0.5 * load.stiffness * stretch + load.preload) * stretch
 
 
-class LineDamper(_Line):
+class LineDamper(Line):
     """Pull ``linear L' + quadratic L' |L'|``: it always takes energy away."""
 
     cause, kind = "viscous", "damper"
@@ -94,7 +94,7 @@ class LineDamper(_Line):
         return self.between(at, (self.load.linear + self.load.quadratic * np.abs(speed)) * speed * along)
 
 
-class LineGasSpring(_Line):
+class LineGasSpring(Line):
     """Thrust ``force (gas_length / (gas_length - x))^exponent``; its energy is zero when extended."""
 
     cause, kind = "elastic", "gas spring"

@@ -11,16 +11,16 @@ from .argument import bends, breaks_of, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
 from .wrench import Wrench
 
-__all__ = ["AppliedForce", "AppliedTorque"]
+__all__ = ["AppliedForce", "AppliedTorque", "Varied"]
 
 Array = Any
 
 
-class _Varied(Effect):
+class Varied(Effect):
     """A load that a factor multiplies."""
 
     def __init__(self, load: Any):
-        super().__init__(load.name)
+        Effect.__init__(self, load.name)
         self.load = load
         self.needs = needs_of(load.factor)
 
@@ -36,7 +36,7 @@ class _Varied(Effect):
         return phase_of(at, self.load.factor)
 
 
-class AppliedForce(_Varied):
+class AppliedForce(Varied):
     """A force at a named point of a link."""
 
     load: Force
@@ -62,7 +62,7 @@ class AppliedForce(_Varied):
         return [Acting(k, model.points[k][load.point], force=complex(*load.vector))]
 
 
-class AppliedTorque(_Varied):
+class AppliedTorque(Varied):
     """A free moment on a link."""
 
     load: Torque

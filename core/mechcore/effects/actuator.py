@@ -1,0 +1,29 @@
+"""An actuator of constant force: between two points along their line, or along a sliding pair."""
+
+from __future__ import annotations
+
+from ..loads import Actuator
+from .along_line import Line
+from .argument import factor_of
+from .base import Configuration
+from .pair_effort import pair_wrench
+from .prescribed import Varied
+from .wrench import Wrench
+
+__all__ = ["ConstantThrust"]
+
+
+class ConstantThrust(Varied, Line):
+    """``force`` times the factor pushes the two points apart, or the pair's links in the direction of its coordinate."""
+
+    kind = "actuator"
+
+    def __init__(self, load: Actuator):
+        Varied.__init__(self, load)
+        Line.__init__(self, load)
+
+    def wrenches(self, at: Configuration) -> list[Wrench]:
+        thrust = self.load.force * factor_of(at, self.load.factor, self.name)
+        if self.load.pair is not None:
+            return [pair_wrench(at, self.load.pair, thrust, name=self.name, kind=self.kind, cause=self.cause)]
+        return self.between(at, -thrust * self.direction(at, self.vector(at)))
