@@ -12,7 +12,8 @@ from mechanisms import case
 from mechcore.dynamics import Free, progress, simulate
 from mechcore.errors import MechanismError
 from mechcore.laws import ConstantSpeed
-from mechcore.spec import Drive, Mechanism
+from mechcore.spec import Cylinder, Drive, Gear, Link, Mechanism
+from mechviz.hard.mechanisms import pin
 
 END = 1.1
 TIMES = np.linspace(0.0, END, 61)
@@ -100,3 +101,53 @@ def test_open_chains_and_single_freedoms_are_not_watched(monkeypatch):
     monkeypatch.setattr(progress, "strain", lambda *_: pytest.fail("watched"))
     simulate(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"]), 0.2, tolerance=1e-4)
     simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=1.0), 0.2, tolerance=1e-4, method="gauss")
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_shaft_whose_gear_does_not_come_back_after_a_turn_goes_on_in_either_sense(sense):
+    """A pinion of 14 teeth drives an eccentric wheel of 51: charts of two turns follow each other; the energy is that of both."""
+    wheel = Link(name="wheel", points={"B": (0.0, 0.0)}, mass=1.0, centre=(0.1, 0.0), inertia=0.01)
+    pinion = Link(name="pinion", points={"A": (0.0, 0.0)}, mass=0.5, inertia=0.004)
+    mechanism = Mechanism(
+        name="geared",
+        frame="frame",
+        links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.0)}), pinion, wheel),
+        pairs=(
+            pin("A", "frame", "pinion"),
+            pin("B", "frame", "wheel"),
+            Gear(name="G", links=("pinion", "wheel"), carrier="frame", sizes=(14.0, 51.0)),
+        ),
+        drives=(Drive(pair="A", law=Free(0.3 * sense, 20.0 * sense)),),
+        effects=("inertia", "gravity"),
+        sketch={"wheel": (0.3, 0.0, 0.0 if sense > 0 else np.pi)},
+    )
+    found = simulate(mechanism, 1.0, tolerance=1e-10)
+    t = np.linspace(0.0, 1.0, 81)
+    q, v, _ = (x[:, 0] for x in found(t))
+    ratio = 14.0 / 51.0
+    angle = (0.0 if sense > 0 else np.pi) - ratio * (q - q[0])
+    inertia = 0.004 + (0.01 + 1.0 * 0.1**2) * ratio**2
+    energy = 0.5 * inertia * v**2 + 9.81 * 0.1 * np.sin(angle)
+    assert sense * (q[-1] - q[0]) > 2.2 * 2.0 * np.pi
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-9 * energy[0])
+
+
+def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
+    """Its base turns fastest where its length is least, but is no pair of the mechanism; the boom is a pendulum."""
+    boom = Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.45, 0.0)}, mass=1.0, centre=(0.4, 0.0), inertia=0.01)
+    mechanism = Mechanism(
+        name="boom",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, 0.0)}), boom),
+        pairs=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
+        drives=(Drive(pair="C", law=Free(0.4, -2.0)),),
+        effects=("inertia", "gravity"),
+        sketch={"boom": (0.0, 0.0, 0.9)},
+    )
+    found = simulate(mechanism, 1.0, tolerance=1e-10)
+    assert "O" in leads(found)
+    t = np.linspace(0.0, 1.0, 81)
+    rows = found.motion(t).coordinate("O")
+    energy = 0.5 * (0.01 + 0.4**2) * rows[:, 1] ** 2 + 9.81 * 0.4 * np.sin(rows[:, 0])
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-8 * np.abs(energy[0]))
+    assert rows[:, 0].min() < -0.5 < 0.5 < rows[0, 0]

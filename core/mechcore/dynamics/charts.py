@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
 FAIR = 0.2  # below this another pair takes over, well before it gets poor
 SAMPLES = 721
+ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +96,13 @@ def _led(motion: Motion) -> Array:
 
 
 def _rates(motion: Motion) -> dict[str, Array]:
-    """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size."""
+    """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
     model, speeds = motion.model, motion.speeds
     spin = model.angles.spin
+    pairs = {p.name for p in motion.mechanism.pairs}  # of a cylinder the slide, not the pins that it brings along
     out: dict[str, Any] = {}
     for j, joint in enumerate(model.joints):
-        if joint.freedoms:
+        if joint.freedoms and joint.name in pairs:
             if j in model.driven:
                 rate = motion.drives[model.driven[j]][1]
             elif joint.coordinate == "slide":
@@ -127,11 +129,8 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
         poses[link] = float(x), float(y), float(angle)
     for lead in known:
         if lead.compiled.mechanism.drives[0].pair == pair:
-            assert isinstance(lead.curve, Curve)
-            table = lead.curve.table
-            turns = TURN * np.floor((coordinate - table.low) / TURN) if _rotary(lead.compiled) else 0.0
-            place = coordinate if table.periodic else coordinate - turns
-            if (table.periodic or place <= table.high) and _is_at(lead.compiled, place, poses):
+            place = _place_on(lead, coordinate, rate)
+            if place is not None and _is_at(lead.compiled, place, poses):
                 return lead, place, rate if v else 0.0
     mechanism = replace(
         named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
@@ -142,6 +141,16 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
             Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
         )
     return Lead(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
+
+
+def _place_on(lead: Lead, coordinate: float, rate: float) -> float | None:
+    """The coordinate on a chart's table, whole turns apart; None where it does not lead well there and farther on in its sense."""
+    if lead.well is None:
+        return coordinate
+    low, high = lead.well
+    ahead = coordinate + float(np.copysign(ROOM * (high - low), rate))
+    turns = TURN * float(np.floor((ahead - low) / TURN)) if _rotary(lead.compiled) else 0.0
+    return coordinate - turns if low <= min(coordinate, ahead) - turns and max(coordinate, ahead) - turns <= high else None
 
 
 def _rotary(compiled: Compiled) -> bool:
