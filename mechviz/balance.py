@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechcore import Motion, compile_mechanism, default_times, solve_motion
 from mechcore.balancing import Counterweight, counterweights, find_linkage
@@ -14,6 +14,7 @@ from .scene import SceneError
 
 if TYPE_CHECKING:
     from .scene import Scene
+    from .scene.changing import Place
 
 __all__ = ["Balance", "balance_scene"]
 
@@ -59,14 +60,14 @@ def balance_scene(
     if not 0.0 <= share <= 1.0:
         raise SceneError(scene.name, Fault("fraction", f"{share:g} is not between 0 and 1.", "Give 0.5 for half."))
     weights = counterweights(find_linkage(scene.mechanism), (first, second), fraction=share)
-    data = scene.document.model_dump(exclude_defaults=True)
+    changes: dict[Place, Any] = {}
     for w in weights:
-        link = data["links"][w.link]
+        place = ("links", w.link, "lumps")
         lump = {"mass": f"{w.mass!r} kg", "at": [f"{x!r} m" for x in w.at]}
-        link["lumps"] = [*link.get("lumps", []), lump]
-    if "shaking" in data:
-        data["shaking"].pop("counterweights", None)
-    better = type(scene).build(name=scene.name, **data)
+        changes[place] = [*changes.get(place, scene.document.links[w.link].lumps), lump]
+    if scene.document.shaking is not None:
+        changes["shaking", "counterweights"] = None
+    better = scene.changed(changes)
     about = (0.0, 0.0) if asked is None else asked.about
     motion = _moved(scene)
     return Balance(better, weights, motion, shaking(motion, about), shaking(_moved(better), about))

@@ -79,7 +79,10 @@ def scenes(names: Annotated[bool, typer.Option("--names", help="bare names only,
 def show(scene: SceneArg) -> None:
     """Print a scene's TOML text: a starting point for your own."""
     with clear_errors(scene):
-        print(load_scene(scene).to_toml(), end="")
+        loaded = load_scene(scene)
+        print(loaded.to_toml(), end="")
+        if loaded.files:
+            say(f"note: it reads {', '.join(loaded.files)} from its folder, '{loaded.folder.path}': copy that along with the text.")
 
 
 @app.command()
@@ -271,7 +274,6 @@ def balance(
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     from .balance import balance_scene
     from .polar import write_polar
-    from .scene import dump
 
     with clear_errors(scene):
         check_targets("", output, plot)  # the scene itself may be given its counterweights
@@ -282,11 +284,18 @@ def balance(
         print("\n".join(found.lines()))
         with interruptible():
             if output is not None:
-                dump(found.scene, output)
-                say(f"{output} written.")
+                _dump(found.scene, output)
             if plot is not None:
                 write_polar(plot, loaded.title, found.motion, {"before": found.before, "with counterweights": found.after})
                 print(plot)
+
+
+def _dump(scene: Scene, path: Path) -> None:
+    """Write a scene and say so, and which files went with it."""
+    from .scene import dump
+
+    copies = dump(scene, path)
+    say(f"{path} written." + (f" Copied beside it: {', '.join(copy.name for copy in copies)}." if copies else ""))
 
 
 @app.command()
@@ -313,7 +322,6 @@ def vibrations(
     Try: mechviz vibrations swinging-double-pendulum, then add --mode 2 -o mode2.rrd and open that with rerun.
     """
     from .record import write_recording
-    from .scene import dump
     from .vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
     if (mode is None) != (output is None):
@@ -331,10 +339,10 @@ def vibrations(
             if mode is not None and output is not None:
                 shown = mode_scene(loaded, found, mode, amplitude=amplitude)
                 if output.suffix == ".toml":
-                    dump(shown, output)
+                    _dump(shown, output)
                 else:
                     write_recording(solve(shown, None, None), output)
-                say(f"{output} written.")
+                    say(f"{output} written.")
 
 
 @app.command()

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .accuracy.estimate import ErrorEstimate
     from .accuracy.fit import Fit
     from .scene import Scene
+    from .scene.changing import Place
 
     Resimulate = Callable[..., Simulation]  # of a tolerance, perhaps a method, perhaps a motion that is like it
 
@@ -83,11 +84,9 @@ class Run:
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
     """The scene with another number of frames or cycles, validated like any scene (not every drive can repeat)."""
-    if frames is None and cycles is None:
-        return scene
-    document = scene.document.model_dump(exclude_defaults=True)
-    run = {**document.get("run", {}), "frames": frames or scene.frames, "cycles": cycles or scene.cycles}
-    return type(scene).build(name=scene.name, **{**document, "run": run})
+    given = {"frames": frames, "cycles": cycles}
+    changes: dict[Place, int] = {("run", key): value for key, value in given.items() if value is not None}
+    return scene.changed(changes) if changes else scene
 
 
 @contextmanager

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mechcore.dynamics.equilibrium import Seek
 
     from .scene import Scene
+    from .scene.changing import Place
 
 __all__ = ["mode_scene", "vibration_lines", "vibrations_csv", "vibrations_of"]
 
@@ -121,7 +122,7 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
     mode, eq = found.modes[number - 1], found.equilibrium
     parts = mode.shape * _amplitude(found, number - 1, amplitude)
     frequency = mode.frequency if mode.kind == "vibration" else SLOW
-    data = _without_forces_of_motion(scene)
+    changes = _without_forces_of_motion(scene)
     for drive in eq.compiled.mechanism.drives:
         pair = drive.pair
         if pair in found.pairs:
@@ -132,16 +133,14 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
             centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
             model = eq.compiled.model
             rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
-        data["pairs"][pair]["drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
+        changes["pairs", pair, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
     speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
-    data["title"] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
-    data["teaches"] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
-    data["run"] = {"frames": 240, "cycles": 3}
+    changes["title",] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
+    changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
+    changes["run",] = {"frames": 240, "cycles": 3}
     for sketched in (False, True):
-        if sketched:
-            _sketch(data, found)
         try:
-            made = type(scene).build(name=f"{scene.name}-mode-{number}", **data)
+            made = scene.changed(changes | _sketch(scene, found) if sketched else changes, name=f"{scene.name}-mode-{number}")
         except (SceneError, MechanismError):
             if sketched:
                 raise
@@ -171,42 +170,36 @@ def _amplitude(found: Vibrations, k: int, fraction: float) -> float:
     return min(bounds)
 
 
-def _without_forces_of_motion(scene: Scene) -> dict[str, Any]:
-    """The scene's tables without what only a motion under forces has, dry friction, and loads that change with time."""
-    data = scene.document.model_dump(exclude_defaults=True)
-    data.pop("watch", None)
-    data["effects"] = [e for e in data.get("effects", []) if e != "friction"]
-    for pair in data["pairs"].values():
-        pair.pop("free", None)
-        pair.pop("stops", None)
-        if isinstance(pair.get("friction"), dict):
-            pair["friction"].pop("static", None)
-    timed = [
-        name
-        for name, load in data.get("loads", {}).items()
-        if "time" in load.get("table", {}) or load.get("polynomial", {}).get("of") == "time" or not SIGNALS.keys().isdisjoint(load)
-    ]
-    for name in timed:
-        del data["loads"][name]
-    return data
+def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
+    """The changes that leave out what only a motion under forces has, dry friction, and loads that change with time."""
+    document = scene.document
+    changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
+    for name, pair in document.pairs.items():
+        changes |= {("pairs", name, key): None for key in ("free", "stops") if getattr(pair, key)}
+        if pair.friction is not None and pair.friction.static is not None:
+            changes["pairs", name, "friction", "static"] = None
+    for name, load in document.loads.items():
+        timed = "time" in (load.table and load.table.of, load.polynomial and load.polynomial.of)
+        if timed or any(getattr(load, key) is not None for key in SIGNALS):
+            changes["loads", name] = None
+    return changes
 
 
-def _sketch(data: dict[str, Any], found: Vibrations) -> None:
-    """State the places of all links at the equilibrium instead of the assembly modes of the start."""
-    for pair in data["pairs"].values():
-        for key in ("side", "assembly", "branch"):
-            if not any(kind in pair for kind in ("rolling", "rack", "cylinder")):
-                pair.pop(key, None)
-    drawn = {name for name, link in data["links"].items() if isinstance(link["points"], list)}
-    if drawn:
-        return  # the sketch is their shape
-    motion = found.equilibrium.motion
-    frame = data.get("frame", "frame")
-    data["sketch"] = {}
-    for name in data["links"]:
-        if name != frame:
+def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
+    """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
+    document = scene.document
+    changes: dict[Place, Any] = {}
+    for name, pair in document.pairs.items():
+        if pair.kind not in ("rolling", "rack", "cylinder"):
+            changes |= {("pairs", name, key): None for key in ("side", "assembly", "branch") if getattr(pair, key) is not None}
+    if any(isinstance(link.points, list) for link in document.links.values()):
+        return changes  # the sketch is their shape
+    motion, sketch = found.equilibrium.motion, {}
+    for name in document.links:
+        if name != document.frame:
             x, y, angle = (float(v) for v in motion.pose(name)[0])
-            data["sketch"][name] = {"at": [f"{x!r} m", f"{y!r} m"], "angle": f"{angle!r} rad"}
+            sketch[name] = {"at": [f"{x!r} m", f"{y!r} m"], "angle": f"{angle!r} rad"}
+    return changes | {("sketch",): sketch}
 
 
 def _same_place(scene: Scene, found: Vibrations) -> bool:

@@ -41,7 +41,7 @@ class Made:
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
-        return without_clearances(mechviz.loads(self.recording.scene_text).mechanism)
+        return without_clearances(self.recording.scene().mechanism)
 
     def data(self, *parts: str) -> NDArray[np.float64]:
         """Values (F, n) under /data."""

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import mechviz.accuracy.ladder as ladder_module
 from mechviz.accuracy import cache, timing
-from mechviz.accuracy.apply import with_setting
+from mechviz.accuracy.apply import setting_changes
 from mechviz.accuracy.diagram import diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.kept import PROFILE
@@ -240,17 +240,16 @@ def test_a_diagram_is_written_as_a_whole(tmp_path: Path):
     ],
 )
 def test_a_setting_becomes_part_of_the_scene(options, changed):
-    from mechviz.scene import Scene
-
-    simulated = "method" in options
-    document = load("andrews-squeezer" if simulated else "crank-rocker").document.model_dump(exclude_defaults=True)
-    found = with_setting(document, options)
+    before = load("andrews-squeezer" if "method" in options else "crank-rocker")
+    scene = before.changed(setting_changes(before.document, options))
+    document, found = (s.document.model_dump(exclude_defaults=True) for s in (before, scene))
     for table, values in changed.items():
         assert {**document.get(table, {}), **values} == found[table]
-    scene = Scene.build(name="x", **found)
     for key in set(options) - {"frames", "method", "integrator"}:
         assert getattr(scene.accuracy, key) == options[key]
-    assert with_setting({"accuracy": 1e-3}, {"friction": 1e-6})["accuracy"] == {"target": 1e-3, "friction": 1e-6}
+    wanted = before.changed({("accuracy",): 1e-3})
+    stated = wanted.changed(setting_changes(wanted.document, {"friction": 1e-6})).document.accuracy
+    assert stated.model_dump(exclude_unset=True) == {"target": 1e-3, "friction": 1e-6}
 
 
 def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):

@@ -34,7 +34,7 @@ def test_profiles_from_the_command_line(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert done.stdout.split() == [str(files[key]) for key in ("dxf", "svg", "csv")] and not done.stderr
-    z, bulges, unit = read_dxf(files["dxf"])
+    z, bulges, unit = read_dxf(files["dxf"].read_bytes())
     assert unit == 1e-3 and np.abs(bulges).max() > 0.0
     assert np.abs(z).min() == pytest.approx(40.0, abs=1e-6), "the base circle"
     root = ET.fromstring(files["svg"].read_text())

@@ -19,6 +19,7 @@ from mechviz.cam_export import cam_outlines, export_profiles
 from mechviz.run import run_scene
 from mechviz.scene import SceneError
 from mechviz.scene.cam_files import read_dxf, read_points
+from mechviz.scene.catalogue import GALLERY_FOLDER
 
 FOLLOWERS = {
     "knife": Follower(Translating(0.004), Knife()),
@@ -177,12 +178,12 @@ def test_drawings_of_lines_and_arcs(tmp_path):
     path = tmp_path / "d.dxf"
     half = "0\nARC\n8\n0\n10\n0\n20\n0\n40\n20\n50\n90\n51\n270\n"
     path.write_text(dxf(line(-20j, 30 - 20j), half, line(20j, 30 + 20j), line(30 + 20j, 30 - 20j)))
-    z, bulges, unit = read_dxf(path)
+    z, bulges, unit = read_dxf(path.read_bytes())
     assert unit == 1e-3
     c = bulged(z, bulges)
     assert c.area == pytest.approx(1200.0 + 200.0 * np.pi, rel=1e-3)
     path.write_text(dxf("0\nCIRCLE\n10\n5\n20\n0\n40\n30\n", unit=None))
-    z, bulges, unit = read_dxf(path)
+    z, bulges, unit = read_dxf(path.read_bytes())
     assert unit is None and bulged(z, bulges).area == pytest.approx(900.0 * np.pi, rel=1e-3)
     for text, word in (
         (dxf(line(0j, 1 + 0j)), "no closed outline"),
@@ -191,17 +192,17 @@ def test_drawings_of_lines_and_arcs(tmp_path):
     ):
         path.write_text(text)
         with pytest.raises(MechanismError, match=word):
-            read_dxf(path)
+            read_dxf(path.read_bytes())
 
 
 def test_tables_of_points(tmp_path):
     path = tmp_path / "p.csv"
     path.write_text("name;x [cm];y [cm]\n" + "".join(f"a;{np.cos(t)};{np.sin(t)}\n" for t in np.arange(8.0)))
-    z, unit = read_points(path)
+    z, unit = read_points(path.read_bytes())
     assert unit == 1e-2 and len(z) == 8 and z[1] == pytest.approx(np.exp(1j))
     path.write_text("1,2\n3,4\n5,x\n" * 3)
     with pytest.raises(MechanismError, match="row 3"):
-        read_points(path)
+        read_points(path.read_bytes())
 
 
 DISC = "eccentric = { radius = 38, centre = [12, 0] }"
@@ -246,7 +247,7 @@ def test_what_is_no_unit_of_a_file(scene, unit, words):
     name = scene.partition(".")[0]
     text = text_of(name).replace(f'file = "{scene}"', f'file = "{scene}"\nfile_unit = "{unit}"')
     with pytest.raises(SceneError) as refused:
-        mechviz.loads(text)
+        mechviz.loads(text, folder=GALLERY_FOLDER)
     assert [f.path for f in refused.value.faults] == ["pairs.K.profile.file_unit"] and words in refused.value.faults[0].message
 
 
@@ -284,5 +285,5 @@ def test_a_tolerance_that_leaves_nothing_of_the_points():
             spline_contour(0.03 * np.exp(1j * t), tolerance)
         assert "scatter by 30 mm" in str(refused.value)
     with pytest.raises(SceneError) as told:
-        mechviz.loads(text_of("cam-measured").replace('"0.004 mm"', '"50 mm"'))
+        mechviz.loads(text_of("cam-measured").replace('"0.004 mm"', '"50 mm"'), folder=GALLERY_FOLDER)
     assert [f.path for f in told.value.faults] == ["pairs.K.profile.tolerance"]

@@ -15,7 +15,7 @@ from mechcore.accuracy import Accuracy
 from mechviz import scene
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
-from mechviz.scene import Scene
+from mechviz.scene.changing import value_at, with_values
 from mechviz.solids import solids_of
 from mechviz.viewer import Viewer, ViewerError, charts, words
 from mechviz.viewer.camera import PRESETS, fit_view
@@ -23,7 +23,7 @@ from mechviz.viewer.diagrams import Chart, diagram_svg, diagrams_of
 from mechviz.viewer.health_strip import columns, health_svg, shade
 from mechviz.viewer.history import Draft, History
 from mechviz.viewer.limits import assembles, reachable
-from mechviz.viewer.parameters import find_choices, find_parameters, read, written
+from mechviz.viewer.parameters import find_choices, find_parameters
 from mechviz.viewer.saving import file_name
 from mechviz.viewer.section import sectioned
 from mechviz.viewer.show import Body, Happening, Health, Piece
@@ -84,12 +84,12 @@ def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
     loaded = scene.load(name)
     found = find_parameters(loaded)
     assert found and len({p.key for p in found}) == len(found)
-    data = Draft.of(loaded).data
+    draft = Draft.of(loaded)
     for p in found:
         assert p.hard_low <= p.low <= p.value <= p.high <= p.hard_high and p.step > 0.0, p
         assert (p.high - p.low) / p.step <= 10_000, p
-        data = written(data, p.path, p.written(p.value))
-    again = find_parameters(Scene.build(name=name, **data))
+        draft = draft.with_value(p.path, p.written(p.value))
+    again = find_parameters(draft.scene())
     assert [(p.key, p.title) for p in again] == [(p.key, p.title) for p in found]
     np.testing.assert_allclose([p.value for p in again], [p.value for p in found], rtol=1e-11)
 
@@ -116,40 +116,51 @@ def test_a_length_is_shown_positive_whichever_way_its_point_lies():
     loaded = scene.load("toggle-clamp")
     lever = next(p for p in find_parameters(loaded) if p.label == "lever O–B")
     assert lever.value == 120.0 and lever.low > 0.0
-    assert read(loaded.document.model_dump(), lever.path) == -120.0 and lever.written(130.0) == -130.0
+    assert value_at(loaded.document, lever.path) == -120.0 and lever.written(130.0) == -130.0
 
 
 def test_writing_a_value_leaves_the_old_data_alone():
-    data = {"links": {"crank": {"points": {"B": (1.0, 2.0)}}}}
-    new = written(data, ("links", "crank", "points", "B", 1), 5.0)
-    assert read(new, ("links", "crank", "points", "B")) == [1.0, 5.0] and read(data, ("links", "crank", "points", "B")) == (
-        1.0,
-        2.0,
-    )
-    assert written({}, ("gravity",), [0.0, 1.0]) == {"gravity": [0.0, 1.0]}
+    data, place = {"links": {"crank": {"points": {"B": (1.0, 2.0)}}}}, ("links", "crank", "points", "B")
+    new = with_values(data, {(*place, 1): 5.0})
+    assert value_at(new, place) == [1.0, 5.0] and value_at(data, place) == (1.0, 2.0)
+    assert with_values({}, {("gravity",): [0.0, 1.0]}) == {"gravity": [0.0, 1.0]}
+    assert with_values({}, {("gravity", 1): 1.0}) == {"gravity": [0.0, 1.0]}, "the default one with another value"
+    assert with_values({"a": 1, "b": {"c": 2}}, {("a",): None, ("b", "c"): None}) == {"b": {}}
+
+
+def test_only_the_tables_on_the_way_to_a_changed_value_are_made_anew():
+    before = scene.load("slider-crank-compressor").document
+    after = with_values(before, {("links", "crank", "mass"): "3 kg"})
+    assert after.links["crank"].mass == "3 kg" and after.links["crank"] is not before.links["crank"]
+    assert after.links["frame"] is before.links["frame"] and after.loads["gas"] is before.loads["gas"]
 
 
 # -- undo -------------------------------------------------------------------------------------------------------------
 def test_undo_redo_and_reset_with_a_drag_as_one_step():
     now = [0.0]
-    history = History(Draft("a", {"v": 0}), clock=lambda: now[0])
+    opened = Draft.of(scene.load("triad"))
+
+    def titled(title: str) -> Draft:
+        return opened.with_value(("title",), title)
+
+    history = History(titled("0"), clock=lambda: now[0])
     for v in range(1, 6):
         now[0] += 0.1
-        history.change(Draft("a", {"v": v}), "v")
+        history.change(titled(f"{v}"), "v")
     now[0] += 10.0
-    history.change(Draft("a", {"v": 6}), "v")
-    history.change(Draft("a", {"v": 6, "w": 1}), "w")
-    assert [history.undo().data["v"] for _ in range(4)] == [6, 5, 0, 0] and not history.can_undo
-    assert history.redo().data == {"v": 5} and history.can_redo
-    history.change(Draft("a", {"v": 9}), "v")
-    assert not history.can_redo and history.undo().data == {"v": 5}
-    assert history.reset().data == {"v": 0} and history.undo().data == {"v": 5}
+    history.change(titled("6"), "v")
+    history.change(titled("6 w"), "w")
+    assert [history.undo().document.title for _ in range(4)] == ["6", "5", "0", "0"] and not history.can_undo
+    assert history.redo() == titled("5") and history.can_redo
+    history.change(titled("9"), "v")
+    assert not history.can_redo and history.undo() == titled("5")
+    assert history.reset() == titled("0") and history.undo() == titled("5")
 
 
 def test_effects_and_loads_are_switched_without_losing_their_values():
     draft = Draft.of(scene.load("slider-crank-compressor"))
     without = draft.with_load("gas", False).with_effect("inertia", False)
-    assert "loads" not in without.document() and without.scene().effects == ()
+    assert not without.scene().document.loads and without.scene().effects == ()
     again = without.with_load("gas", True).with_effect("inertia", True)
     assert again.scene() == draft.scene()
 
@@ -295,7 +306,7 @@ def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(studio):
     before = studio.run.forces.effort("A")
     studio.move(_value(studio, "crank A–B"), 0.11)
     assert studio.wait()
-    assert studio.status.fault == "" and read(studio.history.present.data, ("links", "crank", "points", "B"))[0] == 0.11
+    assert studio.status.fault == "" and value_at(studio.history.present.document, ("links", "crank", "points", "B"))[0] == 0.11
     direct = run_scene(Draft.of(scene.load("kinetostatic-four-bar")).with_value(("links", "crank", "points", "B", 0), 0.11).scene())
     np.testing.assert_allclose(studio.run.forces.effort("A"), direct.forces.effort("A"), rtol=1e-12)
     np.testing.assert_allclose(studio.screen.shows[-1].poses["coupler"], direct.motion.pose("coupler"), rtol=1e-12)
@@ -533,10 +544,10 @@ def test_a_click_traces_a_near_point_or_makes_one():
     assert spot[:2] == pytest.approx((0.1, 0.02), abs=1e-9)
     draft = with_traced(Draft.of(run.scene), "coupler", spot)
     assert run_scene(draft.scene()).motion.mechanism.traced == (("coupler", "T1"),)
-    assert read(draft.data, ("links", "coupler", "points", "T1")) == [0.1, 0.02]
+    assert tuple(value_at(draft.document, ("links", "coupler", "points", "T1"))) == (0.1, 0.02)
     near = with_traced(draft, "coupler", (0.3, 0.001, 0.01))
-    assert near.data["trace"] == ["coupler.T1", "coupler.D"]
-    assert with_traced(near, "coupler", (0.3, 0.001, 0.01)).data["trace"] == ["coupler.T1"], "a second click ends it"
+    assert near.document.trace == ["coupler.T1", "coupler.D"]
+    assert with_traced(near, "coupler", (0.3, 0.001, 0.01)).document.trace == ["coupler.T1"], "a second click ends it"
 
 
 def test_the_base_circle_of_a_disc_has_a_positive_range_and_the_place_of_a_barrel_has_not():

@@ -351,8 +351,8 @@ def same_mechanism(a: Scene, b: Scene) -> bool:
 @pytest.mark.parametrize("name", NAMES)
 def test_gallery_scenes_survive_writing_and_reading(name):
     scene = load(name)
-    assert loads(scene.text, name) == scene
-    again = loads(scene.to_toml(), name)
+    assert loads(scene.text, name, scene.folder) == scene
+    again = loads(scene.to_toml(), name, scene.folder)
     assert again == scene
     assert again.to_toml() == scene.to_toml()
     assert same_mechanism(again, scene)

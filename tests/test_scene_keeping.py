@@ -11,7 +11,6 @@ import pytest
 
 from mechviz import scene
 from mechviz.scene import loads
-from mechviz.scene.bodies import FOLDER
 from mechviz.scene.catalogue import GALLERY_FOLDER
 from mechviz.scene.keeping import kept_text, patched
 from mechviz.scene.writing import toml_text
@@ -144,16 +143,12 @@ def test_an_edited_scene_keeps_the_comments_of_its_file():
     draft = Draft.of(opened)
     stiff = next(p for p in find_parameters(opened) if p.key == "loads.return_spring.stiffness")
     draft = draft.with_value(stiff.path, stiff.written(3.5)).with_effect("gravity", False)
-    token = FOLDER.set(GALLERY_FOLDER)
-    try:
-        edited = draft.scene()
-        text = kept_text(opened, edited)
-        assert text is not None and loads(text) == edited != opened
-        assert 'tolerance = "0.004 mm"    # root mean square, the scatter of the machine' in text
-        assert 'stiffness = "3.5 N/mm"' in text and 'effects = ["inertia"]' in text
-        old, new = opened.text.splitlines(), text.splitlines()
-        assert len(old) == len(new) and sum(a != b for a, b in zip(old, new, strict=True)) == 2
-        assert kept_text(edited, opened) is not None, "a scene that comes from no file has a text too"
-        assert kept_text(opened, opened) == opened.text
-    finally:
-        FOLDER.reset(token)
+    edited = draft.scene()
+    text = kept_text(opened, edited)
+    assert text is not None and loads(text, folder=GALLERY_FOLDER) == edited != opened
+    assert 'tolerance = "0.004 mm"    # root mean square, the scatter of the machine' in text
+    assert 'stiffness = "3.5 N/mm"' in text and 'effects = ["inertia"]' in text
+    old, new = opened.text.splitlines(), text.splitlines()
+    assert len(old) == len(new) and sum(a != b for a, b in zip(old, new, strict=True)) == 2
+    assert kept_text(edited, opened) is not None, "a scene that comes from no file has a text too"
+    assert kept_text(opened, opened) == opened.text

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 from mechcore.accuracy import DIALS
 
 from ..scene.accuracies import ORDERS
+from ..scene.changing import Place, stated
+from ..scene.tables import Table
 
 if TYPE_CHECKING:
     from ..run import Run
+    from ..scene.document import SceneDocument
 
-__all__ = ["in_use", "with_setting", "with_target"]
+__all__ = ["in_use", "setting_changes", "target_changes"]
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}
 """What the options of a dial mean where they do not say it."""
@@ -20,33 +23,32 @@ UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation
 NAMES = {order: name for name, order in ORDERS.items()}
 
 
-def with_setting(document: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
-    """A scene's plain data with the options of a `Point`: frames, method and tolerance go to [run], the others to accuracy."""
-    run = dict(document.get("run", {}))
-    stated = document.get("accuracy")
-    accuracy = dict(stated) if isinstance(stated, Mapping) else {} if stated is None else {"target": stated}
+def setting_changes(document: SceneDocument, options: Mapping[str, Any]) -> dict[Place, Any]:
+    """The changes of a scene that apply the options of a `Point`: frames, method and tolerance go to [run], the others to
+    accuracy."""
+    given = document.accuracy
+    accuracy: dict[str, Any] = stated(given) if isinstance(given, Table) else {} if given is None else {"target": given}
+    changes: dict[Place, Any] = {}
     for key, value in options.items():
         if key == "frames":
-            run["frames"] = int(value)
+            changes["run", "frames"] = int(value)
         elif key == "method":
-            run["method"] = value
+            changes["run", "method"] = value
         elif key == "integrator":
-            run["tolerance"] = value
+            changes["run", "tolerance"] = value
         elif key == "interpolation":
             accuracy[key] = NAMES[value]
         elif key == "chord":
             accuracy[key] = f"{float(value)!r} m"
         else:
             accuracy[key] = value
-    out = {k: v for k, v in document.items() if k not in ("run", "accuracy")}
-    return {**out, **({"run": run} if run else {}), **({"accuracy": accuracy} if accuracy else {})}
+    return changes | {("accuracy",): accuracy or None}
 
 
-def with_target(document: Mapping[str, Any], target: float | None) -> dict[str, Any]:
-    """A scene's plain data with a wanted error from which all dials follow, those that it states among them; with None without."""
-    run = {k: v for k, v in document.get("run", {}).items() if target is None or k not in ("frames", "tolerance")}
-    out = {k: v for k, v in document.items() if k not in ("run", "accuracy")}
-    return {**out, **({"run": run} if run else {}), **({"accuracy": target} if target is not None else {})}
+def target_changes(target: float | None) -> dict[Place, Any]:
+    """The changes of a scene that set a wanted error from which all dials follow, those that it states among them; None: none."""
+    changes: dict[Place, Any] = {("accuracy",): target}
+    return changes if target is None else changes | {("run", "frames"): None, ("run", "tolerance"): None}
 
 
 def in_use(run: Run, dial: str, options: Mapping[str, Any]) -> bool:

@@ -54,7 +54,8 @@ def _folder() -> Path:
 def _file(scene: Scene, target: float | None) -> Path:
     from ..record.describe import package_version
 
-    text = json.dumps([scene.to_toml(), package_version(), machine(), target, _code()])
+    files = {name: hashlib.sha256(data).hexdigest() for name, data in scene.files.items()}
+    text = json.dumps([scene.to_toml(), files, package_version(), machine(), target, _code()])
     return _folder() / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
 
 

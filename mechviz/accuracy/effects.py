@@ -19,6 +19,7 @@ from .timing import Timed, side_by_side
 
 if TYPE_CHECKING:
     from ..scene import Scene
+    from ..scene.changing import Place
 
 __all__ = ["Answer", "Influence", "influence_lines", "influences"]
 
@@ -97,17 +98,14 @@ def _compute(scene: Scene) -> tuple[Any, Any, Any]:
     return motion, solve_forces(motion) if wanted else None, None
 
 
-def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[str, Any]]]:
-    """Name, kind, whether the scene has it, and the document of the scene that is the other way round."""
-    document = scene.document.model_dump(exclude_defaults=True)
+def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[Place, Any]]]:
+    """Name, kind, whether the scene has it, and the change that makes the scene the other way round."""
     named = list(scene.effects)
     for effect in EFFECTS:
         others = [e for e in named if e != effect] if effect in named else [*named, effect]
-        changed = {k: v for k, v in document.items() if k != "effects"} | ({"effects": others} if others else {})
-        yield effect, "effect", effect in named, changed
+        yield effect, "effect", effect in named, {("effects",): others}
     for load in scene.document.loads:
-        rest = {k: v for k, v in document["loads"].items() if k != load}
-        yield load, "load", True, {k: v for k, v in document.items() if k != "loads"} | ({"loads": rest} if rest else {})
+        yield load, "load", True, {("loads", load): None}
 
 
 def influences(
@@ -117,10 +115,10 @@ def influences(
     base = answer_of(scene)
     variants = list(_variants(scene))
     found = []
-    for k, (name, kind, named, document) in enumerate(variants):
+    for k, (name, kind, named, change) in enumerate(variants):
         advance(k, len(variants))
         try:
-            changed = type(scene).build(name=scene.name, **document)
+            changed = scene.changed(change)
             other = answer_of(changed)
         except MechanismError as e:
             found.append(Influence(name, kind, named, problem=e.faults[0].message))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -42,6 +43,11 @@ def scene_text(run: Run) -> str:
     return getattr(run.scene, "text", "") or run.scene.to_toml()
 
 
+def scene_files(run: Run) -> dict[str, str]:
+    """The files that the scene names, by these names, in base64: with them a recording can be run again anywhere."""
+    return {name: b64encode(data).decode("ascii") for name, data in run.scene.files.items()}
+
+
 def model_json(run: Run) -> str:
     """The connectivity that a reader needs to check the physics, as JSON."""
     mechanism = run.motion.mechanism
@@ -79,6 +85,7 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         "accuracy": json.dumps(_stated(run)),
         "interpolation": run.accuracy.interpolation,
         "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
+        "files": json.dumps(scene_files(run)),
         "complete": complete,
     }
 

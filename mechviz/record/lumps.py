@@ -28,7 +28,7 @@ def lump_shapes(run: Run, solids: Solids) -> Iterator[Static]:
 
     document = run.scene.document
     points = {link.name: link.points for link in run.motion.mechanism.links}
-    convert = Converter.of(document.units)
+    convert = Converter.of(document.units, run.scene.folder)
     found = {k: lumps_of(link.lumps, points[k], convert, k) for k, link in document.links.items() if link.lumps}
     heaviest = max((b.mass for bodies in found.values() for b in bodies), default=0.0)
     if heaviest <= 0.0:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import warnings
+from base64 import b64decode
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from .errors import RecordingError
 from .paths import entity
 from .thinning import evenly, rows_at_or_before, ticks, times_of
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 __all__ = ["LoggedEvent", "Recording", "Rows"]
 
@@ -120,6 +124,19 @@ class Recording:
     def scene_text(self) -> str:
         """The scene file that made the recording (TOML)."""
         return str(self._document("scene"))
+
+    def scene(self) -> Scene:
+        """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
+        from ..scene import loads
+        from ..scene.folder import SceneFolder
+
+        name = str(self.properties.get("scene", self.path.stem))
+        try:
+            files = {key: b64decode(text, validate=True) for key, text in json.loads(self.properties.get("files", "{}")).items()}
+        except (ValueError, TypeError, AttributeError):
+            why = f"'{self.path}': its property 'files' does not hold names of files with their content in base64."
+            raise RecordingError(why, "Record the scene again.") from None
+        return loads(self.scene_text, name, SceneFolder(self.path.resolve().parent, files))
 
     @property
     def notes(self) -> str:

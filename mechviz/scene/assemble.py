@@ -16,6 +16,7 @@ from .convert import Converter
 from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
 from .drives import law_of
+from .folder import SceneFolder
 from .free_motion import SimulationSpec, free_law, simulation_faults, simulation_spec
 from .frictions import idle_effect
 from .load_references import check_loads, split_point
@@ -33,13 +34,14 @@ __all__ = ["assemble"]
 
 
 def assemble(
-    reading: Reading, name: str, outlines: Mapping[str, Body] | None = None
+    reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, Body] | None = None
 ) -> tuple[Mechanism | None, SimulationSpec | None, list[Fault]]:
     """The mechanism, or None, how its motion is found where forces decide it, and every fault that is left beside those of form
     in ``reading.faults``.
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
-    ``outlines`` are those of links whose mass follows from them; they are drawn here when all else is known.
+    Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
+    when all else is known.
     """
     faults = [*check_link_names(reading), *check_loads(reading)]
     if faults or reading.faults:
@@ -54,7 +56,7 @@ def assemble(
     joined = {key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.pairs[key].joins}
     faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
     document = reading.document
-    convert = Converter.of(document.units)
+    convert = Converter.of(document.units, folder)
     placement = place_links(document, convert)
     parallel = links_that_cannot_turn(document, touched)
     links = []
@@ -136,7 +138,7 @@ def assemble(
         traced=tuple(traced),
     )
     if outlines is None and drawn_links(document):
-        return assemble(reading, name, drawn_bodies(mechanism, document))
+        return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:
         from mechcore.clearance import with_clearances
 

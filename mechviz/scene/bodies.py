@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from contextvars import ContextVar
-from pathlib import Path
+from io import BytesIO
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -23,11 +23,9 @@ from .tables import Table, Unknown, is_whole, refuse
 if TYPE_CHECKING:
     from .convert import Converter
 
-__all__ = ["FOLDER", "LumpDocument", "MassDocument", "MassEntry", "body_of", "lumps_of"]
+__all__ = ["LumpDocument", "MassDocument", "MassEntry", "body_of", "lumps_of"]
 
 Vec2 = tuple[float, float]
-FOLDER: ContextVar[Path] = ContextVar("folder of the scene file", default=Path())
-"""Where paths of mesh files start: the folder of the scene file that is being read, else the working folder."""
 SolidName = Literal[
     "point", "rod", "rod end", "rod inclined", "cylinder", "cylinder across", "hollow cylinder", "ring", "sphere", "shell", "disc",
     "ellipsoid", "cone", "box", "cube", "torus",
@@ -322,12 +320,11 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
     """Volume integrals over a closed mesh."""
     import trimesh
 
-    file = FOLDER.get() / str(m.mesh)
-    if not file.is_file():
-        convert.note(f"{path}.mesh", f"there is no file '{m.mesh}'.", "Give its path from the folder of the scene file.")
+    data = convert.file(str(m.mesh), f"{path}.mesh")
+    if data is None:
         return Body(1.0)
     try:
-        mesh: Any = trimesh.load(file, force="mesh")
+        mesh: Any = trimesh.load(BytesIO(data), file_type=PurePath(str(m.mesh)).suffix[1:], force="mesh")
     except Exception as error:  # readers of half a dozen formats raise errors of their own
         words = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         convert.note(f"{path}.mesh", f"'{m.mesh}' cannot be read: {words}.", "Give the path of an STL, OBJ, PLY, OFF or GLB file.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from mechcore.errors import Fault
@@ -27,9 +28,12 @@ class SceneBuilder:
     >>> scene = b.scene()
     """
 
-    def __init__(self, name: str, *, title: str = "", teaches: str = "", frame: str = "frame", **units: str):
-        """``units`` are those of bare numbers: ``length="mm"``, ``angle="deg"`` ..."""
-        self._name = name
+    def __init__(
+        self, name: str, *, title: str = "", teaches: str = "", frame: str = "frame", folder: Path | str | None = None, **units: str
+    ):
+        """``units`` are those of bare numbers: ``length="mm"``, ``angle="deg"`` ...; ``folder`` is where the files that the scene
+        names are, by default the working folder."""
+        self._name, self._folder = name, folder
         self._data: dict[str, Any] = {
             "title": title,
             "teaches": teaches,
@@ -399,7 +403,7 @@ class SceneBuilder:
     def scene(self) -> Scene:
         """The validated scene; SceneError reports every fault at once."""
         try:
-            scene = Scene.build(name=self._name, **self._data)
+            scene = Scene.build(name=self._name, folder=self._folder, **self._data)
         except SceneError as error:
             raise SceneError(self._name, [*self._faults, *error.faults]) from None
         if self._faults:

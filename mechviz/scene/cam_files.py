@@ -6,7 +6,6 @@ import csv
 import re
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,16 +35,13 @@ def _rows(text: str) -> Iterator[tuple[int, str]]:
         yield int(code), value.strip()
 
 
-def read_dxf(path: Path) -> tuple[Complex, Real, float | None]:
-    """The only closed outline of a drawing: vertices (n), bulges (n), and its unit [m] where the drawing states one.
+def read_dxf(content: bytes) -> tuple[Complex, Real, float | None]:
+    """The only closed outline of a DXF drawing: vertices (n), bulges (n), and its unit [m] where the drawing states one.
 
     Polylines of both kinds with bulges; lines, arcs and circles that join end to end. Raises ``MechanismError`` where there is
     none or more than one.
     """
-    try:
-        rows = list(_rows(path.read_text(encoding="utf-8", errors="replace")))
-    except OSError as error:
-        raise _bad(f"it cannot be read: {(error.strerror or str(error)).lower()}.", "Give another one.") from None
+    rows = list(_rows(content.decode("utf-8", errors="replace")))
     unit = None
     for k, (code, value) in enumerate(rows[:-1]):
         if (code, value) == (9, "$INSUNITS"):
@@ -140,15 +136,14 @@ def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[list[comp
     return found
 
 
-def read_points(path: Path) -> tuple[Complex, float | None]:
+def read_points(content: bytes) -> tuple[Complex, float | None]:
     """Points of a profile in order: columns x and y (with their unit in brackets, as "x [mm]"), else the first two of numbers.
 
     The second answer is the unit [m] where the header states one. Raises ``MechanismError`` where there are no points.
     """
     try:
-        with open(path, encoding="utf-8", newline="") as file:
-            text = file.read()
-    except (OSError, UnicodeDecodeError) as error:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise _bad(f"it cannot be read: {error}.", "Give a table in text form.") from None
     delimiter = ";" if text.count(";") > text.count(",") else "\t" if text.count("\t") > text.count(",") else ","
     rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]

@@ -1,4 +1,4 @@
-"""Conversion of a scene's values to SI that notes what it cannot convert instead of stopping at it."""
+"""Conversion of a scene's values to SI, and reading of its files, with notes of what fails instead of a stop at it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from mechcore.errors import Fault
 
+from .folder import SceneFolder
 from .units import KINDS, QuantityError, Units, magnitude
 
 if TYPE_CHECKING:
@@ -32,10 +33,11 @@ class Converter:
     units: Units
     faults: list[Fault] = field(default_factory=list)
     unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in another one
+    folder: SceneFolder = field(default_factory=SceneFolder)
 
     @classmethod
-    def of(cls, units: UnitsDocument) -> Converter:
-        return cls(Units(**units.model_dump()), unknown=units.unread)
+    def of(cls, units: UnitsDocument, folder: SceneFolder) -> Converter:
+        return cls(Units(**units.model_dump()), unknown=units.unread, folder=folder)
 
     def certain(self, kind: str) -> bool:
         """Whether values of this kind can be compared: not where some have their own unit and the scene's is not known."""
@@ -59,6 +61,18 @@ class Converter:
             self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST:g}.", "Check the number and its unit.")
             return math.nan
         return number
+
+    def file(self, name: str, path: str) -> bytes | None:
+        """The content of a file that the scene names; None, and a fault, where it cannot be read."""
+        try:
+            return self.folder.read(name)
+        except (FileNotFoundError, NotADirectoryError, ValueError):  # no path at all raises ValueError
+            why = f"there is no file '{name}' in '{self.folder.path}'."
+            self.note(path, why, "Give its path from the folder of the scene file.")
+        except OSError as error:
+            why = f"'{name}' in '{self.folder.path}' cannot be read: {(error.strerror or str(error)).lower()}."
+            self.note(path, why, "Check the path and its permissions.")
+        return None
 
     def vector(self, value: Sequence[float | str], kind: str, path: str) -> tuple[float, float]:
         return self.si(value[0], kind, f"{path}[0]"), self.si(value[1], kind, f"{path}[1]")

@@ -92,14 +92,11 @@ def _places(points: Sequence[Sequence[float | str]], path: str, convert: Convert
 def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Contour | None:
     from mechcore.cams import contour as shapes
 
-    from .bodies import FOLDER
     from .cam_files import read_dxf, read_points
-    from .catalogue import GALLERY_FOLDER
 
     name = str(profile.file)
-    place = next((p for p in (FOLDER.get() / name, GALLERY_FOLDER / name) if p.is_file()), None)
-    if place is None:
-        convert.note(f"{path}.file", f"there is no file '{name}'.", "Give its path from the folder of the scene file.")
+    data = convert.file(name, f"{path}.file")
+    if data is None:
         return None
     stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
     if stated is not None and not stated >= _FINEST_UNIT:  # NaN is noted already
@@ -107,12 +104,12 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
             convert.note(f"{path}.file_unit", f"{stated:g} m is no unit of a drawing.", 'Give one such as "1 mm".')
         return None
     tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
-    if place.suffix.lower() == ".dxf":
+    if name.lower().endswith(".dxf"):
         if profile.tolerance is not None:
             convert.note(f"{path}.tolerance", "a drawing is taken as it is.", "Leave it out.")
-        z, bulges, unit = read_dxf(place)
+        z, bulges, unit = read_dxf(data)
     else:
-        z, unit = read_points(place)
+        z, unit = read_points(data)
         bulges = None
     scale = stated or unit
     if scale is None:

@@ -56,7 +56,7 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
     before, after = (s.document.model_dump(exclude_unset=True) for s in (opened, scene))
     text = patched(opened.text, before, after)
     try:
-        return text if text is not None and loads(text, scene.name) == scene else None
+        return text if text is not None and loads(text, scene.name, scene.folder) == scene else None
     except SceneError:
         return None
 

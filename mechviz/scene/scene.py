@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+from pydantic import ValidationError
 
 from mechcore.accuracy import Accuracy
 from mechcore.spec import Mechanism
@@ -13,16 +16,18 @@ from mechcore.spec import Mechanism
 from ..files import replacing
 from .accuracies import accuracy_of
 from .assemble import assemble
-from .bodies import FOLDER
+from .bodies import MassDocument
+from .changing import Place, with_values
 from .convert import Converter
 from .document import SceneDocument
 from .faults import SceneError, in_file_order
+from .folder import SceneFolder, copy_files
 from .free_motion import SimulationSpec
 from .reading import find_scene, parse_toml, read_text
-from .validate import read_document
+from .validate import Reading, read_document
 from .writing import toml_text
 
-__all__ = ["Scene", "dump", "json_schema", "load", "loads"]
+__all__ = ["Scene", "assembled", "changed_document", "dump", "json_schema", "load", "loads"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,24 +35,47 @@ class Scene:
     """A mechanism with its drives, loads and effects, as a scene file states it.
 
     Made by ``load``, ``loads``, ``Scene.build`` or a ``SceneBuilder``, never half valid.
-    Two scenes are equal if they say the same; the name, which only tells where a scene came from, does not count.
+    Two scenes are equal if they say the same and name the same files; where a scene came from, its name and folder, does not
+    count.
     """
 
     name: str  # gallery name, or the file's without its ending
     document: SceneDocument = field(repr=False)
     mechanism: Mechanism = field(repr=False)  # SI units and radians
-    text: str = field(
-        repr=False
-    )  # TOML that gives this scene again: the file's own text, with its comments, if it came from a file
+    folder: SceneFolder = field(repr=False)  # where the files that it names are
     simulation: SimulationSpec | None = field(default=None, repr=False)  # where forces decide the motion
+    source: str | None = field(default=None, repr=False)  # the text that it was read from, with its comments
 
     @classmethod
-    def build(cls, *, name: str = "scene", **document: Any) -> Scene:
+    def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: Any) -> Scene:
         """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, pairs={...})``.
 
-        Tuples may stand for lists and numpy numbers for numbers. SceneError reports every fault at once.
+        Tuples may stand for lists and numpy numbers for numbers. ``folder`` is where the files that it names are, by default the
+        working folder. SceneError reports every fault at once.
         """
-        return _scene(_plain(document), name, text=None)
+        return _read(_plain(document), name, SceneFolder.of(folder))
+
+    def changed(self, changes: Mapping[Place, Any], *, name: str | None = None) -> Scene:
+        """The scene with other values at some places of its document, and perhaps another name; None leaves a key out.
+
+        ``scene.changed({("run", "frames"): 720, ("links", "crank", "points", "B", 0): "80 mm"})``. Only what changes is validated
+        anew. SceneError reports every fault at once.
+        """
+        document = changed_document(self.document, changes, self.name, self.folder)
+        return assembled(document, name or self.name, self.folder)
+
+    @cached_property
+    def text(self) -> str:
+        """TOML that gives this scene again: the text that it was read from, or its own in the standard layout."""
+        return self.source or self.to_toml()
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The files that it names, by these names: meshes of masses, profiles of cams."""
+        links, pairs = self.document.links.values(), self.document.pairs.values()
+        names = [link.mass.mesh for link in links if isinstance(link.mass, MassDocument)]
+        names += [pair.profile.file for pair in pairs if pair.profile is not None]
+        return {name: self.folder.read(name) for name in names if name is not None}
 
     @property
     def title(self) -> str:
@@ -70,7 +98,7 @@ class Scene:
     @property
     def accuracy(self) -> Accuracy:
         """How exact the run is to be."""
-        return accuracy_of(self.document.accuracy, Converter.of(self.document.units))
+        return accuracy_of(self.document.accuracy, Converter.of(self.document.units, self.folder))
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -89,7 +117,9 @@ class Scene:
         return mime_bundle(run_scene(self))
 
     def __eq__(self, other: object) -> bool:
-        return self.to_toml() == other.to_toml() if isinstance(other, Scene) else NotImplemented
+        if not isinstance(other, Scene):
+            return NotImplemented
+        return self.to_toml() == other.to_toml() and self.files == other.files
 
     def __hash__(self) -> int:
         return hash(self.to_toml())
@@ -99,25 +129,23 @@ def load(source: str | Path) -> Scene:
     """Read a scene: a name from the gallery, or the path of a TOML file. SceneError reports every fault at once."""
     path = find_scene(source)
     text = read_text(path)
-    token = FOLDER.set(path.parent)
-    try:
-        return _scene(parse_toml(text, path.name), path.stem, text=text, source=path.name)
-    finally:
-        FOLDER.reset(token)
+    return _read(parse_toml(text, path.name), path.stem, SceneFolder.of(path.parent), source=text, file=path.name)
 
 
-def loads(text: str, name: str = "scene") -> Scene:
-    """Read a scene from TOML text."""
-    return _scene(parse_toml(text, name), name, text=text)
+def loads(text: str, name: str = "scene", folder: SceneFolder | Path | str | None = None) -> Scene:
+    """Read a scene from TOML text. ``folder`` is where the files that it names are, by default the working folder."""
+    return _read(parse_toml(text, name), name, SceneFolder.of(folder), source=text)
 
 
-def dump(scene: Scene, path: str | Path, *, keep: bool = False) -> None:
-    """Write a scene as a TOML file; a file that is already there is replaced only by a whole new one.
+def dump(scene: Scene, path: str | Path, *, keep: bool = False) -> list[Path]:
+    """Write a scene as a TOML file, and copy the files that it names beside it where they are not there; gives those copies.
 
-    ``keep``: its ``text`` with the comments, not the standard layout. Raises `OutputError` where it cannot be written.
+    A file that is already there is replaced only by a whole new one. ``keep``: the scene's ``text`` with the comments, not the
+    standard layout. Raises `OutputError` where it cannot be written.
     """
     with replacing(Path(path)) as temporary:
         temporary.write_text(scene.text if keep else scene.to_toml(), encoding="utf-8", newline="\n")
+        return copy_files(scene.files, Path(path).parent)
 
 
 def json_schema() -> dict[str, Any]:
@@ -131,13 +159,33 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def _scene(raw: Mapping[str, Any], name: str, *, text: str | None, source: str | None = None) -> Scene:
-    reading = read_document(raw)
-    mechanism, simulation, faults = assemble(reading, name)
+def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name: str, folder: SceneFolder) -> SceneDocument:
+    """A document with other values at some places, of which only what changes is validated anew. SceneError reports every fault
+    at once."""
+    changes = {place: _plain(value) for place, value in changes.items()}
+    try:
+        made: SceneDocument = with_values(document, changes)
+    except ValidationError:  # the whole is read again, for every fault with its place
+        Scene.build(name=name, folder=folder, **with_values(document.model_dump(exclude_unset=True), changes))
+        raise
+    return made
+
+
+def assembled(document: SceneDocument, name: str, folder: SceneFolder) -> Scene:
+    """The scene of a valid document. SceneError reports every fault at once."""
+    return _assembled(Reading(document, document.model_dump(exclude_unset=True)), name, folder)
+
+
+def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str | None = None, file: str | None = None) -> Scene:
+    """The scene of plain data; ``source`` is the text that they come from, ``file`` its name in messages."""
+    return _assembled(read_document(raw), name, folder, source, file)
+
+
+def _assembled(reading: Reading, name: str, folder: SceneFolder, source: str | None = None, file: str | None = None) -> Scene:
+    mechanism, simulation, faults = assemble(reading, name, folder)
     if mechanism is None:
-        raise SceneError(source or name, in_file_order([*reading.faults, *faults], raw))
-    scene = Scene(name, reading.document, mechanism, text or "", simulation)
-    return scene if text is not None else replace(scene, text=scene.to_toml())
+        raise SceneError(file or name, in_file_order([*reading.faults, *faults], reading.raw))
+    return Scene(name, reading.document, mechanism, folder, simulation, source)
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from ..accuracy.apply import in_use, with_setting, with_target
+from ..accuracy.apply import in_use, setting_changes, target_changes
 from ..accuracy.ladder import Point, ladder, pareto
 from ..accuracy.panel import setting_words
 from ..record.describe import accuracy_words
@@ -112,7 +112,7 @@ class AccuracyTab:
         point = self._named.get(str(self.choice.value))
         if point is not None:
             self._studio.heed_scene()
-            self._studio.change("accuracy", lambda draft: replace(draft, data=with_setting(draft.data, point.options)))
+            self._studio.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
 
     def _wanted(self) -> str:
         """The entry of the wanted error of the present run."""
@@ -127,7 +127,7 @@ class AccuracyTab:
         target = WANTED.get(str(self.wanted.value), self._studio.run.accuracy.target)
         if target != self._studio.run.accuracy.target:
             self._studio.heed_scene()
-            self._studio.change("accuracy", lambda draft: replace(draft, data=with_target(draft.data, target)))
+            self._studio.change("accuracy", lambda draft: draft.changed(target_changes(target)))
 
     def _said(self) -> str:
         return "".join(words.hint(line) for line in accuracy_words(self._studio.run))

@@ -17,8 +17,6 @@ import numpy as np
 
 from ..record import Recording
 from ..run import Run, run_scene
-from ..scene import loads
-from ..scene.bodies import FOLDER
 from .browser import prepare_page
 from .computing import Computing, Stopped
 from .growth import Growth
@@ -86,12 +84,7 @@ class Viewer:
 
         def solve() -> None:
             try:
-                token = FOLDER.set(self._folder)
-                try:
-                    name = str(recording.properties.get("scene", recording.path.stem))
-                    run = run_scene(loads(recording.scene_text, name), frames=int(recording.properties["frames"]) - 1)
-                finally:
-                    FOLDER.reset(token)
+                run = run_scene(recording.scene(), frames=int(recording.properties["frames"]) - 1)
                 self._exchange(run, f"The scene of {recording.path.name}, solved anew.")
             except Exception as error:
                 report(self.server, "Opening the scene", error)
@@ -144,7 +137,6 @@ class Viewer:
             contributed=lambda found: self.inspector.weighed(found),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
-            folder=self._folder,
         )
         self._build(self._studio.show, note, None)
         self._studio.weigh()

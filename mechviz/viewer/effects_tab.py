@@ -32,7 +32,7 @@ class EffectsTab:
                     box = gui.add_checkbox(name, name in studio.run.scene.effects, hint=meaning)
                     box.on_update(callback(f"Switching {name}", partial(self._switch_effect, name)))
                     self.effects[name] = box
-            loads = list(studio.history.present.data.get("loads", {}))
+            loads = list(studio.history.present.document.loads)
             if loads:
                 with gui.add_folder("Loads"):
                     for name in loads:

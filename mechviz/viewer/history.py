@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..scene import Scene
-from .parameters import Path, written
+from ..scene.changing import Place
+from ..scene.document import SceneDocument
+from ..scene.folder import SceneFolder
+from ..scene.scene import assembled, changed_document
 
 __all__ = ["Draft", "History"]
 
@@ -18,43 +21,39 @@ MOST_STEPS = 500
 
 @dataclass(frozen=True)
 class Draft:
-    """A scene being edited: its plain data, and the loads that are switched off, which wait with their values."""
+    """A scene being edited: its document, and the loads that are switched off, which wait with their values."""
 
     name: str
-    data: Mapping[str, Any]
+    document: SceneDocument
+    folder: SceneFolder
     idle: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene) -> Draft:
-        return cls(scene.name, scene.document.model_dump(exclude_unset=True))
+        return cls(scene.name, scene.document, scene.folder)
 
     def scene(self) -> Scene:
-        """The scene that the draft says. Raises `SceneError` where it says none."""
-        return Scene.build(name=self.name, **self.document())
+        """The scene that the draft says, without what is switched off. Raises `SceneError` where it says none."""
+        changes: dict[Place, Any] = {("loads", name): None for name in self.idle}
+        document = changed_document(self.document, changes, self.name, self.folder) if changes else self.document
+        return assembled(document, self.name, self.folder)
 
-    def document(self) -> dict[str, Any]:
-        """The data without what is switched off."""
-        data = dict(self.data)
-        if self.idle:
-            data["loads"] = {name: load for name, load in data.get("loads", {}).items() if name not in self.idle}
-            if not data["loads"]:
-                del data["loads"]
-        return data
+    def changed(self, changes: Mapping[Place, Any]) -> Draft:
+        """The draft with other values at some places. Raises `SceneError`."""
+        return replace(self, document=changed_document(self.document, changes, self.name, self.folder))
 
-    def with_value(self, path: Path, value: Any) -> Draft:
-        """The draft with another value at a place."""
-        return replace(self, data=written(self.data, path, value))
+    def with_value(self, place: Place, value: Any) -> Draft:
+        """The draft with another value at a place. Raises `SceneError`."""
+        return self.changed({place: value})
 
     def with_effect(self, effect: str, on: bool) -> Draft:
         """The draft with an effect named or not; the order of those that are there stays."""
-        named = [e for e in self.data.get("effects", ()) if e != effect] + ([effect] if on else [])
-        return replace(self, data={**self.data, "effects": named})
+        return self.with_named("effects", effect, on)
 
     def with_named(self, key: str, name: str, on: bool) -> Draft:
         """The draft with a name in one of its lists, such as ``plans`` or ``polodes``, or not."""
-        named = [n for n in self.data.get(key, ()) if n != name] + ([name] if on else [])
-        data = {k: v for k, v in self.data.items() if k != key}
-        return replace(self, data={**data, key: named} if named else data)
+        named = [n for n in getattr(self.document, key) if n != name] + ([name] if on else [])
+        return self.changed({(key,): named or None})
 
     def with_load(self, load: str, on: bool) -> Draft:
         """The draft with a load switched on or off."""

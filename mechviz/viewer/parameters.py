@@ -17,14 +17,13 @@ from mechcore.laws import RISES
 
 from ..scene import Scene
 from ..scene.cams import SOLIDS
+from ..scene.changing import Place, value_at
 from ..scene.document import SceneDocument
 from ..scene.fields import Quantity
 from ..scene.tables import Table
 from ..scene.units import KINDS, QuantityError, Units, split, unit_factor
 
-__all__ = ["Choice", "Parameter", "Path", "find_choices", "find_parameters", "read", "written"]
-
-Path = tuple[str | int, ...]
+__all__ = ["Choice", "Parameter", "find_choices", "find_parameters"]
 
 LONGEST_LIST = 4  # longer ones are tables of measured values, which are not edited by sliders
 HIDDEN = {"units", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
@@ -47,7 +46,7 @@ class Parameter:
     multiplied with: a length is shown positive, whichever way its point lies from the origin of its link. ``whole``: an integer.
     """
 
-    path: Path
+    path: Place
     group: str
     label: str
     value: float
@@ -84,7 +83,7 @@ class Parameter:
 class Choice:
     """A value of a scene that is one of a few texts."""
 
-    path: Path
+    path: Place
     group: str
     label: str
     value: str
@@ -99,43 +98,15 @@ class Choice:
 class _Spot:
     """A scalar of the document with what its type says."""
 
-    path: Path
+    path: Place
     value: Any
     quantity: Quantity | None
     options: tuple[str, ...] = ()
 
 
-def key_of(path: Path) -> str:
+def key_of(path: Place) -> str:
     """A place in the document as a text."""
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).lstrip(".")
-
-
-def read(data: Mapping[str, Any], path: Path) -> Any:
-    """The value at a place of plain data; KeyError where there is none."""
-    value: Any = data
-    for part in path:
-        value = value[part]
-    return value
-
-
-def written(data: Any, path: Path, value: Any) -> Any:
-    """Plain data with another value at a place; only the tables and lists on the way are new.
-
-    A list of the scene that is not there, such as gravity, is the default one with one value changed.
-    """
-    if not path:
-        return value
-    first, rest = path[0], path[1:]
-    if isinstance(first, int):
-        items = list(data)
-        items[first] = written(items[first], rest, value)
-        return items
-    table = dict(data or {})
-    inner = table.get(first)
-    if inner is None and rest and isinstance(rest[0], int):
-        inner = SceneDocument.model_fields[first].default
-    table[first] = written(inner, rest, value)
-    return table
 
 
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
@@ -163,7 +134,7 @@ def _spots(document: SceneDocument) -> Iterator[_Spot]:
         yield from _walk(field.annotation, tuple(field.metadata), document.gravity, ("gravity",))
 
 
-def _walk(annotation: Any, metadata: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Spot]:
+def _walk(annotation: Any, metadata: tuple[Any, ...], value: Any, path: Place) -> Iterator[_Spot]:
     if path and path[-1] in HIDDEN:
         return
     if isinstance(value, Table):
@@ -255,7 +226,7 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
     return Parameter(path, _group(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
 
 
-def _of_point(document: SceneDocument, path: Path) -> tuple[bool, bool]:
+def _of_point(document: SceneDocument, path: Place) -> tuple[bool, bool]:
     """Whether a coordinate of a link's point is left out, and whether it is shown as the point's distance from the first one.
 
     A link is moved as a whole by its origin, which changes nothing but the names of its coordinates: of a link whose first point
@@ -290,7 +261,7 @@ def _kind_of_unit(quantity: Quantity, unit: str) -> str:
     return quantity.kinds[0]
 
 
-def _kind_here(document: SceneDocument, path: Path, quantity: Quantity) -> str:
+def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
     """Which of the kinds of a quantity a bare number has, by the pair or load where it stands."""
     if len(quantity.kinds) == 1:
         return quantity.kinds[0]
@@ -329,7 +300,7 @@ def _pretty(unit: str) -> str:
 
 
 # -- ranges -----------------------------------------------------------------------------------------------------------
-def _range(document: SceneDocument, path: Path, value: float, kind: str, least: str) -> tuple[float, float]:
+def _range(document: SceneDocument, path: Place, value: float, kind: str, least: str) -> tuple[float, float]:
     """A range around a value in which something can be seen: wide enough to break the mechanism, not so wide that all else is
     crammed into a corner of the slider."""
     size = abs(value)
@@ -348,17 +319,15 @@ def _range(document: SceneDocument, path: Path, value: float, kind: str, least: 
     return _round_out(-2.5 * size, 2.5 * size)
 
 
-def _plane_cam(document: SceneDocument, path: Path) -> bool:
+def _plane_cam(document: SceneDocument, path: Place) -> bool:
     """Whether a value in the profile of a cam belongs to one that turns in the plane."""
     profile: Any = getattr(document.pairs[str(path[1])], "profile", None)
     return all(getattr(profile, kind, None) is None for kind in SOLIDS)
 
 
-def _turn(document: SceneDocument, path: Path) -> float:
+def _turn(document: SceneDocument, path: Place) -> float:
     """Half a turn in the unit of an angle in the document."""
-    value: Any = document
-    for part in path:
-        value = getattr(value, str(part)) if isinstance(value, Table) else value[part]
+    value = value_at(document, path)
     unit = split(value)[1] if isinstance(value, str) else document.units.angle
     try:
         return math.pi / float(unit_factor(unit, "angle"))
@@ -366,7 +335,7 @@ def _turn(document: SceneDocument, path: Path) -> float:
         return 180.0
 
 
-def _link_size(document: SceneDocument, path: Path) -> float:
+def _link_size(document: SceneDocument, path: Place) -> float:
     """The largest coordinate of a link's points, as a bare number of the scene where that can be said."""
     units = Units(**document.units.model_dump())
     links = [document.links[str(path[1])]] if path[0] == "links" else list(document.links.values())
@@ -413,7 +382,7 @@ def _round_out(low: float, high: float) -> tuple[float, float]:
 
 
 # -- names ------------------------------------------------------------------------------------------------------------
-def _group(path: Path) -> str:
+def _group(path: Place) -> str:
     first, keys = path[0], set(path)
     if first == "sketch" or (first == "links" and path[2] == "points"):
         return "Lengths"
@@ -432,7 +401,7 @@ def _group(path: Path) -> str:
     return "Other"
 
 
-def _label(path: Path) -> str:
+def _label(path: Place) -> str:
     """What a value is called: the item and the key, without the words that the group says already."""
     parts = [str(p) for p in path if not isinstance(p, int)]
     axis = ("x", "y")

@@ -13,7 +13,6 @@ import viser
 
 from ..run import Run
 from ..scene import Scene, dump, loads
-from ..scene.bodies import FOLDER
 from ..scene.keeping import kept_text
 from .callbacks import Callback
 
@@ -30,17 +29,13 @@ def file_name(text: str, ending: str, otherwise: str) -> str:
     return (stem or otherwise) + ending
 
 
-def saved_scene(opened: Scene, scene: Scene, folder: Path) -> tuple[Scene, bool]:
+def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
     """An edited scene with the text that is saved, and whether that is the text of ``opened`` with other values. It has been read
     back: what is saved is a scene."""
-    token = FOLDER.set(folder)
-    try:
-        text = kept_text(opened, scene)
-        if text is None:
-            loads(scene.to_toml(), scene.name)
-        return dataclasses.replace(scene, text=text or scene.to_toml()), text is not None
-    finally:
-        FOLDER.reset(token)
+    text = kept_text(opened, scene)
+    if text is None:
+        loads(scene.to_toml(), scene.name, scene.folder)
+    return dataclasses.replace(scene, source=text), text is not None
 
 
 class Saver:
@@ -75,10 +70,11 @@ class Saver:
                 replace.visible = True
                 return
             dialog.close()
-            scene, kept = saved_scene(self._opened, run.scene, self._folder)
+            scene, kept = saved_scene(self._opened, run.scene)
             if what == "Scene":
-                dump(scene, target, keep=True)
+                copies = [path.name for path in dump(scene, target, keep=True)]
                 words = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
+                words += f" Copied beside it: {', '.join(copies)}." if copies else ""
                 client.add_notification("Scene saved", words, color="green", auto_close_seconds=8.0)
             else:
                 self.last = threading.Thread(

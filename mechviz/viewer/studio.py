@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from mechcore.errors import MechanismError
 from mechcore.spec import EFFECTS
 
 from ..run import Run, run_scene
-from ..scene.bodies import FOLDER
 from .history import Draft, History
 from .limits import assembles, reachable
 from .parameters import Parameter, find_parameters
@@ -78,10 +76,8 @@ class Studio:
         contributed: Callable[[tuple[Contribution, ...]], None],
         settled: Callable[[], None],
         failed: Callable[[Exception], None],
-        folder: FilePath | None = None,
     ):
         self._present, self._told, self._contributed, self._settled = present, told, contributed, settled
-        self._folder = folder
         self._lock = threading.RLock()
         self._pending: dict[str, Change | _Value | str] = {}
         self.history = History(Draft.of(run.scene))
@@ -152,7 +148,6 @@ class Studio:
         with self._lock:
             pending, self._pending = self._pending, {}
         start = time.perf_counter()
-        token = FOLDER.set(self._folder) if self._folder is not None else None
         draft, moved, remembered = self.history.present, None, True
         try:
             for what in pending.values():
@@ -176,9 +171,6 @@ class Studio:
             self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
                 self._find_reach(moved, _words(error))
-        finally:
-            if token is not None:
-                FOLDER.reset(token)
 
     def _find_reach(self, moved: _Value, fault: str) -> None:
         """Say how far a value can be moved, unless something newer is to be done."""
@@ -224,7 +216,7 @@ class Studio:
         spent = sum(stage.seconds for stage in run.stages)
         quick = spent < QUICK or self._patient
         self._patient = False
-        loads = list(draft.data.get("loads", {}))
+        loads = list(draft.document.loads)
         named = set(run.scene.effects)
         found = []
         items = [(e, e in named, draft.with_effect(e, e not in named)) for e in EFFECTS]
@@ -238,15 +230,10 @@ class Studio:
             why = ""
             if quick:
                 try:
-                    token = FOLDER.set(self._folder) if self._folder is not None else None
-                    try:
-                        scene = other.scene()
-                        peak = _peak(run_scene(scene))
-                        cost = _cost(scene)
-                        seconds = before - cost if on else cost - before
-                    finally:
-                        if token is not None:
-                            FOLDER.reset(token)
+                    scene = other.scene()
+                    peak = _peak(run_scene(scene))
+                    cost = _cost(scene)
+                    seconds = before - cost if on else cost - before
                 except (MechanismError, ValueError) as error:
                     why = _words(error)  # without it there is no such mechanism, or friction has no coefficient to act with
             found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))

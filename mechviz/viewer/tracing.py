@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from mechcore.errors import Fault
 
 from ..scene import SceneError
+from ..scene.changing import Place
 from ..scene.units import Units
 from .history import Draft
 from .show import Show
@@ -38,10 +40,9 @@ def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Dr
     spec = {s.name: s for s in scene.mechanism.links}[link]
     x, y, near = spot
     name = next((n for n, (px, py) in spec.points.items() if np.hypot(px - x, py - y) < near), "")
-    data = dict(draft.data)
+    changes: dict[Place, Any] = {}
     if not name:
-        points = data["links"][link]["points"]
-        if not isinstance(points, dict):
+        if not isinstance(scene.document.links[link].points, dict):
             raise SceneError(
                 scene.name,
                 Fault(f"links.{link}.points", "the sketch places the points of this link.", "Click on one of its named points."),
@@ -49,10 +50,9 @@ def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Dr
         taken = {n for s in scene.mechanism.links for n in s.points}
         name = next(f"T{k}" for k in range(1, 10_000) if f"T{k}" not in taken)
         per = float(Units(**scene.document.units.model_dump()).factor("length"))
-        entry = {**data["links"][link], "points": {**points, name: [float(f"{x / per:.4g}"), float(f"{y / per:.4g}")]}}
-        data["links"] = {**data["links"], link: entry}
+        changes["links", link, "points", name] = [float(f"{x / per:.4g}"), float(f"{y / per:.4g}")]
     traced = f"{link}.{name}"
-    known = [*data.get("trace", ())]
+    known = scene.document.trace
     mine = [t for t in known if t in (traced, name)]
-    data["trace"] = [t for t in known if t not in mine] if mine else [*known, traced]
-    return Draft(draft.name, data, draft.idle)
+    changes["trace",] = [t for t in known if t not in mine] if mine else [*known, traced]
+    return draft.changed(changes)

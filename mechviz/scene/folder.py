@@ -1,0 +1,76 @@
+"""The folder of a scene: where the files that it names are found, and what they held when they were read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..files import OutputError, check_target, replacing
+
+__all__ = ["SceneFolder", "copy_files"]
+
+
+def _working_folder() -> Path:
+    with suppress(OSError):  # it may be gone
+        return Path.cwd()
+    return Path()
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFolder:
+    """Where the paths of files in a scene start, and the files that were read so far.
+
+    It travels with the scene. A file is read once: whatever is made of the scene later (other values or frames, a recording) uses
+    the same bytes. A recording brings the files of its scene along.
+    """
+
+    path: Path = field(default_factory=_working_folder)
+    contents: dict[str, bytes] = field(default_factory=dict, repr=False)  # by the names in the scene
+
+    @classmethod
+    def of(cls, given: SceneFolder | Path | str | None) -> SceneFolder:
+        """A folder, from its path; without one the working folder."""
+        if isinstance(given, SceneFolder):
+            return given
+        return cls() if given is None else cls(_working_folder() / given)
+
+    def read(self, name: str) -> bytes:
+        """The content of a file by its name in the scene. Raises `OSError`, or `ValueError` where that is no path."""
+        if name not in self.contents:
+            self.contents[name] = (self.path / name).read_bytes()
+        return self.contents[name]
+
+
+def copy_files(files: Mapping[str, bytes], folder: Path) -> list[Path]:
+    """Puts the files that a scene names where a scene in ``folder`` finds them; gives those that were written.
+
+    Raises `OutputError`, before anything is written, where another file has the place, or the place is not below the folder.
+    """
+    missing: dict[Path, bytes] = {}
+    for name, data in files.items():
+        place = folder / name
+        try:
+            if place.read_bytes() == data:
+                continue
+            raise OutputError(
+                f"'{place}' is another file than the '{name}' that the scene has read; it may have changed since.",
+                "Save the scene into another folder.",
+            )
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise OutputError(f"'{place}' cannot be read: {(error.strerror or str(error)).lower()}.", "Save elsewhere.") from None
+        if not place.resolve().is_relative_to(folder.resolve()):
+            why = f"the scene names '{name}', which from there is '{place}' and does not exist."
+            raise OutputError(f"A scene in '{folder}' would not find its files: {why}", "Copy that file to its place first.")
+        missing[place] = data
+    for place in missing:
+        with suppress(OSError):
+            place.parent.mkdir(parents=True, exist_ok=True)
+        check_target(place)
+    for place, data in missing.items():
+        with replacing(place) as temporary:
+            temporary.write_bytes(data)
+    return list(missing)
