@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import tomllib
 
+import numpy as np
 import pytest
 
 import mechviz
 from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.spec import Damper, Drag, Force, GasPressure, GasSpring, Spring, Torque, TorsionDamper, TorsionSpring, Viscous
+from mechviz.export import wide_table
+from mechviz.run import run_scene
 
 BASE = """
 units = { length = "mm", angle = "deg" }
@@ -177,3 +180,48 @@ def test_faults_of_loads(line, path, message, remedy):
     assert first is not None, error.value
     assert message in first.message and remedy in first.remedy, first
     assert len(error.value.faults) == 1, error.value
+
+
+OFFSET_ENGINE = """
+units = { length = "mm", angle = "deg" }
+run = { frames = 1440, cycles = 2 }
+[links]
+frame  = { points = { O = [0, 0], G = [0, OFFSET] } }
+crank  = { points = { O = [0, 0], B = [40, 0] } }
+rod    = { points = { B = [0, 0], C = [150, 0] } }
+piston = { points = { C = [0, 0] } }
+[pairs]
+O = { revolute = ["frame", "crank"], drive = { speed = "SPEED rpm", start = START } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["G", "C"], along = [1, 0], branch = "ahead" }
+[loads]
+g = { gas = "S", bore = 80, top = TOP, stroke = STROKE, four_stroke = { ratio = 9, rise = 3.2, exponent = 1.33 }, fires = FIRES }
+"""
+
+
+@pytest.mark.parametrize("start", [0.0, 200.0, 400.0])
+@pytest.mark.parametrize("speed", [3000.0, -3000.0])
+@pytest.mark.parametrize("offset", [8.0, -8.0, 60.0])
+def test_strokes_change_where_the_piston_turns(offset, speed, start):
+    """Off the crank's axis the dead centres are not half a turn apart: every stroke has its own pressure up to where it ends."""
+    r, rod, e = 40.0, 150.0, offset
+    top, bottom = math.sqrt((rod + r) ** 2 - e**2), math.sqrt((rod - r) ** 2 - e**2)
+    fires = math.degrees(math.asin(e / (rod + r)))
+    opens = math.degrees(math.asin(e / (rod - r))) + 180.0  # where the crank is at bottom dead centre
+    values = {"OFFSET": e, "SPEED": speed, "START": start, "TOP": top, "STROKE": top - bottom, "FIRES": fires}
+    text = OFFSET_ENGINE
+    for key, value in values.items():
+        text = text.replace(key, repr(value))
+    run = run_scene(mechviz.loads(text))
+    angle = np.degrees(run.motion.coordinate("O")[:, 0])
+    x = top - (r * np.cos(np.radians(angle)) + np.sqrt(rod**2 - (e - r * np.sin(np.radians(angle))) ** 2))
+    v = 1.0 + 8.0 * x / (top - bottom)
+    turn = np.mod(angle - fires, 720.0) if speed > 0 else np.mod(fires - angle, 720.0)
+    ends = opens - fires if speed > 0 else fires - opens + 360.0  # where the expansion does
+    squeezed, p0 = 101325.0 * (9.0 / v) ** 1.33, 101325.0
+    expected = np.where(turn < ends, 3.2 * 101325.0 * 9.0**1.33 * v**-1.33, np.where(turn < 360.0 + ends, p0, squeezed))
+    edges = (0.0, ends, 360.0, 360.0 + ends)
+    clear = np.min([np.abs(np.mod(turn - edge + 360.0, 720.0) - 360.0) for edge in edges], axis=0) > 1e-6
+    force, area = wide_table(run)["g.load.Fx [N]"], 0.25 * math.pi * 0.08**2
+    np.testing.assert_allclose(force[clear], -(expected - p0)[clear] * area, rtol=1e-9, atol=1e-6)

@@ -50,10 +50,11 @@ class CylinderGas(Effect):
         outward = np.asarray(speed <= 0.0 if load.head == "ahead" else speed >= 0.0)
         firing = np.ones(np.shape(outward), bool)
         if load.cycle.strokes == 4:
-            # the change of halves is put where it does no harm: at bottom dead centre, a turn away from where the gas fires
+            # the piston says where a stroke ends, the crank only which turn it is: counted from a quarter of a turn before the
+            # top dead centre in strokes that lead away from it, and up to a quarter of a turn behind it in those that lead to it
             pair = load.drive if load.drive is not None else at.model.mechanism.drives[0].pair
-            turned = np.mod(coordinate(at, pair) - load.fires + np.pi, 4.0 * np.pi)
-            firing = turned < 2.0 * np.pi
+            turned = (coordinate(at, pair) - load.fires) * np.where(rate(at, pair) < 0.0, -1.0, 1.0)
+            firing = np.mod(turned + np.where(outward, 0.5 * np.pi, 1.5 * np.pi), 4.0 * np.pi) < 2.0 * np.pi
         return x, outward, firing
 
     def pressure(self, at: Configuration) -> Array:
