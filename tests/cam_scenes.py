@@ -19,7 +19,7 @@ def text_of(name: str) -> str:
 
 def solved(text: str, frames: int = 360) -> tuple[Motion, Forces]:
     """Motion and forces of a scene over one cycle."""
-    mechanism = mechviz.loads(text).mechanism
+    mechanism = mechviz.loads(text, folder=GALLERY_FOLDER).mechanism
     motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism, frames, 1))
     return motion, solve_forces(motion)
 
@@ -33,7 +33,7 @@ def changed(text: str, old: str, new: str) -> str:
 def refused(text: str, words: Sequence[str]) -> None:
     """A scene is refused where it is read or put together, and all the words are said."""
     with pytest.raises(MechanismError) as error:
-        compile_mechanism(mechviz.loads(text).mechanism)
+        compile_mechanism(mechviz.loads(text, folder=GALLERY_FOLDER).mechanism)
     said = " ".join(str(error.value).split())
     for word in words:
         assert word in said, said

@@ -93,7 +93,7 @@ def test_all_rollers_fit_between_the_ribs(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_read_as_they_were_written(name):
     scene = mechviz.load(name)
-    again = mechviz.loads(scene.to_toml(), scene.name)
+    again = mechviz.loads(scene.to_toml(), scene.name, scene.folder)
     assert again == scene and again.to_toml() == scene.to_toml()
     assert again.mechanism.pairs[-1].spatial == scene.mechanism.pairs[-1].spatial and scene.mechanism.pairs[-1].spatial.rollers
 

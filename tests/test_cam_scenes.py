@@ -41,7 +41,7 @@ def written(name: str) -> str:
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_read_as_they_were_written(name):
     scene = mechviz.load(name)
-    again = mechviz.loads(scene.to_toml(), scene.name)
+    again = mechviz.loads(scene.to_toml(), scene.name, scene.folder)
     assert again == scene and again.to_toml() == scene.to_toml()
     assert repr(again.mechanism.pairs[-1].face) == repr(scene.mechanism.pairs[-1].face)
 
