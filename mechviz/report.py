@@ -17,7 +17,7 @@ from mechcore.leastnorm import indeterminate
 from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
-from mechcore.spec import CamPair, Cylinder
+from mechcore.spec import CamPair, Cylinder, Planar
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
         moving = [p for p in free if p not in made_pairs(scene.mechanism)]
         moved = [f"the motion of {', '.join(moving)}"] if moving else []
+        moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.pairs if isinstance(p, Planar)]
         moved += [f"the motion of the journal of {pair} in its bearing" for pair in loose]
         duration, turns = scene.simulation.duration, scene.simulation.steady
         span = f"{duration:g} s" if duration == duration else "one cycle"
@@ -184,7 +185,7 @@ def _reach(compiled: Compiled) -> list[str]:
     factor, unit = (180.0 / np.pi, "°") if rotary else (1e3, " mm")
     ranges = reachable_ranges(compiled)
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
-    if isinstance(next(pair for pair in compiled.mechanism.pairs if pair.name == drive.pair), Cylinder):
+    if any(isinstance(pair, Cylinder) and pair.name == drive.pair for pair in compiled.mechanism.pairs):
         ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
     spans = [f"{_plain(a * factor)}{unit} to {_plain(b * factor)}{unit}" for a, b in ranges]
     what = "free" if isinstance(drive.law, Free) else "drive"

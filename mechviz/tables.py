@@ -70,6 +70,7 @@ def joints_of(motion: Motion) -> list[JointInfo]:
     model = motion.model
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
+    made = made_pairs(model.mechanism)
     found = [
         JointInfo(
             j.name,
@@ -78,14 +79,14 @@ def joints_of(motion: Motion) -> list[JointInfo]:
             "m" if j.coordinate == "slide" else "rad",
         )
         for j in model.joints
-        if not journals or j.name not in made_pairs(model.mechanism)
+        if j.name not in made
     ]
     known = {j.name for j in found}
     return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
 
 
 def links_of(motion: Motion) -> list[str]:
-    """All links, the frame first, those that a pair brings along among them; without the journals of pairs with clearance."""
+    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar pairs."""
     made = made_pairs(motion.model.mechanism)
     return [name for name in motion.model.links if name not in made]
 

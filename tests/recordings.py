@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import mechviz
 from mechcore import default_times, solve_motion
-from mechcore.clearance import without_clearances
+from mechcore.clearance import as_drawn
 from mechcore.spec import Mechanism
 from mechviz.meshes import Solids
 from mechviz.record import Recording, RecordingSummary, write_recording
@@ -41,7 +41,7 @@ class Made:
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism as the scene in the file describes it; pairs with clearance are drawn as ideal ones."""
-        return without_clearances(self.recording.scene().mechanism)
+        return as_drawn(self.recording.scene().mechanism)
 
     def data(self, *parts: str) -> NDArray[np.float64]:
         """Values (F, n) under /data."""

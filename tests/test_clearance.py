@@ -12,7 +12,7 @@ from scipy.special import gamma
 import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.cams.happenings import contact_force, placed_cams
-from mechcore.clearance import Clearance, journals_of, with_clearances, without_clearances
+from mechcore.clearance import Clearance, as_drawn, journals_of, with_clearances
 from mechcore.dynamics import Free, simulate
 from mechcore.effects import journal
 from mechcore.effects.journal import loss_factor
@@ -147,14 +147,14 @@ def test_what_has_no_clearance_costs_nothing(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(journal.JournalPressure, "__init__", never)
     monkeypatch.setattr(journal.JournalFriction, "__init__", never)
     ideal = crank()
-    assert with_clearances(ideal, {}) is ideal and without_clearances(ideal) is ideal and not journals_of(ideal)
+    assert with_clearances(ideal, {}) is ideal and as_drawn(ideal) is ideal and not journals_of(ideal)
     simulate(mechviz.load("swinging-double-pendulum").mechanism, 0.1, tolerance=1e-4)
 
 
 def test_it_is_taken_out_again():
     ideal = crank()
     made = with_clearances(ideal, {"B": Clearance(radial=1e-4, stiffness=1e7, friction=0.1, radius=0.01)})
-    assert without_clearances(made) == ideal
+    assert as_drawn(made) == ideal
     assert len(made.links) == len(ideal.links) + 2 and len(made.loads) == 2
     with pytest.raises(MechanismError, match="clearance is for revolute pairs"):
         with_clearances(ideal, {"guide": Clearance(radial=1e-4, stiffness=1e7)})

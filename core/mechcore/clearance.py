@@ -14,9 +14,9 @@ from typing import Any
 from .errors import Fault, MechanismError
 from .laws.free import Free
 from .loads import JournalContact, JournalLoss
-from .spec import Drive, Link, Mechanism, Pair, Prismatic, Revolute
+from .spec import Drive, Link, Mechanism, Pair, Planar, Prismatic, Revolute
 
-__all__ = ["Clearance", "journals_of", "made_pairs", "with_clearances", "without_clearances"]
+__all__ = ["Clearance", "as_drawn", "journals_of", "made_pairs", "with_clearances"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,12 +97,15 @@ def journals_of(mechanism: Mechanism) -> dict[str, JournalContact]:
 
 
 def made_pairs(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the links, and of the sliding pairs, that stand for clearance."""
-    return frozenset(name for pair in journals_of(mechanism) for name in made_names(pair))
+    """Names of the links and joints that stand for clearance or make up planar pairs: they are neither drawn nor recorded."""
+    journals = [name for pair in journals_of(mechanism) for name in made_names(pair)]
+    return frozenset(journals).union(*(p.coordinates for p in mechanism.pairs if isinstance(p, Planar)))
 
 
-def without_clearances(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with ideal revolute pairs instead, as it is drawn; itself where none has clearance."""
+def as_drawn(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with ideal revolute pairs instead of clearance and without planar pairs, which hold nothing."""
+    if any(isinstance(p, Planar) for p in mechanism.pairs):
+        mechanism = replace(mechanism, pairs=tuple(p for p in mechanism.pairs if not isinstance(p, Planar)))
     journals = journals_of(mechanism)
     if not journals:
         return mechanism

@@ -8,7 +8,7 @@ from .errors import Fault, MechanismError
 from .graph import Angles
 from .load_checks import load_faults
 from .pairs import Joint
-from .spec import Mechanism
+from .spec import Mechanism, coordinates_of
 
 __all__ = ["check_items", "check_lengths", "check_spare_angles"]
 
@@ -32,7 +32,7 @@ def check_items(m: Mechanism) -> None:
                 faults.append(Fault(f"pairs.{p.name}", f"link '{link}' has no point '{point}'."))
         if p.links[0] == p.links[1]:
             faults.append(Fault(f"pairs.{p.name}", "joins a link to itself."))
-    pairs = {p.name for p in m.pairs}
+    pairs = {name for p in m.pairs for name in coordinates_of(p)}
     faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
     if len({d.pair for d in m.drives}) != len(m.drives):
         faults.append(Fault("drives", "a pair has two drives."))

@@ -66,6 +66,7 @@ __all__ = [
     "Mechanism",
     "Pair",
     "PinSlot",
+    "Planar",
     "Polynomial",
     "Prismatic",
     "Rack",
@@ -83,6 +84,7 @@ __all__ = [
     "Viscous",
     "Weld",
     "braked",
+    "coordinates_of",
     "friction_of",
 ]
 
@@ -277,6 +279,33 @@ class Cylinder:
     friction: Friction | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Planar:
+    """A planar pair: the second link moves freely in the plane of the first; nothing is transmitted.
+
+    Its coordinates ``<name>.x``, ``<name>.y`` [m] are the place of the second link's ``point`` (none: its frame's origin) in the
+    first link's frame, ``<name>`` [rad] the angle of the second link's frame minus that of the first's. Each needs a drive or is
+    free. Compiled to two links without mass of the first two names between three joints of all three names.
+    """
+
+    name: str
+    links: tuple[str, str]
+    point: str | None = None
+
+    @property
+    def points(self) -> tuple[None, str | None]:
+        return None, self.point
+
+    @property
+    def made(self) -> tuple[str, str]:
+        """The links that it brings along."""
+        return f"{self.name}.x", f"{self.name}.y"
+
+    @property
+    def coordinates(self) -> tuple[str, str, str]:
+        return *self.made, self.name
+
+
 @dataclass(frozen=True)
 class SpatialBlank:
     """What a spatial cam is cut from: ``radius`` of its cylinder (of a globoid none), ``depth`` of the groove, height of the rib or
@@ -355,7 +384,12 @@ class CamPair:
     drawn: CamDrawn | None = None
 
 
-Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | CamPair
+Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Planar | CamPair
+
+
+def coordinates_of(pair: Pair) -> tuple[str, ...]:
+    """The names by which drives know a pair's coordinates: its own, of a planar pair three."""
+    return pair.coordinates if isinstance(pair, Planar) else (pair.name,)
 
 
 def friction_of(pair: Pair) -> Friction | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechcore.between import between
 
-from ..tables import joints_of
+from ..tables import joints_of, links_of
 
 __all__ = ["KINDS", "Quantity", "errors_between", "quantities", "stands_still", "worst_by_kind"]
 
@@ -45,8 +45,9 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
     """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
-    of peaks. Rates of a mechanism that stands still are rounding, and so is their peak: they are relative to one that goes as
-    far as it is large in the time of the run.
+    of peaks. Accelerations that are rounding beside the squares of velocities are relative to these. Rates of a mechanism that
+    stands still are rounding, and so is their peak: they are relative to one that goes that far in the
+    time of the run.
     """
     found = [*_kinematics(motion), *_points(motion)]
     if forces is not None:
@@ -56,7 +57,7 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
 
 def _kinematics(motion: Any) -> Iterator[Quantity]:
     size = motion.model.size
-    moving = motion.model.links[1:]
+    moving = links_of(motion)[1:]
     rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
     pace = 1.0 / float(motion.time[-1] - motion.time[0]) if stands_still(motion) else 0.0
     for what, part in (("place", slice(0, 2)), ("angle", slice(2, 3))):
@@ -68,7 +69,7 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
             if peaks[0]:
                 yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak([v]), LEAST * peaks[0], unit * pace), a)
             if peaks[1]:
-                scale = max(_peak([a]), LEAST * peaks[1], unit * pace * pace)
+                scale = max(_peak([a]), LEAST * peaks[1], LEAST * peaks[0] ** 2 / unit, unit * pace * pace)
                 yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
 
 

@@ -236,9 +236,10 @@ def _gaps(run: Run) -> list[Output]:
 
 def reaction_outputs(run: Run) -> list[Output]:
     """Magnitudes of the joint reactions, no more in one plot than its legend has room for."""
-    if run.forces is None:
+    names = [j.name for j in joints_of(run.motion)]
+    if run.forces is None or not names:
         return []
-    names, sizes = [j.name for j in joints_of(run.motion)], _reactions(run)
+    sizes = _reactions(run)
     parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
     return [
         Output(

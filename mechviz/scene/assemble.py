@@ -8,7 +8,7 @@ from mechcore.errors import Fault
 from mechcore.laws import Law
 from mechcore.laws.free import Free
 from mechcore.reduction import Body
-from mechcore.spec import Drive, Link, Mechanism, friction_of
+from mechcore.spec import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 
 from .accuracies import accuracy_faults
 from .clearances import clearances_of
@@ -17,13 +17,13 @@ from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
 from .drives import law_of
 from .folder import SceneFolder
-from .free_motion import SimulationSpec, free_law, simulation_faults, simulation_spec
+from .free_motion import SimulationSpec, free_law, planar_starts, simulation_faults, simulation_spec
 from .frictions import idle_effect
 from .load_references import check_loads, split_point
 from .load_specs import load_spec
 from .masses import links_that_cannot_turn, mass_properties
 from .meant import likely_sort, links_as_meant, points_as_meant, touched_links
-from .pair_specs import drawn_angle, modes_of, pair_spec
+from .pair_specs import drawn_angle, drawn_place, modes_of, pair_spec
 from .pairs import KINDS, PairDocument
 from .placement import place_links
 from .references import check_joining, check_link_names, check_references, check_trace, resolve_trace
@@ -53,7 +53,7 @@ def assemble(
     faults += check_couplings(reading)
     touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.pairs | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
-    joined = {key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.pairs[key].joins}
+    joined = {key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.pairs[key].connects}
     faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
     document = reading.document
     convert = Converter.of(document.units, folder)
@@ -99,7 +99,10 @@ def assemble(
             masters[key] = law
     starts: dict[str, Free] = {}
     for key, pair in moved.items():
-        if pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
+        if pair.free is not None and pair.kinds == ["planar"]:
+            names, drawn_at = Planar(name=key, links=pair.links).coordinates, drawn_place(pair, placement)
+            starts |= planar_starts(pair.free, names, convert, f"pairs.{key}.free", drawn=drawn_at)
+        elif pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
             sort, path = KINDS[pair.kind].driven, f"pairs.{key}.free"
             drawn = drawn_angle(pair, placement) if sort == "angle" else 0.0
             start = free_law(pair.free, sort or likely_sort(pair.free), convert, path, drawn=drawn)
@@ -107,7 +110,7 @@ def assemble(
                 _check_length(pair, start, convert, path)
                 starts[key] = start
     led = {**laws, **starts}
-    drives = [Drive(pair=key, law=led[key]) for key in moved if key in led]
+    drives = [Drive(pair=name, law=led[name]) for pair in pairs for name in coordinates_of(pair) if name in led]
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)

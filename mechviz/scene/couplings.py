@@ -85,7 +85,7 @@ def check_couplings(reading: Reading) -> Iterator[Fault]:
             yield from _rack(reading, f"pairs.{name}", pair)
         elif pair.kind == "cam":
             yield from check_cam(reading, f"pairs.{name}", pair)
-        elif pair.kind == "cylinder":
+        elif pair.kind in ("cylinder", "planar"):
             yield from _own_names(reading, name)
 
 
@@ -168,17 +168,16 @@ def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
 
 
 def _own_names(reading: Reading, name: str) -> Iterator[Fault]:
-    """A cylinder brings two links and two pins along, whose names must be free."""
-    for section, parts, taken in (
-        ("links", ("barrel", "rod"), _links(reading)),
-        ("pairs", ("base", "eye"), list(reading.document.pairs)),
-    ):
+    """Cylinders and planar pairs bring links and joints along, whose names must be free."""
+    kind = reading.document.pairs[name].kind
+    links, joints = (("barrel", "rod"), ("base", "eye")) if kind == "cylinder" else (("x", "y"), ("x", "y"))
+    for section, parts, taken in (("links", links, _links(reading)), ("pairs", joints, list(reading.document.pairs))):
         for part in parts:
             if f"{name}.{part}" in taken:
                 yield Fault(
                     f"{section}.{name}.{part}",
-                    f"the cylinder '{name}' brings along a part of this name.",
-                    f"Rename the {section[:-1]} or the cylinder.",
+                    f"the {kind} '{name}' brings along a part of this name.",
+                    f"Rename the {section[:-1]} or the {kind}.",
                 )
 
 

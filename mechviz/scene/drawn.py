@@ -6,6 +6,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from mechcore import compile_mechanism, default_times, solve_motion
+from mechcore.clearance import as_drawn
 from mechcore.errors import MechanismError
 from mechcore.laws.free import Free
 from mechcore.reduction import Body, area_of, combine
@@ -38,7 +39,8 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Bod
         poses = None
     from ..meshes.drawn import drawn_outlines  # meshes are made by few scenes only
 
-    return {name: combine(_body(p) for p in outlines) for name, outlines in drawn_outlines(mechanism, poses, links).items()}
+    found = drawn_outlines(as_drawn(mechanism), poses, links)
+    return {name: combine(_body(p) for p in outlines) for name, outlines in found.items()}
 
 
 def _body(outline: Polygon) -> Body:

@@ -12,7 +12,7 @@ from pydantic import PlainValidator, WithJsonSchema, model_validator
 from mechcore.errors import Fault
 
 from .clearances import clearance_faults
-from .fields import Coordinate, Flag, Name, Quantity, Rate, Text, describe, fault
+from .fields import Angle, AngularSpeed, Coordinate, Flag, Length, Name, Quantity, Rate, Speed, Text, describe, fault
 from .tables import Table, Unknown, refuse
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ __all__ = [
     "Tolerance",
     "WatchDocument",
     "free_law",
+    "planar_starts",
     "simulation_faults",
     "simulation_spec",
     "stop_name",
@@ -67,6 +68,23 @@ class FreeDocument(Table):
     """Position at the start. Default: as drawn, or 0."""
     speed: Rate = 0.0
     """Speed at the start."""
+    x: Length | None = None
+    """Planar pair: place of the second link's point in the first link's frame at the start. Default: as drawn, or 0."""
+    y: Length | None = None
+    """Planar pair: the same across."""
+    angle: Angle | None = None
+    """Planar pair: angle from the first link's frame to the second's at the start. Default: as drawn, or 0."""
+    vx: Speed = 0.0
+    """Planar pair: rate of x at the start."""
+    vy: Speed = 0.0
+    """Planar pair: rate of y at the start."""
+    omega: AngularSpeed = 0.0
+    """Planar pair: rate of the angle at the start."""
+
+    def strangers(self, planar: bool) -> list[str]:
+        """Keys that do not go with a planar pair, or with any other one."""
+        own = {"x", "y", "angle", "vx", "vy", "omega"}
+        return sorted(self.model_fields_set - own if planar else self.model_fields_set & own)
 
 
 class StopDocument(Table):
@@ -151,6 +169,23 @@ def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, d
     start = drawn if given.position is None else convert.si(given.position, sort, f"{path}.position")
     speed = convert.si(given.speed, _rate_kind(sort), f"{path}.speed")
     return None if math.isnan(start) or math.isnan(speed) else Free(start, speed)
+
+
+def planar_starts(
+    given: FreeDocument, names: tuple[str, str, str], convert: Converter, path: str, *, drawn: tuple[float, float, float]
+) -> dict[str, Free]:
+    """Starts of the coordinates x, y and angle of a planar pair by their ``names``; ``drawn``: where they are not stated [m, m,
+    rad]. A coordinate whose values have a fault, which is noted, is missing."""
+    from mechcore.laws.free import Free
+
+    found = {}
+    for name, key, rate, place in zip(names, ("x", "y", "angle"), ("vx", "vy", "omega"), drawn, strict=True):
+        kind = "angle" if key == "angle" else "length"
+        start = place if getattr(given, key) is None else convert.si(getattr(given, key), kind, f"{path}.{key}")
+        speed = convert.si(getattr(given, rate), _rate_kind(kind), f"{path}.{rate}")
+        if not (math.isnan(start) or math.isnan(speed)):
+            found[name] = Free(start, speed)
+    return found
 
 
 def simulation_spec(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from mechcore.spec import Belt, Cylinder, Friction, Gear, Pair, PinSlot, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
+from mechcore.spec import Belt, Cylinder, Friction, Gear, Pair, PinSlot, Planar, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
 
 from .cams import cam_pair
 from .convert import Converter
@@ -17,7 +18,7 @@ from .pairs import PairDocument
 from .placement import Placement
 from .references import points_of_pair
 
-__all__ = ["drawn_angle", "modes_of", "pair_spec"]
+__all__ = ["drawn_angle", "drawn_place", "modes_of", "pair_spec"]
 
 _STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5 and 30 degrees
 
@@ -177,6 +178,10 @@ def _cylinder(m: _Maker) -> Pair:
     return Cylinder(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
 
 
+def _planar(m: _Maker) -> Pair:
+    return Planar(name=m.name, links=m.pair.links, point=m.pair.at if isinstance(m.pair.at, str) else None)
+
+
 def _cam(m: _Maker) -> Pair | None:
     guide = None if m.pair.follower is None else m.document.pairs.get(m.pair.follower.guide)
     return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.friction, m.convert)
@@ -193,6 +198,7 @@ _MAKE: Mapping[str, Callable[[_Maker], Pair | None]] = {
     "chain": _belt,
     "rack": _rack,
     "cylinder": _cylinder,
+    "planar": _planar,
     "cam": _cam,
 }
 
@@ -208,6 +214,19 @@ def drawn_angle(pair: PairDocument, placement: Placement) -> float:
         return 0.0
     first, second = (placement.poses[link][2] for link in pair.links)
     return math.remainder(second - first, 2.0 * math.pi)
+
+
+def drawn_place(pair: PairDocument, placement: Placement) -> tuple[float, float, float]:
+    """The coordinates x, y [m] and angle [rad] of a planar pair as its links are drawn; 0 where they are not."""
+    first, second = pair.links
+    if not placement.drawn.issuperset(pair.links):
+        return 0.0, 0.0, 0.0
+    (x1, y1, a1), (x2, y2, _) = placement.poses[first], placement.poses[second]
+    turned = drawn_angle(pair, placement)
+    point = pair.at if isinstance(pair.at, str) else ""
+    own = complex(*placement.points.get(second, {}).get(point, (0.0, 0.0)))
+    z = complex(x2 - x1, y2 - y1) * cmath.exp(-1j * a1) + own * cmath.exp(1j * turned)
+    return z.real, z.imag, turned
 
 
 def modes_of(document: SceneDocument) -> dict[str, str]:

@@ -73,6 +73,9 @@ KINDS: Mapping[str, Kind] = {
         joins=False,
     ),
     "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
+    "planar": Kind(
+        "a planar pair", ("at", "free"), needs=("free",), undriven="Its start is free = { x = ..., vy = ... }.", joins=False
+    ),
     "cam": Kind(
         "a cam",
         ("profile", "follower", "closure", "friction", "liftoff", "rating", "graphical"),
@@ -135,10 +138,13 @@ class PairDocument(Table):
     """[pinion, rack]."""
     cylinder: TwoNames | None = None
     """The two links between which a cylinder (hydraulic, electric ...) is pinned."""
+    planar: TwoNames | None = None
+    """The two links of which the second moves freely in the plane of the first: a free body."""
     cam: TwoNames | None = None
     """[cam, follower], both guided on one link."""
     at: OneOrTwoNames | None = None
-    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name."""
+    """Name of the joined point, or [point of the first link, point of the second]. Default: the pair's name.
+    Planar: the second link's point whose place x, y is told. Default: the origin of its frame."""
     along: Direction | None = None
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
     guide: Text | None = None
@@ -213,6 +219,11 @@ class PairDocument(Table):
         return KINDS[self.kind].joins
 
     @property
+    def connects(self) -> bool:
+        """Whether it places one of its links by the other; gears, belts, racks and cams tie links that others place."""
+        return self.joins or self.kind == "planar"
+
+    @property
     def led(self) -> bool:
         """Whether its coordinate decides the configuration: it has a drive, or is free."""
         return self.drive is not None or self.free is not None
@@ -250,6 +261,9 @@ class PairDocument(Table):
         for key in kind.needs:
             if getattr(self, key) is None:
                 found.append(("", f"'{key}' is missing.", f"Add {key} = {_EXAMPLES[key]}."))
+        for key in self.free.strangers(self.kind == "planar") if self.free is not None else ():
+            known = "x, y, angle, vx, vy and omega" if self.kind == "planar" else "position and speed"
+            found.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
         if self.friction is not None:
             found += friction_faults(self.kind, kind.words, self.friction)
         if self.kind == "gear":
@@ -292,4 +306,5 @@ _EXAMPLES = {
     "radius": '"50 mm"',
     "radii": '["50 mm", "100 mm"]',
     "slider": "the name of the rack's prismatic pair",
+    "free": '{ y = "1 m", vx = "2 m/s", omega = "60 rpm" }, its start',
 }

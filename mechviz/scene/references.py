@@ -128,6 +128,10 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
             where = path if pair.at is None else f"{path}.at" if isinstance(pair.at, str) else f"{path}.at[{k}]"
             remedy = "" if pair.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
             yield from known_point(reading, where, link, point, remedy)
+        if pair.kind == "planar" and isinstance(pair.at, str):
+            yield from known_point(reading, f"{path}.at", pair.links[1], pair.at)
+        elif pair.kind == "planar" and pair.at is not None:
+            yield Fault(f"{path}.at", "names two points.", f"Name one point of '{pair.links[1]}'.")
         if pair.along is not None and isinstance(pair.along[0], str):
             guide = pair.guide if pair.guide in pair.links else pair.links[0]
             for k, point in enumerate(pair.along):

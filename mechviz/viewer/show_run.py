@@ -250,7 +250,7 @@ def telling_frame(run: Run) -> int:
     if forces is not None:
         reactions = [np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in motion.mechanism.pairs]
         efforts = [forces.effort(drive.pair) for drive in motion.mechanism.drives]
-        load = sum(_of_peak(values) for values in (np.max(reactions, axis=0), *efforts))
+        load = sum(_of_peak(values) for values in (*([np.max(reactions, axis=0)] if reactions else []), *efforts))
         if np.any(load):
             return int(np.argmax(load))
     cycle = motion.mechanism.drives[0].law.duration if motion.mechanism.drives else float(np.ptp(motion.time))

@@ -22,7 +22,7 @@ from ..effects.argument import rate
 from ..loads import TorsionSpring
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
-from ..spec import Drive, Mechanism, Prismatic, Revolute
+from ..spec import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from .accounts import kinetic_energy_of
 from .free import Free
 from .reduced import free_of, motion_at, moving
@@ -61,7 +61,8 @@ def _rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Motion, li
     motion, units = moving(compiled, q[None], v[None], np.array([t]))
     mechanism, model = compiled.mechanism, compiled.model
     led = {d.pair for d in mechanism.drives if not isinstance(d.law, Free)}
-    names = [p.name for p in mechanism.pairs if isinstance(p, Revolute | Prismatic) and p.name not in led]
+    movable = [p for p in mechanism.pairs if isinstance(p, Revolute | Prismatic | Planar)]
+    names = [name for p in movable for name in coordinates_of(p) if name not in led]
     names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
     size = {name: model.size if model.joints[model.joint_index[name]].coordinate == "slide" else 1.0 for name in names}
     free = [mechanism.drives[i].pair for i in free_of(compiled)]

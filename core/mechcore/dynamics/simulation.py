@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..clearance import without_clearances
+from ..clearance import as_drawn
 from ..effects import potential
 from ..kinetostatics import solve_forces
 from ..solve import Compiled
@@ -171,7 +171,7 @@ class Simulation:
         parts = [(rows, piece.motion(t[rows])) for piece, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
-        shown = without_clearances(shown)
+        shown = as_drawn(shown)
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
     def coordinates(self, t: Array) -> dict[str, Array]:

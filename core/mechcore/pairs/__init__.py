@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..spec import Belt, CamPair, Cylinder, Gear, Mechanism, PinSlot, Prismatic, Rack, Revolute, Rolling, Weld
-from . import belt, cam, cylinder, gear, pin_slot, prismatic, rack, revolute, rolling, weld
+from ..spec import Belt, CamPair, Cylinder, Gear, Mechanism, PinSlot, Planar, Prismatic, Rack, Revolute, Rolling, Weld
+from . import belt, cam, cylinder, gear, pin_slot, planar, prismatic, rack, revolute, rolling, weld
 from .joint import Joint, point_of
 from .parts import Builder
 from .relation import Relation
@@ -27,6 +27,7 @@ KINDS: dict[type, Callable[[Any, Builder], None]] = {
     Belt: belt.build,
     Rack: rack.build,
     Cylinder: cylinder.build,
+    Planar: planar.build,
     CamPair: cam.build,
 }
 
