@@ -71,7 +71,7 @@ def per_unit(motion: Motion) -> Motion:
                 v, a = (np.broadcast_to(motion.drives[0][k], motion.frames)[patch.frames, None] for k in (1, 2))
                 first = patch.first / v
                 patches.setdefault(block, []).append(replace(patch, first=first, second=(patch.second - first * a) / v**2))
-    return Motion(motion.model, motion.time, drives, motion.state, patches, accuracy=motion.accuracy)
+    return Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
 
 
 @over_parts

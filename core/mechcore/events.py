@@ -106,13 +106,7 @@ def _exactly(motion: Motion, pair: str, times: Real) -> Real:
     rough = np.array([_at(motion, rows, float(t)) for t in times])
     if motion.again is None or not len(times):
         return rough
-    found = motion.again(times).coordinate(pair)[:, 0]
-    turns = 2.0 * np.pi if pair not in motion.model.joint_index or not _slides(motion, pair) else np.inf
-    return np.asarray(found - (turns * np.round((found - rough) / turns) if np.isfinite(turns) else 0.0))
-
-
-def _slides(motion: Motion, pair: str) -> bool:
-    return motion.model.joints[motion.model.joint_index[pair]].coordinate == "slide"
+    return np.asarray(motion.again(times).coordinate(pair)[:, 0])
 
 
 def _limits(motion: Motion) -> Iterator[Event]:

@@ -161,7 +161,8 @@ class Actuator(_Load):
 class TorsionSpring(_Load):
     """A torsion spring between two links: moment ``stiffness (angle - free_angle)`` on the first link [N m].
 
-    ``angle`` is that of the second link's frame minus that of the first's, continuous over the run.
+    ``angle`` is that of the second link's frame minus that of the first's. It starts nearest to the free angle, or where drives
+    state it, as stated; it is continuous from there.
     """
 
     links: tuple[str, str]

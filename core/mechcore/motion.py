@@ -18,13 +18,13 @@ from .kinematics import Rates, accelerations, velocities
 from .model import Model
 from .spec import Mechanism
 from .terms import Terms
+from .unwrapped import LinkAngles
 
 __all__ = ["Motion"]
 
 Array = Any
 Real = NDArray[np.float64]
 CALM: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}
-FINE = 200_000  # positions computed at once between frames that are far apart
 
 
 class Motion:
@@ -41,6 +41,7 @@ class Motion:
         time: Real,
         drives: Sequence[tuple[Real, Real | float, Real | float]],
         state: State,
+        angles: LinkAngles,
         patches: Mapping[int, Sequence[Patch]] | None = None,
         changes: Sequence[Change] = (),
         again: Callable[[Real], Motion] | None = None,
@@ -50,6 +51,7 @@ class Motion:
         self.time = time
         self._drives = drives  # rates that do not change are single numbers
         self.state = state
+        self.angles = angles  # of the links, continuous from the start pose
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
@@ -59,7 +61,6 @@ class Motion:
         self._slid: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._offsets: dict[tuple[int, complex], Array] = {}
         self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
-        self._group_angles: dict[int, Array] = {}
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -116,28 +117,23 @@ class Motion:
 
         Of a gear, belt or rack pair: angle of its second link minus that of its first.
         """
-        if pair not in self.model.joint_index:
-            relation = next(r for r in self.model.relations if r.name == pair)
-            a, b = (self.model.index[k] for k in relation.links)
-            return self.relative_angle(a, b)
-        j = self.model.joint_index[pair]
-        joint, (p, q) = self.model.joints[j], self.model.ends[j]
-        if j in self.model.driven:
-            return np.stack([np.broadcast_to(x, self.shape) for x in self.drives[self.model.driven[j]]], axis=-1)
-        if joint.coordinate == "slide":
+        model = self.model
+        j = model.joint_index.get(pair)
+        if j is not None and j in model.driven and (self.angles.exact or model.joints[j].coordinate == "slide"):
+            values = self.drives[model.driven[j]]
+        elif j is not None and model.joints[j].coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
-            return self.relative_angle(p, q)
+            first, second = next(c.links for c in model.connections if c.name == pair)
+            return self.relative_angle(first, second, pair)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
-    def relative_angle(self, p: int, q: int) -> Real:
-        """Angle of link q minus that of link p, with its first two derivatives (F, 3)."""
+    def relative_angle(self, first: str, second: str, pair: str) -> Real:
+        """Angle of the second link minus that of the first, as the coordinate of a pair, and its first two derivatives (F, 3)."""
+        p, q = self.model.index[first], self.model.index[second]
         a, b = self.model.angles.spin[p], self.model.angles.spin[q]
-        values = (
-            self.angle(q) - self.angle(p),
-            self.speeds.spin[b] - self.speeds.spin[a],
-            self.accelerations.spin[b] - self.accelerations.spin[a],
-        )
+        rates = (r.spin[b] - r.spin[a] for r in (self.speeds, self.accelerations))
+        values = (self.angles.relative(p, q, self.angles.start.ranges.get(pair)), *rates)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
     def pair_position(self, pair: str) -> Real:
@@ -270,78 +266,14 @@ class Motion:
         return 0j if turned is None else (local * self.model.turn[k] * turned[0]) * turned[1]
 
     def angle(self, k: int) -> Array:
-        """Angle of a link's frame [rad], continuous over the frames."""
-        turning = self.model.angles
-        spin = turning.spin[k]
-        total: Array = turning.offset[k]
-        for d, sign in turning.spin_drives[spin]:
-            total = total + sign * self.drives[d][0]
-        group = turning.spin_group[spin]
-        return total if group == 0 else total + self.group_angle(group)
+        """Angle of a link's frame [rad], continuous from the start pose."""
+        return self.angles.link(k)
 
     def group_angle(self, group: int) -> Array:
-        """Angle of a group of links that turn together [rad], continuous over the frames."""
-        if group not in self._group_angles:
-            if group in self.state.angle:  # relations and general blocks know the whole angle
-                self._group_angles[group] = np.broadcast_to(self.state.angle[group], self.shape)
-                return self._group_angles[group]
-            raw = np.array(np.broadcast_to(self._wrapped(group), self.shape))
-            self._group_angles[group] = self._unwrapped(group, raw)
-        return self._group_angles[group]
-
-    def _wrapped(self, group: int) -> Array:
-        """A group's angle within one turn."""
-        spin = self.model.angles.spins_of[group][0]
-        e = self.state.rot[spin] * np.conj(self.state.delta[spin])
-        return np.arctan2(np.imag(e), np.real(e))
-
-    def _unwrapped(self, group: int, raw: Array) -> Array:
-        """The angle made continuous. Where the drives go far between two frames the way between them is computed too."""
-        far = self.stride
-        if far <= 1.0 or self.again is None:
-            if far <= 1.0 or self.accuracy.differentiation != "exact":
-                return np.unwrap(raw)
-            # given drive positions: the speeds at both ends say how far it went in between
-            turning = self.model.angles
-            spin = turning.spins_of[group][0]
-            extra = sum((s * self.drives[d][1] for d, s in turning.spin_drives[spin]), 0.0)
-            w = np.broadcast_to(self.speeds.spin[spin] - extra, self.shape)
-            went = 0.5 * (w[..., 1:] + w[..., :-1]) * np.diff(self.time)
-            jump = np.round((np.diff(raw) - went) / (2.0 * np.pi))
-            raw[..., 1:] -= 2.0 * np.pi * np.cumsum(jump, axis=-1)
-            return raw
-        parts = int(np.ceil(far))
-        frames = np.arange(len(raw))
-        last = parts * (len(raw) - 1)
-        near = np.empty(len(raw))
-        near[0] = carried = raw[0]
-        for start in range(0, last, FINE):
-            places = np.arange(start, min(start + FINE, last) + 1)
-            fine = np.interp(places / parts, frames, self.time)
-            way = np.unwrap(np.broadcast_to(self.again(fine)._wrapped(group), fine.shape))
-            way += carried - way[0]
-            here = slice(-start % parts, None, parts)
-            near[places[here] // parts] = way[here]
-            carried = way[-1]
-        # the frames' own values are kept, only whole turns are taken from the way between them
-        return np.asarray(raw + 2.0 * np.pi * np.round((near - raw) / (2.0 * np.pi)))
-
-    def drive_steps(self) -> list[tuple[tuple[Real, Real | float, Real | float], float]]:
-        """The drives, each with a step that is small enough to follow angles by themselves [rad or m]."""
-        return [
-            (d, 0.2 if self.model.joints[j].coordinate == "angle" else 0.1 * self.model.size)
-            for j, i in self.model.driven.items()
-            for d in [self._drives[i]]
-        ]
-
-    @lazy
-    def stride(self) -> float:
-        """Farthest way of a drive between two frames, in steps that are small enough to follow angles by themselves."""
-        far = 0.0
-        for (q, _, _), step in self.drive_steps():
-            if len(q) > 1:
-                far = max(far, float(np.maximum.reduce(np.abs(q[1:] - q[:-1]))) / step)
-        return far
+        """Angle of a group of links that turn together [rad], without what drives turn within it, from the start pose on."""
+        turning = self.model.angles
+        spin = turning.spins_of[group][0]
+        return self.angles.spins[spin] - sum(sign * self.drives[d][0] for d, sign in turning.spin_drives[spin])
 
     def guide(self, j: int) -> Array:
         """Direction of a sliding joint's guide in the world."""

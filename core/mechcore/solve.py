@@ -23,8 +23,10 @@ from .motion import Motion
 from .patching import make_patches
 from .positions import initial_state, place_all
 from .spec import Mechanism
+from .start_pose import start_pose
 from .structure import gruebler
 from .tracking import Course, course_of, way_of
+from .unwrapped import Frames, LinkAngles, UnwrappedAngles, Waypoint, raw_angles
 
 __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
@@ -40,6 +42,7 @@ class Compiled:
     model: Model
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
+    angles: UnwrappedAngles  # of its links, as far as they have been asked for
     changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
     courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
     accuracy: Accuracy = DEFAULT
@@ -81,7 +84,9 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
     assembly = assemble(model, start)
     changes = find_changes(model, assembly.modes, assembly.starts)
-    return Compiled(model=model, assembly=assembly, start=start, changes=changes, accuracy=accuracy)
+    spins = raw_angles(model, start, assembly.state, ())
+    angles = UnwrappedAngles(model, start_pose(model, spins), Waypoint(-np.inf, np.array(start), spins))
+    return Compiled(model=model, assembly=assembly, start=start, angles=angles, changes=changes, accuracy=accuracy)
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
@@ -145,7 +150,9 @@ def solve_motion(
     state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again = None if drives is not None else lambda t: solve_motion(led, t, strict=False)
-    motion = Motion(model, time, values, state, patches, passed, again, compiled.accuracy)
+    in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
+    angles = _angles(led, (positions, state, (*model.designs, len(time))), time, in_time=drives is None and in_time)
+    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
     if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, course, parameter)
         if faults:
@@ -155,6 +162,25 @@ def solve_motion(
     if strict and drives is None and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
     return motion
+
+
+def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -> LinkAngles:
+    """Angles of the links at frames; ``in_time``: the laws lead there, and only the time tells where they are."""
+    drives, unwrapped = compiled.mechanism.drives, compiled.angles
+
+    def placed(time: Array, given: Array | None = None) -> Frames:
+        rest = np.zeros(len(time))
+        led = None if given is None else {d.pair: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
+        motion = solve_motion(compiled, time, drives=led, strict=False)
+        return [d[0] for d in motion.drives], motion.state, motion.shape
+
+    if not drives:
+        return unwrapped.still(frames)
+    if in_time:
+        return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
+    if len(drives) > 1:
+        return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
+    return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
 
 
 def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:

@@ -15,6 +15,7 @@ from .model import SpinContour
 from .motion import Motion
 from .positions import place_all
 from .solve import Compiled
+from .unwrapped import Frames, along_designs
 
 __all__ = ["Sweep", "sweep"]
 
@@ -101,5 +102,12 @@ def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: A
         kept = tuple((s, a) for s, a in arms.items() if np.any(a != 0))
         sums.append(SpinContour(closing=c.closing, arms=kept, slides=slides))
     variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums), varied=place)
-    state = place_all(variant, [v[0] for v in values], compiled.assembly.modes)
-    return Motion(variant, time, values, state, accuracy=compiled.accuracy)
+    modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
+    state = place_all(variant, [v[0] for v in values], modes)
+
+    def placed(x: Array) -> Frames:
+        q = [np.asarray(law(x[:, 0])[0], float) for law in laws]
+        return q, place_all(variant, q, modes), (*variant.designs, len(x))
+
+    angles = along_designs(variant, time, ([v[0] for v in values], state, (*variant.designs, len(time))), laws, placed)
+    return Motion(variant, time, values, state, angles, accuracy=compiled.accuracy)

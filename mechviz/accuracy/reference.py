@@ -78,7 +78,7 @@ def extended(motion: Motion) -> Motion | None:
             for i, j in enumerate(block.slides, len(block.angles)):
                 state.slide[j] = state.slide[j] + np.asarray(steps[i], LONG)
             turn()
-    return Motion(model, motion.time, motion.drives, state)
+    return Motion(model, motion.time, motion.drives, state, motion.angles)
 
 
 def position_errors(motion: Motion) -> dict[str, Real]:

@@ -268,7 +268,7 @@ class LoadDocument(Table):
     preload: Force | None = None
     """Spring: pull at the free length. Default 0."""
     free_angle: Angle | None = None
-    """Torsion spring: angle from the first link's frame to the second's without load. Default 0."""
+    """Torsion spring: angle from the first link's frame to the second's without load. It starts nearest to it. Default 0."""
     linear: Coefficient | None = None
     """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed."""
     quadratic: QuadraticCoefficient | None = None

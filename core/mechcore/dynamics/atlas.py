@@ -19,13 +19,12 @@ from scipy.linalg import qr
 
 from ..effects import potential
 from ..effects.argument import rate
-from ..loads import TorsionSpring
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from .accounts import kinetic_energy_of
 from .free import Free
-from .reduced import free_of, motion_at, moving
+from .reduced import carried_on, free_of, motion_at, moving
 
 __all__ = ["STRAINED", "named", "strain", "take_over"]
 
@@ -71,19 +70,14 @@ def _rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Motion, li
 
 
 def take_over(
-    compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled], counted: frozenset[str] = frozenset()
+    compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled]
 ) -> tuple[Compiled, Array, Array] | None:
     """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. One that is ``known`` is
-    taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there.
-
-    Pairs go on leading whose whole turns are ``counted``, or loads depend on."""
+    taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there."""
     motion, names, rows = _rates(compiled, q, v, t)
     if not np.isfinite(rows).all():
         return None
-    kept = _winding(compiled.mechanism, counted)
-    sets = [s for s in _sets(rows) if kept <= {names[k] for k in s}]
-    if not sets:
-        return None
+    sets = _sets(rows)
     chosen = rows[np.array(sets)]
     fine = np.abs(np.linalg.det(chosen)) > 1e-6
     eased = np.full(len(sets), np.inf)
@@ -95,7 +89,7 @@ def take_over(
     place, speeds = found[:, 0], found[:, 1]
     candidates = [c for c in known if [c.mechanism.drives[i].pair for i in free_of(c)] == pairs]
     for candidate in (*candidates, None):
-        other = candidate or _compiled(compiled, motion, pairs, found)
+        other = carried_on(candidate or _compiled(compiled, motion, pairs, found), place, t, motion)
         if _same(motion, other, place, speeds, t):
             return other, place, speeds
     return None
@@ -107,20 +101,6 @@ def _sets(rows: Array) -> list[tuple[int, ...]]:
     if comb(p, f) <= MANY:
         return list(combinations(range(p), f))
     return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
-
-
-def _winding(mechanism: Mechanism, counted: frozenset[str]) -> set[str]:
-    """Leading pairs whose whole turns loads depend on: nobody counts them once they do not lead."""
-    mechanism = named(mechanism)
-    links: set[frozenset[str]] = set()
-    pairs: set[str | None] = set(counted)
-    for load in mechanism.loads:
-        if isinstance(load, TorsionSpring):
-            links.add(frozenset(load.links))
-        factor = getattr(load, "factor", None)
-        pairs |= {getattr(load, "drive", None), factor.pair if factor is not None and factor.of == "position" else None}
-    free = {d.pair for d in mechanism.drives if isinstance(d.law, Free)}
-    return {p.name for p in mechanism.pairs if p.name in free and (p.name in pairs or frozenset(p.links) in links)}
 
 
 def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: Array) -> Compiled:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects import effects_of
 from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
@@ -21,7 +22,7 @@ from .atlas import named
 from .chart import Chart
 from .curve import TURN, Curve, tabulate, whole_turn
 from .free import Free
-from .reduced import motion_at
+from .reduced import carried_on, motion_at
 
 __all__ = ["Lead", "best_chart", "curve_around"]
 
@@ -127,15 +128,20 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
     for link in motion.model.links[1:]:
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
+    counted = any(e.counts_turns for e in effects_of(compiled.mechanism))
     for lead in known:
-        if lead.compiled.mechanism.drives[0].pair == pair:
-            place = _place_on(lead, coordinate, rate)
-            if place is not None and _is_at(lead.compiled, place, poses):
+        place = _place_on(lead, coordinate, rate) if lead.compiled.mechanism.drives[0].pair == pair else None
+        if place is not None and _is_at(lead.compiled, place, poses):
+            again = carried_on(lead.compiled, np.array([place]), 0.0, motion)
+            before, after = (motion_at(c, *_at_rest(place)).angles.spins for c in (lead.compiled, again))
+            if np.abs(after - before).max() < 1.0:
                 return lead, place, rate if v else 0.0
+            if isinstance(lead.curve, Curve) and not counted:
+                return Lead(again, replace(lead.curve, compiled=again), lead.well), place, rate if v else 0.0
     mechanism = replace(
         named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
     )
-    found = compile_mechanism(mechanism, compiled.accuracy)
+    found = carried_on(compile_mechanism(mechanism, compiled.accuracy), np.array([coordinate]), 0.0, motion)
     if not _is_at(found, coordinate, poses):
         raise MechanismError(
             Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
@@ -160,7 +166,7 @@ def _rotary(compiled: Compiled) -> bool:
 
 def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:
     """Whether a chart has all links where they are stated, when its coordinate is q."""
-    at = motion_at(compiled, np.array([[q]]), np.ones((1, 1)), np.zeros(1))
+    at = motion_at(compiled, *_at_rest(q))
     for link, pose in poses.items():
         found = at.pose(link)[0]
         if (
@@ -169,3 +175,8 @@ def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float,
         ):
             return False
     return True
+
+
+def _at_rest(q: float) -> tuple[Array, Array, Array]:
+    """A position as `motion_at` takes it."""
+    return np.array([[q]]), np.ones((1, 1)), np.zeros(1)

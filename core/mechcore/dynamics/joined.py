@@ -22,7 +22,6 @@ from .reactions import STOP, stop_name
 __all__ = ["JoinedForces", "JoinedFriction", "JoinedMotion"]
 
 Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 
 class JoinedMotion:
@@ -86,16 +85,8 @@ class JoinedMotion:
         return None if pair in self.model.joint_index else next(r for r in self.model.relations if r.name == pair)
 
     def pose(self, link: str) -> Array:
-        """x, y [m] and angle [rad], continuous over the frames (F, 3)."""
-        out = self._join(lambda m: m.pose(link))
-        out[:, 2] = self._continuous(out[:, 2], self.velocity(link)[:, 2])
-        return out
-
-    def _continuous(self, angle: Array, rate: Array) -> Array:
-        """Whole turns between the parts put right, by the speeds on both sides."""
-        went = 0.5 * (rate[1:] + rate[:-1]) * np.diff(self.time)
-        jump = np.round((np.diff(angle) - went) / TURN)
-        return np.asarray(angle - TURN * np.concatenate([[0.0], np.cumsum(jump)]))
+        """x, y [m] and angle [rad], continuous from the start pose (F, 3)."""
+        return self._join(lambda m: m.pose(link))
 
     def velocity(self, link: str) -> Array:
         return self._join(lambda m: m.velocity(link))
@@ -115,14 +106,9 @@ class JoinedMotion:
             return self._coordinates[pair]
         relation = self._relation(pair)
         if relation is None:
-            out = self._join(lambda m: m.coordinate(pair))
-        else:
-            first, second = (self.model.index[k] for k in relation.links)
-            out = self._join(lambda m: m.relative_angle(first, second))
-        joint = self.model.joints[self.model.joint_index[pair]] if pair in self.model.joint_index else None
-        if joint is None or joint.coordinate == "angle":
-            out[:, 0] = self._continuous(out[:, 0], out[:, 1])
-        return out
+            return self._join(lambda m: m.coordinate(pair))
+        first, second = relation.links
+        return self._join(lambda m: m.relative_angle(first, second, pair))
 
     def pair_position(self, pair: str) -> Array:
         relation = self._relation(pair)

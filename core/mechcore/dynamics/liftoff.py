@@ -25,7 +25,7 @@ from .collocation import Window
 from .free import Free
 from .impacts import newton_impact
 from .integrate import Solution
-from .reduced import free_of, motion_at, reduce, tangents
+from .reduced import carried_on, enter, free_of, motion_at, reduce, tangents
 
 __all__ = ["Lifting", "Liftoff", "driven_windows", "first_beyond", "pressing"]
 
@@ -102,11 +102,13 @@ class Lifting:
         motion = motion_at(held, q[None], v[None], np.array([t]))
         contact = self.contacts[name]
         at, rate = (float(x) for x in motion.coordinate(contact.guide)[0, :2])
-        if lifted not in self.known:
-            self.known[lifted] = self._compile(held, motion, contact, at)
-            self._weigh(lifted, name, q, v, t, at)
         k = self.place(name, lifted)
-        return self.known[lifted], np.insert(q, k, at), np.insert(v, k, rate)
+        place = np.insert(q, k, at)
+        if lifted not in self.known:
+            self.known[lifted] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
+            self._weigh(lifted, name, q, v, t, at)
+        enter(self.known[lifted], place, t, motion)
+        return self.known[lifted], place, np.insert(v, k, rate)
 
     def _compile(self, held: Compiled, motion: Motion, contact: _Contact, at: float) -> Compiled:
         mechanism = held.mechanism

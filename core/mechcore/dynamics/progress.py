@@ -29,7 +29,7 @@ from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_bey
 from .log import Happened, Log
 from .pieces import Piece
 from .reactions import piece_forces
-from .reduced import motion_at, reduce
+from .reduced import enter, motion_at, reduce, waypoints
 from .retrace import Known, retrace
 from .simulation import Simulation
 
@@ -44,6 +44,7 @@ SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up s
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 SHIFTED = 0.01  # of a piece: what is known of it helps where it begins no farther from there
 
 
@@ -98,8 +99,9 @@ class Progress:
         angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
         self.scale = np.array([1.0 if a else model.size for a in angle])
         at = partial(motion_at, compiled)
-        self.limits = [(s, gauge_of(s, self.coordinates, at), s.side == "upper") for s in self.stops]
-        self.looks = [(w, gauge_of(w, self.coordinates, at)) for w in self.watches]
+        read = self.coordinates if compiled.angles.exact else {}
+        self.limits = [(s, gauge_of(s, read, at), s.side == "upper") for s in self.stops]
+        self.looks = [(w, gauge_of(w, read, at)) for w in self.watches]
         self.borders: list[Gauge] = []
         if leads is not None:
             low, high = leads
@@ -143,8 +145,11 @@ class Progress:
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
+        self._leave_waypoints(np.array([t]), lambda _: (q[None],))
+
         def after(window: Window) -> float | None:
             first.clear()
+            self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
             if not len(q):
                 self.friction.follow(self.compiled, window)
             for k, (_, gauge, upper) in enumerate(self.limits):
@@ -234,6 +239,11 @@ class Progress:
                 ended = ended or watch.ends
         return end, q, v, ended
 
+    def _leave_waypoints(self, t: Array, way: Callable[[Array], Any]) -> None:
+        """Keep places of the motion at times (n,), from which the angles of the links are followed."""
+        if len(self.compiled.mechanism.drives) > 1:
+            self.compiled.angles.leave(waypoints(self.compiled, way(t)[0], t))
+
     def _known(self, t: float) -> Known | None:
         """What a motion that is nearly this one says of the piece that begins at ``t`` [s]; None where it has other pieces."""
         pieces = () if self.like is None else self.like.pieces[len(self.pieces) : len(self.pieces) + 1]
@@ -246,7 +256,8 @@ class Progress:
     def _take_over(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Another pair leads from now on; coordinates and rates in its chart."""
         lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
-        if lead not in self.known:
+        tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
+        if isinstance(lead.curve, Curve) and all(lead.curve.table is not table for table in tables):
             self.known.append(lead)
         self._lead(lead.compiled, lead.curve, lead.well)
         return np.array([place]), np.array([rate])
@@ -264,18 +275,17 @@ class Progress:
 
     def _change_chart(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
-        counted = frozenset([s.pair for s in self.stops] + [w.pair for w in self.watches if w.pair is not None])
-        found = take_over(self.compiled, q, v, t, self.charted, counted)
+        found = take_over(self.compiled, q, v, t, self.charted)
         if found is None:
             if strain(self.compiled, q, v, t) > LOST:
                 where = ", ".join(self.coordinates)
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
                 raise MechanismError(
-                    Fault("dynamics", why, "Give the free start, stops, watches and torsion springs at other pairs.")
+                    Fault("dynamics", why, "Give the free start at other pairs.")
                 )
             return q, v
         compiled, q, v = found
-        if all(compiled is not c for c in self.charted):
+        if all(compiled.model is not c.model for c in self.charted):
             self.charted.append(compiled)
         self._lead(compiled, Chart(compiled), None)
         self.unwatched = 0
@@ -432,6 +442,7 @@ class Progress:
             return q, self._settle(t, q, rebound)
         self.lifted = fewer
         compiled = self.lifting.known[fewer]
+        enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
         self._lead(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
         self.friction.begin(self.compiled, t, held, v)

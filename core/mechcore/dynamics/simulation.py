@@ -30,7 +30,6 @@ from .reduced import free_of, motion_at
 __all__ = ["Simulation"]
 
 Array = NDArray[np.float64]
-_STEPS = np.linspace(0.0, 1.0, 16)
 NOTHING = 1e-9  # of the energies that stand by: a motion with less is as good as none
 
 
@@ -115,41 +114,12 @@ class Simulation:
     def _original(self, piece: Piece, t: Array) -> Array:
         """The free coordinates that were stated, and their rates (3, n, f), where other pairs lead."""
         motion = piece.motion(t)
-        found = np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
-        times, near = self._followed[id(piece)]
-        rows = np.clip(np.searchsorted(times, t), 0, len(times) - 1)
-        found[0] += self._turns * np.round((near[rows] - found[0]) / TURN)  # angles are known up to whole turns
-        return found
+        return np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
 
     @cached_property
     def _stated(self) -> list[str]:
         """Pairs of the free coordinates."""
         return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
-
-    @cached_property
-    def _turns(self) -> Array:
-        """A whole turn of each free coordinate (f,), 0 where it slides."""
-        model = self.compiled.model
-        return np.array([TURN * (model.joints[model.joint_index[pair]].coordinate == "angle") for pair in self._stated])
-
-    @cached_property
-    def _followed(self) -> dict[int, tuple[Array, Array]]:
-        """The stated coordinates (n, f) in steps small enough to follow them, in pieces where other pairs lead."""
-        out = {}
-        last = np.array([float(self.compiled.start[i]) for i in free_of(self.compiled)])
-        for piece in self.pieces:
-            t = np.unique(np.concatenate([[piece.start, piece.end], *(w.start + w.length * _STEPS for w in piece.way.windows)]))
-            t = t[(t >= piece.start) & (t <= piece.end)]
-            if piece.compiled is self.compiled:
-                last = piece(t[-1:])[0][0]
-                continue
-            motion = piece.motion(t)
-            at = np.stack([motion.coordinate(pair)[:, 0] for pair in self._stated], axis=1)
-            at = np.where(self._turns > 0.0, np.unwrap(at, axis=0), at)
-            at += self._turns * np.round((last - at[0]) / TURN)
-            out[id(piece)] = t, at
-            last = at[-1]
-        return out
 
     def motion(self, t: ArrayLike) -> Any:
         """The mechanism's motion at times (F,) [s]: a `Motion`, or what stands for one where charts or phases change."""

@@ -11,7 +11,7 @@ from ..laws import Table
 from ..loads import Factor
 from .base import Configuration
 
-__all__ = ["bends", "breaks_of", "coordinate", "factor_of", "needs_of", "phase_of", "rate"]
+__all__ = ["bends", "breaks_of", "coordinate", "counts_turns", "factor_of", "needs_of", "phase_of", "rate"]
 
 Array = Any
 
@@ -28,16 +28,12 @@ def needs_of(factor: Factor | None) -> frozenset[str]:
 def coordinate(at: Configuration, pair: str) -> Array:
     """Relative coordinate of a pair [rad or m], driven or not; nothing else is computed."""
     model = at.model
-    if pair not in model.joint_index:  # gears, belts and racks: angle of the second link minus that of the first
-        first, second = next(r.links for r in model.relations if r.name == pair)
-        return at.angle(model.index[second]) - at.angle(model.index[first])
-    j = model.joint_index[pair]
-    if j in model.driven:
+    j = model.joint_index.get(pair)
+    if j is not None and model.joints[j].coordinate == "slide":
+        return at.drives[model.driven[j]][0] if j in model.driven else at.state.slide[j]
+    if j is not None and j in model.driven and at.angles.exact:
         return at.drives[model.driven[j]][0]
-    if model.joints[j].coordinate == "slide":
-        return at.state.slide[j]
-    p, q = model.ends[j]
-    return at.angle(q) - at.angle(p)
+    return at.angles.joint(pair)
 
 
 def rate(at: Configuration, pair: str) -> Array:
@@ -83,6 +79,11 @@ def bends(factor: Factor | None) -> bool:
     """Whether a factor has bends: tables of straight lines, and tables that end."""
     f = None if factor is None else factor.function
     return isinstance(f, Table) and (f.period is None or not f.smooth)
+
+
+def counts_turns(factor: Factor | None) -> bool:
+    """Whether a factor may be another after a whole turn of what it depends on."""
+    return factor is not None and factor.of == "position" and getattr(factor.function, "period", None) is None
 
 
 def phase_of(at: Configuration, factor: Factor | None) -> Array:

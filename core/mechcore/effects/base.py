@@ -10,6 +10,7 @@ import numpy as np
 from ..kinematics import Rates
 from ..model import Model
 from ..statics import Acting
+from ..unwrapped import LinkAngles
 from .wrench import Wrench
 
 __all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
@@ -48,13 +49,14 @@ class Configuration(Protocol):
     @property
     def state(self) -> Any: ...
     @property
+    def angles(self) -> LinkAngles: ...
+    @property
     def speeds(self) -> Rates: ...
     @property
     def origins(self) -> list[Array]: ...
     @property
     def origin_velocities(self) -> list[Array]: ...
     def rotation(self, k: int) -> Array: ...
-    def angle(self, k: int) -> Array: ...
     def offset(self, k: int, local: complex) -> Array: ...
     def of_point(self, k: int, local: complex, derivative: int = 0) -> Array: ...
     def guide(self, j: int) -> Array: ...
@@ -98,6 +100,11 @@ class Effect:
     def breaks(self) -> tuple[float, ...]:
         """Times [s] at which its law changes its form, whatever the mechanism does."""
         return ()
+
+    @property
+    def counts_turns(self) -> bool:
+        """Whether it is another where an angle has gone on by a whole turn."""
+        return False
 
     def potential(self, at: Configuration) -> Array:
         """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""

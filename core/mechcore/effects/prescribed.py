@@ -7,7 +7,7 @@ from typing import Any
 from ..loads import Force, Torque
 from ..model import Model
 from ..statics import Acting
-from .argument import bends, breaks_of, factor_of, needs_of, phase_of
+from .argument import bends, breaks_of, counts_turns, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
 from .wrench import Wrench
 
@@ -31,6 +31,10 @@ class Varied(Effect):
     @property
     def breaks(self) -> tuple[float, ...]:
         return breaks_of(self.load.factor)
+
+    @property
+    def counts_turns(self) -> bool:
+        return counts_turns(self.load.factor)
 
     def phase(self, at: Configuration) -> Array:
         return phase_of(at, self.load.factor)

@@ -24,7 +24,12 @@ class AngleSpring(Effect):
 
     def _turned(self, at: Configuration) -> Array:
         first, second = (at.model.index[k] for k in self.load.links)
-        return at.angle(second) - at.angle(first) - self.load.free_angle
+        free = self.load.free_angle
+        return at.angles.relative(first, second, (free, free)) - free
+
+    @property
+    def counts_turns(self) -> bool:
+        return True
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         first, second = (at.model.index[k] for k in self.load.links)

@@ -1,0 +1,235 @@
+"""Relative angles have one branch at the start pose and are continuous from there; nothing depends on the world's x axis.
+
+What is compared with is computed apart: the geometry of the four-bar and the slider-crank by triangles, motions under forces in
+absolute coordinates with multipliers (`multibody`), where every angle is a state of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from multibody import Multibody
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from mechviz.run import run_scene
+from mechviz.scene import loads
+
+FOUR_BAR = """
+units = {{ length = "mm", angle = "deg" }}
+run = {{ frames = 40 }}
+[links]
+frame   = {{ points = {{ A = [0, 0], E = [{ex!r}, {ey!r}] }} }}
+crank   = {{ points = {{ A = [0, 0], B = [60, 0] }} }}
+coupler = {{ points = {{ B = [0, 0], D = [180, 0] }} }}
+rocker  = {{ points = {{ E = [0, 0], D = [120, 0] }} }}
+[pairs]
+A = {{ revolute = ["frame", "crank"], drive = {{ speed = "60 rpm", start = {start!r} }} }}
+B = {{ revolute = ["crank", "coupler"] }}
+D = {{ revolute = ["coupler", "rocker"], side = "left" }}
+E = {{ revolute = ["frame", "rocker"] }}
+[loads]
+"""
+SPRING = 'spring = { torsion_spring = ["crank", "coupler"], stiffness = "2 N m/rad", free_angle = 20 }'
+TABLE = """
+push = { torque = "40 N m", on = "rocker", table = { position = [-60, 20, 60], factor = [0, 1, 0.5], pair = "B", smooth = false } }
+"""
+SLIDER_CRANK = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+[links]
+frame  = { points = { O = [0, 0], G = [0, 0] } }
+crank  = { points = { O = [0, 0], B = [150, 0] }, mass = "1 kg", centre = [75, 0], inertia = "0.002 kg m^2" }
+rod    = { points = { B = [0, 0], C = [100, 0] }, mass = "0.5 kg", centre = [50, 0], inertia = "0.001 kg m^2" }
+piston = { points = { C = [0, 0] }, mass = "0.3 kg" }
+[pairs]
+"""
+AT_REST = """
+O = { revolute = ["frame", "crank"], free = { position = 20 } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["G", "C"], along = [1, 0], branch = "behind" }
+[loads]
+spring = { torsion_spring = ["frame", "rod"], stiffness = "2 N m/rad", free_angle = -150.0 }
+[run]
+frames = 40
+duration = "50 ms"
+"""
+STOPPED = """
+O = { revolute = ["frame", "crank"], free = { position = -10, speed = "1000 deg/s" } }
+B = { revolute = ["crank", "rod"], stops = [{ at = 190, side = "upper", restitution = 1 }] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["G", "C"], along = [1, 0], branch = "behind" }
+[watch]
+passed = { pair = "B", at = 185 }
+[run]
+frames = 100
+duration = "100 ms"
+"""
+FIVE_BAR = """
+frame = "f"
+units = { length = "mm", angle = "deg", mass = "kg", inertia = "kg mm^2" }
+effects = ["inertia", "gravity"]
+run = { frames = 40, duration = 0.6 }
+[links]
+k2 = { points = { D = [0, 0], C = [220, 0] }, mass = 0.22, centre = [110, 0], inertia = 887.3333333333334 }
+f  = { points = { A = [0, 0], E = [-160, 0] } }
+c1 = { points = { A = [0, 0], B = [140, 0] }, mass = 0.14, centre = [70, 0], inertia = 228.66666666666674 }
+k1 = { points = { B = [0, 0], C = [220, 0] }, mass = 0.22, centre = [110, 0], inertia = 887.3333333333334 }
+c2 = { points = { E = [0, 0], D = [140, 0] }, mass = 0.14, centre = [70, 0], inertia = 228.66666666666674 }
+[pairs]
+C = { revolute = ["k1", "k2"] }
+A = { revolute = ["f", "c1"], free = { position = 53.94928507121888, speed = "57.29577951308232 rpm" } }
+D = { revolute = ["c2", "k2"] }
+B = { revolute = ["c1", "k1"] }
+E = { revolute = ["f", "c2"], free = { position = 128.43379843822592, speed = -343.77467707849394 } }
+[loads]
+one   = { torsion_spring = ["f", "k1"], stiffness = "0.4 N m/rad", free_angle = 156.28074820123865 }
+two   = { torsion_spring = ["f", "c1"], stiffness = "0.3 N m/rad", free_angle = 53.94928507121888 }
+three = { torsion_spring = ["f", "c2"], stiffness = "0.3 N m/rad", free_angle = 128.43379843822592 }
+[sketch]
+c1 = { at = [0.0, 0.0], angle = 53.94928507121888 }
+c2 = { at = [-160.0, 0.0], angle = 128.43379843822592 }
+k1 = { at = [82.39015641574844, 113.18949653474262], angle = 139.09201434731398 }
+k2 = { at = [-247.02539555789303, 109.66576734784769], angle = 42.13371473161277 }
+"""
+INVERTED = """
+units = { length = "m", angle = "deg", mass = "kg", inertia = "g cm^2" }
+effects = ["inertia", "gravity"]
+gravity = [-2.3005099314122837, -2.6095236567550177]
+frame = "base"
+run = { frames = 40, duration = 0.1541741293565704 }
+[links.base]
+points = { F0 = [0.14651539077583245, 0.17485623733267955], D3 = [0.041113528684752244, 0.024863651847573068] }
+[links.gear]
+points = { F0 = [-0.04531662318023681, 0.28608220125383843], P1x = [0.11906963785135366, 0.18270307194071062] }
+mass = 1.096796010449766
+centre = [0.10034767642718527, 0.11568055935708355]
+inertia = 77733.31296718823
+[links.lever]
+points = { P1 = [-0.185566767860225, -0.04786040053985865], E2 = [0.019174490267473882, 0.050062991143768026] }
+mass = 0.8219408470457228
+centre = [-0.16700341806620392, 0.08268558027952547]
+inertia = 89782.35955391423
+[links.arm]
+points = { E2 = [0.12274775026790574, -0.18160980176925967], D3g = [0.281224444773806, -0.17348803178867075] }
+mass = 0.1900311232959736
+centre = [0.3069637714419099, -0.30019247226003887]
+inertia = 22169.939364843707
+[pairs]
+E2 = { revolute = ["lever", "arm"] }
+F0 = { revolute = ["gear", "base"], free = { position = 51.900753168489175, speed = "-1.2731712282828556 rad/s" } }
+P1 = { revolute = ["lever", "gear"], at = ["P1", "P1x"] }
+[pairs.D3]
+prismatic = ["base", "arm"]
+at = ["D3", "D3g"]
+along = [0.6514944999690653, -0.758653357278578]
+guide = "arm"
+angle = 2.9878706115950093
+[loads]
+spring = { torsion_spring = ["lever", "base"], stiffness = "2.93379757514422 N m/rad", free_angle = -20.526036570487857 }
+[sketch]
+gear = { at = [-0.050653519509971816, -0.037325390117506976], angle = -51.900753168489175 }
+lever = { at = [-0.024908474146801265, -0.011010228479800334], angle = 163.359558317311 }
+arm = { at = [-0.18966343899216956, 0.12147903063597734], angle = 2.9878706115950093 }
+"""
+
+
+def four_bar(load: str, turn: float = 0.0):
+    """The four-bar with its frame turned by an angle [deg], the crank's start with it."""
+    e = complex(complex(-200.0, 60.0) * np.exp(1j * np.radians(turn)))
+    return loads(FOUR_BAR.format(ex=e.real, ey=e.imag, start=170.0 + turn) + load)
+
+
+def four_bar_by_triangles(crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angles [rad] of coupler against crank and of rocker against frame, continuous in the crank's angles (n,)."""
+    b, e = 60.0 * np.exp(1j * crank), complex(-200.0, 60.0)
+    d = np.abs(e - b)
+    along = (d * d + 180.0**2 - 120.0**2) / (2.0 * d)
+    joint = b + (e - b) / d * (along + 1j * np.sqrt(180.0**2 - along**2))  # left of the line from B to E
+    return np.unwrap(np.angle((joint - b) / np.exp(1j * crank))), np.unwrap(np.angle(joint - e))
+
+
+def expected_torque(load: str) -> np.ndarray:
+    """Torque of the drive [N m] at 41 frames of a turn, by virtual power."""
+    fine = 100
+    crank = np.radians(170.0) + np.linspace(0.0, 2.0 * np.pi, 40 * fine + 1)
+    between, rocker = four_bar_by_triangles(crank)
+    between += 2.0 * np.pi * np.round((np.radians(20.0) - between[0]) / (2.0 * np.pi))
+    step = crank[1] - crank[0]
+    if load is SPRING:
+        torque = 2.0 * (between - np.radians(20.0)) * np.gradient(between, step, edge_order=2)
+    else:
+        factor = np.interp(np.degrees(between), [-60.0, 20.0, 60.0], [0.0, 1.0, 0.5])
+        torque = -40.0 * factor * np.gradient(rocker, step, edge_order=2)
+    return torque[::fine]
+
+
+@pytest.mark.parametrize("load", [SPRING, TABLE], ids=["spring", "table"])
+@pytest.mark.parametrize("turn", [0.0, -40.0, -90.0, 180.0, 179.999, 360.0])
+def test_the_torque_of_a_wound_four_bar_is_that_of_its_triangles(load, turn):
+    run = run_scene(four_bar(load, turn))
+    torque = expected_torque(load)
+    assert run.forces.effort("A") == pytest.approx(torque, abs=2e-4 * np.abs(torque).max())
+    between = np.degrees(run.motion.coordinate("B")[:, 0])
+    exact, _ = four_bar_by_triangles(np.radians(170.0) + np.linspace(0.0, 2.0 * np.pi, 41))
+    assert between == pytest.approx(np.degrees(exact), abs=1e-9)
+
+
+def simulated(text: str):
+    """A run, and the same motion in absolute coordinates: states at the frames."""
+    run = run_scene(loads(text))
+    first = run.simulation.view([0.0])
+    links = [k for k in first.model.links if k != run.scene.mechanism.frame]
+    body = Multibody(run.scene.mechanism, {k: first.pose(k)[0] for k in links}, {k: first.velocity(k)[0] for k in links})
+    return run, body, body.run(run.motion.time)
+
+
+@pytest.mark.parametrize("text", [SLIDER_CRANK + AT_REST, FIVE_BAR, INVERTED], ids=["crank", "five-bar", "inverted"])
+def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(text):
+    run, body, states = simulated(text)
+    scale = run.motion.model.size
+    for link, k in body.place.items():
+        pose = run.motion.pose(link)
+        assert pose[:, :2] == pytest.approx(states[:, k : k + 2], abs=1e-7 * scale), link
+        assert pose[:, 2] == pytest.approx(states[:, k + 2], abs=1e-7), link
+    energy = np.array([body.energy(y) for y in states])
+    assert np.ptp(energy) <= 1e-8 * max(np.abs(energy).max(), 1.0)
+    assert run.forces.energy[:, :2].sum(axis=1) == pytest.approx(energy, abs=1e-7 * np.abs(energy).max())
+    assert np.abs(run.simulation.drift(run.motion.time)).max() < 1e-8
+
+
+def test_a_crank_at_rest_beside_its_unloaded_spring_hardly_accelerates():
+    run = run_scene(loads(SLIDER_CRANK + AT_REST))
+    assert run.motion.coordinate("O")[0, 2] == pytest.approx(-3.7678, abs=1e-4)
+    assert np.abs(run.motion.coordinate("O")[:, 0] - np.radians(20.0)).max() < np.radians(0.3)
+
+
+def test_a_stop_beyond_half_a_turn_is_met_and_the_motion_goes_back():
+    """Without forces the kinetic energy stays: the time to the stop is an integral over the crank's angle."""
+    run = run_scene(loads(SLIDER_CRANK + STOPPED))
+
+    def rod(q: float) -> float:
+        return np.pi + np.arcsin(1.5 * np.sin(q))  # of the world: C is on the axis, behind B
+
+    def inertia(q: float) -> float:
+        """Of all links, reduced to the crank, by the rod's rate."""
+        b, psi = 0.15 * np.exp(1j * q), rod(q)
+        rate = 1.5 * np.cos(q) / np.cos(psi - np.pi)
+        vb, arm = 1j * b, 1j * 0.1 * np.exp(1j * psi) * rate
+        return 0.002 + abs(0.5 * vb) ** 2 + 0.5 * abs(vb + 0.5 * arm) ** 2 + 0.001 * rate**2 + 0.3 * abs(vb + arm) ** 2
+
+    assert np.degrees(rod(np.radians(-10.0)) - np.radians(-10.0)) == pytest.approx(175.0, abs=0.1)
+    start, omega = np.radians(-10.0), np.radians(1000.0)
+
+    def time_to(angle: float) -> float:
+        end = brentq(lambda q: rod(q) - q - np.radians(angle), start, np.radians(40.0), xtol=1e-15)
+        return quad(lambda q: np.sqrt(inertia(q) / inertia(start)) / omega, start, end, epsabs=1e-14, epsrel=1e-13)[0]
+
+    passed, hit = time_to(185.0), time_to(190.0)
+    found = run.simulation.happenings
+    assert [h.kind for h in found] == ["watch", "impact", "watch"]
+    assert [h.time for h in found] == pytest.approx([passed, hit, 2.0 * hit - passed], abs=1e-9)
+    t = np.linspace(0.0, hit, 7)
+    assert run.simulation(2.0 * hit - t)[0] == pytest.approx(run.simulation(t)[0], abs=1e-9)  # all the way back
+    assert np.degrees(run.motion.coordinate("B")[:, 0]).max() <= 190.0 + 1e-9
