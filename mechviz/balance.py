@@ -11,6 +11,7 @@ from mechcore.errors import Fault
 from mechcore.reduction import Shaking, shaking
 
 from .scene import SceneError
+from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -44,6 +45,7 @@ class Balance:
         return out + [f"{name:<18}{a:>12.5g}{b:>14.5g}" for name, a, b in rows]
 
 
+@in_scene_words
 def balance_scene(
     scene: Scene, *, radius: float | None = None, rocker_radius: float | None = None, fraction: float | None = None
 ) -> Balance:

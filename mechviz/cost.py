@@ -14,6 +14,7 @@ from mechcore.effects import effects_of, sum_up, wrenches
 from mechcore.plan import Plan, make_plan
 
 from .run import run_scene
+from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -31,6 +32,7 @@ class Cost:
     seconds: float
 
 
+@in_scene_words
 def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None) -> list[Cost]:
     """Wall times of all that the plan of a scene computes. Each repeat starts from a motion of which nothing is known yet."""
     mechanism = scene.mechanism

@@ -20,12 +20,16 @@ from mechcore.reach import reachable_ranges
 from mechcore.spec import CamPair, Cylinder, Planar
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
+from .scene.worded import in_scene_words
+
 if TYPE_CHECKING:
     from .scene import Scene
+    from .scene.units import Units
 
 __all__ = ["check_lines", "plan_lines"]
 
 
+@in_scene_words
 def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -> list[str]:
     """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run.
 
@@ -71,42 +75,44 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines.append(f"contours   {len(model.contours)} independent")
     lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
     lines += _modes(compiled)
-    lines += _reach(compiled)
+    lines += _reach(compiled, scene.units)
     lines.append(
-        f"health     contours close to {np.max(motion.closure) * 1e3:.1e} mm {_over(motion.frames)}; "
+        f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"
     )
-    lines += _grashof(compiled)
+    lines += _grashof(compiled, scene.units)
     if motion.changes:
         count = len(motion.changes)
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
     if "friction" in scene.mechanism.effects and not free:
-        lines += _friction(motion)
+        lines += _friction(motion, scene.units)
     if not free:
-        lines += _contact(motion, [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else [])
+        decided = [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else []
+        lines += _contact(motion, scene.units, decided)
     if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads) and not free:
-        lines += _belts(motion)
+        lines += _belts(motion, scene.units)
     if any(isinstance(p, CamPair) and (p.rating is not None or p.drawn is not None) for p in scene.mechanism.pairs) and not free:
         lines += _cams(motion)
     if modes:
-        lines += _all_modes(compiled)
+        lines += _all_modes(compiled, scene.units)
     if equations:
         lines += ["", *contour_equations(motion)]
     return lines
 
 
-def _friction(motion: Motion) -> list[str]:
+def _friction(motion: Motion, units: Units) -> list[str]:
     """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
-    found = [e for e in friction_events(solve_forces(motion)) if e.level == "WARN" or e.text.startswith("self-locking")]
+    events = (e.in_units(units) for e in friction_events(solve_forces(motion)))
+    found = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
     if not found:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
     return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
 
 
-def _contact(motion: Motion, decided: list[str]) -> list[str]:
+def _contact(motion: Motion, units: Units, decided: list[str]) -> list[str]:
     """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
     if not (motion.mechanism.effects or motion.mechanism.loads) or not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
         return []
@@ -116,7 +122,7 @@ def _contact(motion: Motion, decided: list[str]) -> list[str]:
     if not pressed:
         return []
     found = [e for e in cam_events(motion, solve_forces(motion)) if e.item in pressed and e.text.startswith("contact ")]
-    said = [e for e in found if e.text.split()[1] in ("lost", "regained")]
+    said = [e.in_units(units) for e in found if e.text.split()[1] in ("lost", "regained")]
     lines = [f"{e.item}: {e.text.replace(' at ', f' at {e.time:.6g} s, ', 1)}" for e in said]
     return [f"{'' if k else 'contact':<10} {line}" for k, line in enumerate(lines or ["no follower leaves its cam over the run"])]
 
@@ -129,16 +135,14 @@ def _cams(motion: Motion) -> list[str]:
     return ["", *cam_lines(motion, solve_forces(motion) if loaded else None)]
 
 
-def _belts(motion: Motion) -> list[str]:
+def _belts(motion: Motion, units: Units) -> list[str]:
     """What belts can carry, and where they slip."""
     from mechcore.belts import belt_events, belt_grip
 
-    lines = [
-        f"belt       {load.pair} carries up to {belt_grip(motion, load).most:.5g} N without slipping (Euler, Eytelwein)"
-        for load in motion.mechanism.loads
-        if isinstance(load, BeltTension) and load.coefficient
-    ]
-    slips = [f"           {e.item}: {e.text}" for e in belt_events(solve_forces(motion))]
+    loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
+    most = {load.pair: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
+    lines = [f"belt       {pair} carries up to {force} without slipping (Euler, Eytelwein)" for pair, force in most.items()]
+    slips = [f"           {e.item}: {e.in_units(units).text}" for e in belt_events(solve_forces(motion))]
     return [*lines, *(slips or ["           no belt slips over the run"])]
 
 
@@ -154,18 +158,18 @@ def _led(drives: int, free: list[str]) -> str:
     return ", ".join(words)
 
 
-def _grashof(compiled: Compiled) -> list[str]:
+def _grashof(compiled: Compiled, units: Units) -> list[str]:
     return [
-        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {1e3 * loop.margin:.6g} mm"
+        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {units.show(loop.margin, 'length')}"
         for loop in grashof(compiled.model)
     ]
 
 
-def _all_modes(compiled: Compiled) -> list[str]:
+def _all_modes(compiled: Compiled, units: Units) -> list[str]:
     lines = ["modes      all assembly modes of each group at the start, the groups before it as stated"]
     for name, found in all_modes(compiled.model, compiled.assembly, compiled.start):
         lines.append(f"  {name}: {len(found)}")
-        lines += [f"    {text}{'   <- stated' if here else ''}" for text, here in found]
+        lines += [f"    {text.in_units(units)}{'   <- stated' if here else ''}" for text, here in found]
     return lines
 
 
@@ -179,15 +183,15 @@ def _modes(compiled: Compiled) -> list[str]:
     return ["assembly   mode of each group", *lines] if lines else []
 
 
-def _reach(compiled: Compiled) -> list[str]:
+def _reach(compiled: Compiled, units: Units) -> list[str]:
     drive = compiled.mechanism.drives[0]
-    rotary = compiled.model.joints[compiled.model.joint_index[drive.pair]].coordinate == "angle"
-    factor, unit = (180.0 / np.pi, "°") if rotary else (1e3, " mm")
+    rotary = compiled.model.rotary(drive.pair)
+    kind = "angle" if rotary else "length"
     ranges = reachable_ranges(compiled)
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
     if any(isinstance(pair, Cylinder) and pair.name == drive.pair for pair in compiled.mechanism.pairs):
         ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
-    spans = [f"{_plain(a * factor)}{unit} to {_plain(b * factor)}{unit}" for a, b in ranges]
+    spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
     what = "free" if isinstance(drive.law, Free) else "drive"
     lines = [f"reach      {what} {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}"]
     if len(spans) > 1:  # the first one is where the run starts
@@ -197,9 +201,9 @@ def _reach(compiled: Compiled) -> list[str]:
     return lines
 
 
-def _plain(number: float) -> str:
+def _plain(number: float) -> float:
     """A number without rounding noise about zero."""
-    return f"{number if abs(number) > 1e-9 else 0.0:.7g}"
+    return number if abs(number) > 1e-12 else 0.0
 
 
 def plan_lines(plan: Plan) -> list[str]:

@@ -16,6 +16,9 @@ from mechcore.accuracy import DEFAULT, Accuracy, accuracy_for
 from mechcore.plan import OUTPUTS, Plan, make_plan
 from mechcore.studies import StudyResults
 from mechcore.studies import compute as compute_studies
+from mechcore.texts import Text
+
+from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
@@ -97,6 +100,7 @@ def stopwatch(stages: list[Stage], name: str) -> Iterator[None]:
     stages.append(Stage(name, time.perf_counter() - start))
 
 
+@in_scene_words
 def run_scene(
     scene: Scene,
     *,
@@ -217,7 +221,7 @@ def _resimulate(
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
 
     unseen = [] if observe is None else [observe]
-    unwarned = [] if warn is None else [warn]
+    unwarned = [] if warn is None else [lambda words: warn(Text.of(words).in_units(scene.units))]
 
     def found(tolerance: float, method: Method | None = None, like: Simulation | None = None) -> Simulation:
         look = unseen.pop() if unseen else None

@@ -15,6 +15,7 @@ from mechcore.errors import Fault, MechanismError
 from .files import replacing
 from .scene import SceneError
 from .scene.signals import SIGNALS
+from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics.equilibrium import Seek
@@ -28,6 +29,7 @@ LARGEST_TURN = 0.35  # of a link in a displayed mode [rad]
 SLOW = 0.5  # displayed frequency of a mode that does not vibrate [Hz]
 
 
+@in_scene_words
 def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
     """Small vibrations about the equilibrium that a scene's free coordinates fall to. Raises `SceneError`, `MechanismError`."""
     if scene.simulation is None:
@@ -37,8 +39,7 @@ def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
 
 
 def _rotary(found: Vibrations) -> list[bool]:
-    model = found.equilibrium.compiled.model
-    return [model.joints[model.joint_index[p]].coordinate == "angle" for p in found.pairs]
+    return [found.equilibrium.compiled.model.rotary(p) for p in found.pairs]
 
 
 def _shape(found: Vibrations, mode: Mode) -> Any:
@@ -65,9 +66,8 @@ def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
     eq = found.equilibrium
     rotary = _rotary(found)
     at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
-    places = [
-        f"{p} = {np.degrees(x):.6g}°" if r else f"{p} = {1e3 * x:.6g} mm" for p, x, r in zip(found.pairs, at, rotary, strict=True)
-    ]
+    shown = [scene.units.show(x, "angle" if r else "length") for x, r in zip(at, rotary, strict=True)]
+    places = [f"{p} = {x}" for p, x in zip(found.pairs, shown, strict=True)]
     words = {
         "stable": "stable: a small disturbance makes it vibrate about this place",
         "neutral": "neutral: it stays where it is put, in at least one direction",

@@ -101,8 +101,8 @@ def test_scenes_read_as_they_were_written(name):
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
-        ("cam-indexing", "to = 36", "to = 40", ["pairs.K.profile.lift", "ends at 40 deg", "Let it end at 36 deg after 360 deg"]),
-        ("cam-indexing", "over = 210", "over = 200", ["pairs.K.profile.lift", "in 350 deg"]),
+        ("cam-indexing", "to = 36", "to = 40", ["pairs.K.profile.lift", "ends at 40°", "Let it end at 36° after a whole turn"]),
+        ("cam-indexing", "over = 210", "over = 200", ["pairs.K.profile.lift", "in 350°"]),
         ("cam-indexing", 'closure = "form"', 'closure = "force"', ["pairs.K.closure", "Give closure = 'form'"]),
         ("cam-indexing", "globoid = {", "base = 0\ngloboid = {", ["pairs.K.profile.base", "Leave it out"]),
         ("cam-indexing", "rollers = 10", "rollers = 2", ["pairs.K.profile.globoid.rollers"]),

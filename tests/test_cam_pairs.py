@@ -161,7 +161,7 @@ def _cam(**change):
 @pytest.mark.parametrize(
     ("mechanism", "words"),
     [
-        (translating(Roller(0.01), lift=program([Segment(2.0, 0.01), Segment(2.0, 0.0)])), "229.183 deg.*Add a dwell of 130.817"),
+        (translating(Roller(0.01), lift=program([Segment(2.0, 0.01), Segment(2.0, 0.0)])), "229.183°.*Add a dwell of 130.817"),
         (translating(Flat(), base=0.005), "base circle of 5 mm is undercut at .*at least 10"),
         (
             translating(Roller(0.05), base=0.002, lift=program([Segment(0.8, 0.03), Segment(2 * np.pi - 0.8, 0.0)])),

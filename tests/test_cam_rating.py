@@ -165,7 +165,7 @@ def test_scenes_ask_for_stress_and_drawing_in_tables_and_events():
     width = 6.0 * (stress.pressure.max() / 2.5e8) ** 2
     assert f"It needs a width of {width:.4g} mm" in pressure
     assert any(t.startswith("contact force down to 93.") and "(margin 120 N)" in t for t in texts)
-    assert any(t.startswith("drawn every 15 deg and differentiated by chords") for t in texts)
+    assert any(t.startswith("drawn every 15° and differentiated by chords") for t in texts)
 
 
 def test_what_is_not_asked_for_is_not_computed(monkeypatch):

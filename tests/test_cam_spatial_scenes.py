@@ -235,7 +235,7 @@ def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
         ("cam-wedge", "amplitude = 75", "amplitude = 80", ["as far as -10 mm", "as far as 150 mm"]),
         ("cam-wedge", "sense", "", ["as far as 145 mm", "as far as -5 mm"]),
         ("cam-inverse-slide", "amplitude = 45", "amplitude = 50", ["as far as 50 mm", "as far as -50 mm"]),
-        ("cam-inverse", "amplitude = 40", "amplitude = 90", ["as far as 90 deg", "as far as 270 deg"]),
+        ("cam-inverse", "amplitude = 40", "amplitude = 90", ["as far as 90°", "as far as 270°"]),
         ("cam-inverse", "amplitude = 40", "amplitude = 190", ["turns round"]),
     ],
 )

@@ -54,8 +54,8 @@ def test_modes_whose_pair_stays_at_its_place_are_told_by_displacement_and_angle(
     ahead, behind = after("modes", lines)[1:]
     values = [float(re.search(r"displaced by (\S+) mm", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
     assert values[0] == -values[1] > 0.0
-    angles = [int(re.search(r"lever (\S+)°", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
-    assert abs(angles[0] - angles[1]) == 180
+    angles = [float(re.search(r"lever (\S+)°", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
+    assert abs(angles[0] - angles[1]) == pytest.approx(180.0, abs=0.1)
 
 
 def test_the_reach_of_a_sliding_drive_names_first_what_the_run_can_reach():

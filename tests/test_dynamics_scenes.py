@@ -236,9 +236,9 @@ def test_a_follower_leaves_its_cam_where_a_seat_holds_it_up(tmp_path: Path):
     run = run_scene(_seated("lower", 180))
     assert run.simulation is not None
     texts = [h.text for h in run.simulation.happenings]
-    assert texts[0] == "contact lost at 106.1 deg of the cam" and texts[1].startswith("S hits stop S lower at 3.8")
+    assert texts[0] == "contact lost at 106.1° of the cam" and texts[1].startswith("S hits stop S lower at 3.8")
     # the lift is symmetric about 70 deg: the cam comes back to the valve on its seat as far before it as it left it behind
-    assert texts[texts.index("S leaves stop S lower") - 1].startswith("bounces at 33.9 deg of the cam")
+    assert texts[texts.index("S leaves stop S lower") - 1].startswith("bounces at 33.9° of the cam")
     assert run.motion.coordinate("S")[:, 0].min() > -0.034 * (1.0 + 1e-9)
     write_recording(run, tmp_path / "x.rrd")
     kinetic, potential, work, dissipated = Recording(tmp_path / "x.rrd").scalars("data", "energy")[1].T

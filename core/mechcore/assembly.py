@@ -14,6 +14,7 @@ from .blocks import State
 from .errors import Fault, MechanismError
 from .model import Block, Model
 from .positions import initial_state
+from .texts import Text, as_angle, as_length
 
 __all__ = ["Assembly", "all_modes", "assemble", "group_modes"]
 
@@ -109,7 +110,7 @@ def _stated(model: Model) -> dict[str, str]:
 def _apart(model: Model, block: Block, miss: float) -> Fault:
     return Fault(
         f"pairs.{block.name}",
-        f"cannot be assembled at the start: the links miss each other by {1e3 * miss:.6g} mm.",
+        f"cannot be assembled at the start: the links miss each other by {as_length(miss)}.",
         "Change a length or the start of the drive.",
     )
 
@@ -180,7 +181,7 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
     rows = []
     for mode in modes:
         found = _solution(model, block, state, mode)
-        slides = [f"{model.joints[j].name} is displaced by {1e3 * float(found['slide', j].real):.4g} mm" for j in block.slides]
+        slides = [f"{model.joints[j].name} is displaced by {as_length(float(found['slide', j].real), 4)}" for j in block.slides]
         angles = [_angle_words(model, g, float(np.angle(found["angle", g]))) for g in block.angles]
         rows.append([*slides, *angles])
     telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
@@ -188,7 +189,7 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
 
 
 def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
-    """Where the block's pair is in one mode, in millimetres, for a message."""
+    """Where the block's pair is in one mode, for a message."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         bl.place(model, block, trial, mode)
@@ -214,8 +215,8 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
             z = z + sign * vector * model.turn[link] * rot
         k = p
     noise = 1e-12 * model.size
-    x, y = (0.0 if abs(part) < noise else 1e3 * part for part in (complex(z).real, complex(z).imag))
-    return f"x = {x:.4g} mm, y = {y:.4g} mm"
+    x, y = (0.0 if abs(part) < noise else part for part in (complex(z).real, complex(z).imag))
+    return f"x = {as_length(x, 4)}, y = {as_length(y, 4)}"
 
 
 def _orientation(model: Model, block: Block, pair: str) -> float:
@@ -439,8 +440,8 @@ def _describe(model: Model, block: Block, x: Array) -> str:
 def _angle_words(model: Model, group: int, angle: float) -> str:
     """The first link of a group of parallel links and its angle; ``angle`` is the group's [rad]."""
     k = model.angles.links_of[group][0]
-    degrees = np.degrees(angle + model.angles.offset[k])
-    return f"{model.links[k]} {(degrees + 180) % 360 - 180:.0f}°"
+    turned = (angle + model.angles.offset[k] + np.pi) % (2.0 * np.pi) - np.pi
+    return f"{model.links[k]} {as_angle(turned, 4)}"
 
 
 def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Array:
@@ -469,24 +470,24 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
     return np.array(rows) if rows else np.empty((0, n + k))
 
 
-def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list[tuple[str, list[tuple[str, bool]]]]:
+def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list[tuple[str, list[tuple[Text, bool]]]]:
     """Every group's assembly modes at the start in words, the groups before it as assembled; the flag marks the assembled one."""
     state = initial_state(model, [np.float64(q) for q in drives], assembly.constants)
     out = []
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for block, mode in zip(model.blocks, assembly.modes, strict=True):
-            found: list[tuple[str, bool]] = []
+            found: list[tuple[Text, bool]] = []
             if block.kind in TWO_MODES:
                 sign = _orientation(model, block, block.name)
                 signs = (sign, -sign)
                 for word, s, text in zip(WORDS[block.kind], signs, _mode_words(model, block, state, signs), strict=True):
-                    found.append((f"{word}: {text}", s == mode))
+                    found.append((Text(f"{word}: {text}"), s == mode))
             elif block.kind == "general":
                 start = assembly.starts[block.name]
                 for x in group_modes(model, block, state):
                     n = len(block.angles)
                     same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
-                    found.append((_describe(model, block, x), bool(same)))
+                    found.append((Text(_describe(model, block, x)), bool(same)))
             bl.place(model, block, state, mode, assembly.starts.get(block.name))
             if found:
                 out.append((block.name, found))

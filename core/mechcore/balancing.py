@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from .errors import Fault, MechanismError
 from .reduction.bodies import Body, combine
 from .spec import Link, Mechanism, Prismatic, Revolute
+from .texts import as_length
 
 __all__ = ["Counterweight", "FourBar", "SliderCrank", "balance", "counterweights", "find_linkage", "with_counterweights"]
 
@@ -108,7 +109,7 @@ def counterweights(
     """
     radii = radius if isinstance(radius, tuple) else (radius, radius)
     if min(radii) <= 0.0:
-        raise MechanismError(Fault("balance.radius", f"{min(radii):g} m is no radius.", "Give a positive radius."))
+        raise MechanismError(Fault("balance.radius", f"{as_length(min(radii))} is no radius.", "Give a positive radius."))
     crank = linkage.crank
     if isinstance(linkage, FourBar):
         coupler, rocker = linkage.coupler, linkage.rocker

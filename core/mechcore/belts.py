@@ -15,6 +15,7 @@ from .kinetostatics import Forces
 from .loads import BeltTension
 from .motion import Motion
 from .spec import Belt
+from .texts import as_angle, as_force
 
 __all__ = ["BeltGrip", "belt_events", "belt_grip"]
 
@@ -63,11 +64,11 @@ def belt_events(forces: Forces) -> list[Event]:
                 start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
             if last + 1 < len(time):
                 end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
-            wrap = math.degrees(min(grip.wraps))
             text = (
-                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {carried:.5g} N is asked for, "
-                f"{grip.most:.5g} N is the most that it carries (Euler and Eytelwein: {grip.slack:.5g} N in the slack span, "
-                f"coefficient {load.coefficient:g}, wrap {wrap:.4g} deg). The motion goes on as if it held"
+                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {as_force(carried, 5)} is asked for, "
+                f"{as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} in the "
+                f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
+                "held"
             )
             found.append(Event(start, "WARN", load.pair, text, carried))
     return sorted(found, key=lambda e: e.time)

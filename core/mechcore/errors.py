@@ -5,16 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .texts import Text, UnitSystem
+
 __all__ = ["Fault", "MechanismError"]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong: where (a dotted path such as ``pairs.C``), what, and what to do about it."""
+    """One thing that is wrong: where (a dotted path such as ``pairs.C``), what, and what to do about it.
+
+    Quantities in message and remedy (see `mechcore.texts`) are shown in mm and degrees, or in the units of `in_units`.
+    """
 
     path: str
     message: str
     remedy: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", Text.of(self.message))
+        object.__setattr__(self, "remedy", Text.of(self.remedy))
+
+    def in_units(self, units: UnitSystem) -> Fault:
+        """The same fault with its quantities in other units."""
+        return Fault(self.path, Text.of(self.message).in_units(units), Text.of(self.remedy).in_units(units))
 
     def __str__(self) -> str:
         return f"{self.path}: {self.message}" + (f" {self.remedy}" if self.remedy else "")

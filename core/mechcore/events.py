@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from .answers import curvature, per_unit, transmission_angles, velocity_ratios
 from .extremes import peak, zeros
 from .leastnorm import indeterminate
 from .motion import Motion
+from .texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
 __all__ = ["SINGULAR", "Event", "at_drive", "find_events", "runs", "turning_points"]
 
@@ -38,6 +39,13 @@ class Event:
     item: str
     text: str
     value: float = float("nan")  # of what is named, in SI units, where it is a number
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", Text.of(self.text))
+
+    def in_units(self, units: UnitSystem) -> Event:
+        """The same event with the quantities of its text in other units."""
+        return replace(self, text=Text.of(self.text).in_units(units))
 
 
 def find_events(motion: Motion) -> list[Event]:
@@ -84,10 +92,13 @@ def _at(motion: Motion, rows: Real, t: float) -> float:
 def _words(motion: Motion, pair: str, value: float) -> str:
     if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(pair)), initial=0.0):  # rounding
         value = 0.0
-    j = motion.model.joint_index.get(pair)
-    if j is None or motion.model.joints[j].coordinate == "angle":
-        return f"{np.degrees(value):.4g}°"
-    return f"{1e3 * value:.5g} mm"
+    rotary = motion.model.rotary(pair)
+    return as_coordinate(value, rotary=rotary, digits=4 if rotary else 5)
+
+
+def _placed(words: str, motion: Motion, t: float) -> str:
+    """What happens at a time, and where the drives are then, if there are any."""
+    return ", ".join(filter(None, (words, at_drive(motion, t))))
 
 
 def at_drive(motion: Motion, t: float) -> str:
@@ -126,7 +137,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
         times = zeros(motion, partial(_rates, pair.name), times)
         for t, value in zip(times, _exactly(motion, pair.name, times), strict=True):
             side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            text = f"limit position: coordinate {side}, {_words(motion, pair.name, value)}, {at_drive(motion, float(t))}"
+            text = _placed(f"limit position: coordinate {side}, {_words(motion, pair.name, value)}", motion, float(t))
             yield Event(float(t), "INFO", pair.name, text, float(value))
 
 
@@ -171,7 +182,7 @@ def _singular(motion: Motion) -> Iterator[Event]:
     for start, end in runs(bad):
         worst = float(np.max(motion.condition[start : end + 1]))
         t0, t1 = float(motion.time[start]), float(motion.time[end])
-        text = f"near singular position: condition number {worst:.1e} until {t1:.6g} s, {at_drive(motion, t0)}"
+        text = _placed(f"near singular position: condition number {worst:.1e} until {t1:.6g} s", motion, t0)
         yield Event(t0, "WARN", "mechanism", text)
 
 
@@ -179,11 +190,10 @@ def _changes(motion: Motion) -> Iterator[Event]:
     """Where assembly modes meet and the motion goes through."""
     for change in motion.changes:
         if change.dead:
-            text = f"dead point of the drive: the group at {change.name} goes through its limit, {at_drive(motion, change.time)}"
+            text = f"dead point of the drive: the group at {change.name} goes through its limit"
         else:
-            where = at_drive(motion, change.time)
-            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through, {where}"
-        yield Event(float(change.time), "WARN", change.name, text)
+            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through"
+        yield Event(float(change.time), "WARN", change.name, _placed(text, motion, change.time))
 
 
 def _extremes(motion: Motion) -> Iterator[Event]:
@@ -195,7 +205,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
             if np.isfinite(t):
                 angle = float(_there(motion, partial(_transmission_angle, pair), t))
                 level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
-                text = f"worst transmission angle of the run, {np.degrees(angle):.4g}°, {at_drive(motion, t)}"
+                text = _placed(f"worst transmission angle of the run, {as_angle(angle, 4)}", motion, t)
                 yield Event(t, level, pair, text, angle)
     if "velocity_ratio" in asked or "mechanical_advantage" in asked:
         yield from _ratios(motion, asked)
@@ -203,7 +213,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
         for link, point in motion.mechanism.traced:
             t, bend = peak(motion, partial(_bend, link, point))
             if np.isfinite(t) and bend > 0.0:
-                text = f"sharpest bend of the path of {link}.{point}, radius {1e3 / bend:.5g} mm"
+                text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / bend, 5)}"
                 yield Event(t, "INFO", f"{link}.{point}", text, bend)
 
 
@@ -226,10 +236,11 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
             value = float(_there(motion, partial(_ratio, pair), t))
             words = f"largest velocity ratio of the run, {value:.5g}"
         if "velocity_ratio" in asked:
-            yield Event(t, "INFO", pair, f"{words}, {at_drive(motion, t)}", value)
+            yield Event(t, "INFO", pair, _placed(words, motion, t), value)
         if "mechanical_advantage" in asked and pair in at_frame:
             least = 0.0 if np.isinf(value) else 1.0 / abs(value)
-            yield Event(t, "INFO", pair, f"smallest mechanical advantage of the run, {least:.5g}, {at_drive(motion, t)}", least)
+            words = f"smallest mechanical advantage of the run, {least:.5g}"
+            yield Event(t, "INFO", pair, _placed(words, motion, t), least)
             yield from _toggles(motion, pair)
 
 
@@ -243,7 +254,7 @@ def _toggles(motion: Motion, pair: str) -> Iterator[Event]:
 
     own = rows(motion)
     for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
-        text = f"mechanical advantage without bound (toggle), {at_drive(motion, float(t))}"
+        text = _placed("mechanical advantage without bound (toggle)", motion, float(t))
         yield Event(float(t), "INFO", pair, text, np.inf)
 
 

@@ -24,6 +24,7 @@ from .loads import (
     Viscous,
 )
 from .spec import EFFECTS, Belt, Cylinder, Mechanism, PinSlot, Prismatic, Revolute, Weld
+from .texts import as_torque
 
 __all__ = ["load_faults"]
 
@@ -58,7 +59,8 @@ def _values(load: Load) -> Iterator[tuple[str, str]]:
             elif f.name in _NOT_ZERO and value == 0:
                 yield f"its {f.name} is zero.", "Give one; its sign is the direction."
     if isinstance(load, Governor) and not load.least < load.most:
-        yield f"its least torque of {load.least:g} N m is no less than its most of {load.most:g} N m.", "Give [least, most]."
+        why = f"its least torque of {as_torque(load.least)} is no less than its greatest of {as_torque(load.most)}."
+        yield why, "Give [least, most]."
     if isinstance(load, Damper | Drag) and not (load.linear or load.quadratic):
         yield "it has neither a linear nor a quadratic coefficient.", "Give one of them."
 

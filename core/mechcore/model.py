@@ -148,6 +148,10 @@ class Model:
         joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
         return (*joints, *(Connection(r.name, r.kind, r.links) for r in self.relations if r.name not in self.joint_index))
 
+    def rotary(self, pair: str) -> bool:
+        """Whether a pair's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
+        return pair not in self.joint_index or self.joints[self.joint_index[pair]].coordinate == "angle"
+
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:
         """Named points of every link in its own axes [m]; in a sweep those that vary are arrays (designs, 1)."""

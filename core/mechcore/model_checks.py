@@ -9,6 +9,7 @@ from .graph import Angles
 from .load_checks import load_faults
 from .pairs import Joint
 from .spec import Mechanism, coordinates_of
+from .texts import as_angle
 
 __all__ = ["check_items", "check_lengths", "check_spare_angles"]
 
@@ -78,7 +79,7 @@ def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...],
             continue
         off = (turning.offset[p] + joints[j].angle - turning.offset[q] + math.pi) % (2.0 * math.pi) - math.pi
         if abs(off) > 1e-9:
-            why = f"its angle contradicts that of the other guides between the same links by {math.degrees(off):.6g}°."
+            why = f"its angle contradicts that of the other guides between the same links by {as_angle(off)}."
             faults.append(Fault(f"pairs.{joints[j].name}", why, "Make the guides parallel."))
     if faults:
         raise MechanismError(faults)

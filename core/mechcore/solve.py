@@ -25,6 +25,7 @@ from .positions import initial_state, place_all
 from .spec import Mechanism
 from .start_pose import start_pose
 from .structure import gruebler
+from .texts import as_coordinate, as_length
 from .tracking import Course, course_of, way_of
 from .unwrapped import Frames, LinkAngles, UnwrappedAngles, Waypoint, raw_angles
 
@@ -194,11 +195,11 @@ def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
     model = compiled.model
     for drive, start, q in zip(model.mechanism.drives, compiled.start, positions, strict=True):
         way = max(abs(float(q[0]) - start), abs(float(q[-1]) - start))
-        rotary = model.joints[model.joint_index[drive.pair]].coordinate == "angle"
+        rotary = model.rotary(drive.pair)
         turns = way / (TURN if rotary else TURN * model.size)
         if turns > MOST_TURNS * (1.0 + 1e-9):
-            far = f"{turns:.6g} turns" if rotary else f"{way:.6g} m, {way / model.size:.6g} times the size of the mechanism"
-            most = f"{MOST_TURNS:,} turns" if rotary else f"{TURN * MOST_TURNS * model.size:.6g} m"
+            far = f"{turns:.6g} turns" if rotary else f"{as_length(way)}, {way / model.size:.6g} times the size of the mechanism"
+            most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.size)
             why = f"it goes {far} from its start; motions are followed over {most} at most."
             raise MechanismError(Fault(f"pairs.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
@@ -341,20 +342,19 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     model = compiled.model
     drive = model.mechanism.drives[0]
     pair = drive.pair
-    rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
-    unit, factor = ("°", 180.0 / np.pi) if rotary else (" mm", 1e3)
+    shown = partial(as_coordinate, rotary=model.rotary(pair))
     q = motion.drives[0][0]
     ranges = []
     for start, end in _runs(bad):
         way = q[start : end + 1]  # the drive may turn back in it
         low, high = float(way.min()), float(way.max())
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
-        ranges.append(f"from {low * factor:.{digits}g}{unit} to {high * factor:.{digits}g}{unit}")
-    shown = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
+        ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
+    where = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
     worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
-    words = f"cannot be assembled for positions of drive {pair} {shown}"
+    words = f"cannot be assembled for positions of drive {pair} {where}"
     if worst > 0:
-        words += f": its links miss each other by up to {1e3 * worst:.6g} mm."
+        words += f": its links miss each other by up to {as_length(worst)}."
     elif loose:
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
@@ -375,7 +375,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
 
         reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
         if reach:
-            remedy += f", or keep the drive within [{reach[0][0] * factor:.7g}{unit}, {reach[0][1] * factor:.7g}{unit}]"
+            remedy += f", or keep the drive within [{shown(reach[0][0], digits=7)}, {shown(reach[0][1], digits=7)}]"
     return Fault(f"pairs.{block.name}", words, remedy + ".")
 
 

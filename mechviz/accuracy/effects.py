@@ -14,6 +14,7 @@ from mechcore import compile_mechanism, default_times, solve_forces, solve_motio
 from mechcore.errors import MechanismError
 from mechcore.spec import EFFECTS
 
+from ..scene.worded import in_scene_words
 from ..tables import joints_of
 from .timing import Timed, side_by_side
 
@@ -85,6 +86,7 @@ def answer_of(scene: Scene) -> Answer:
     return Answer(effort, unit, reaction, fluctuation, curve)
 
 
+@in_scene_words
 def _compute(scene: Scene) -> tuple[Any, Any, Any]:
     if scene.simulation is not None:
         from ..run import run_scene

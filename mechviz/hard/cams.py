@@ -296,7 +296,7 @@ def _unreachable() -> Outcome:
 
 def _not_closed() -> Outcome:
     lift = program([Segment(2.0, 0.01), Segment(2.0, 0.0)])
-    return refused(lambda: compile_mechanism(_pair(Roller(0.01), lift=lift)), r"229\.183 deg", r"Add a dwell of 130\.817")
+    return refused(lambda: compile_mechanism(_pair(Roller(0.01), lift=lift)), r"229\.183°", r"Add a dwell of 130\.817")
 
 
 def _base_circle() -> Outcome:

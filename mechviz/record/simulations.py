@@ -40,8 +40,7 @@ def simulation_events(run: Run) -> list[Event]:
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
         found.insert(0, Event(0.0, "INFO", run.steady.pair, steady_lines(run.steady)[0]))
-    others = [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
-    found += [Event(e.time, e.level, e.item, e.text.removesuffix(", "), e.value) for e in others]
+    found += [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
     return found + list(_cam_limits(run, simulation))
 
 

@@ -120,7 +120,8 @@ def write_recording(
         arrows, arcs, scales = shapes(run, solids.size)
         every = picture_stride(run)
         timelines = Timelines.of(run)
-        events = sorted([*_course_events(run), *peak_events(run)], key=lambda e: e.time)
+        found = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
+        events = sorted(found, key=lambda e: e.time)
         content = Content(
             run,
             solids,

@@ -24,6 +24,7 @@ from .faults import SceneError, in_file_order
 from .folder import SceneFolder, copy_files
 from .free_motion import SimulationSpec
 from .reading import find_scene, parse_toml, read_text
+from .units import Units
 from .validate import Reading, read_document
 from .writing import toml_text
 
@@ -94,6 +95,11 @@ class Scene:
     def cycles(self) -> int:
         """Number of drive cycles of a run."""
         return self.document.run.cycles
+
+    @property
+    def units(self) -> Units:
+        """The units of the scene's bare numbers, in which what is said of it is told."""
+        return Units(**self.document.units.model_dump())
 
     @property
     def accuracy(self) -> Accuracy:

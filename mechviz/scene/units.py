@@ -16,9 +16,11 @@ from decimal import Decimal
 from functools import cache
 from typing import Any
 
+from mechcore.texts import shown
+
 from .faults import closest
 
-__all__ = ["KINDS", "QUANTITY_PATTERN", "Kind", "QuantityError", "Units", "magnitude", "parse", "unit_factor"]
+__all__ = ["KINDS", "QUANTITY_PATTERN", "Kind", "QuantityError", "Units", "magnitude", "parse", "symbol_of", "unit_factor"]
 
 QUANTITY_PATTERN = r"^\s*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?\s*([A-Za-zµμ°(]|1\s*/).*$"
 """A number and a unit. The same pattern goes into the JSON Schema, where it must do without named groups."""
@@ -207,6 +209,13 @@ def parse(text: str, kind: str) -> float:
         raise QuantityError(f"'{text}' {verb} {error}", error.remedy) from None
 
 
+def symbol_of(unit: str) -> str:
+    """A unit of a scene, or a formula of such units, as it is written for people: "mm/s", "°", "kg m²"."""
+    text = re.sub(r"\(([^()/]*)\)", r"\1", unit)
+    text = re.sub(r"\bdeg(rees?)?\b", "°", text).replace("**", "^").replace("*", " ")
+    return text.replace("^2", "²").replace("^3", "³")
+
+
 @dataclass(frozen=True)
 class Units:
     """The units that bare numbers of a scene are counted in."""
@@ -222,6 +231,14 @@ class Units:
     def factor(self, kind: str) -> Decimal:
         """SI units in one unit of a bare number of this kind."""
         return unit_factor(KINDS[kind].bare.format(**vars(self)), kind)
+
+    def symbol(self, kind: str) -> str:
+        """The unit of a bare number of this kind, as it is written for people: "mm/s", "°", "kg m²"."""
+        return symbol_of(KINDS[kind].bare.format(**vars(self)))
+
+    def show(self, value: float, kind: str, digits: int = 6) -> str:
+        """A quantity [SI] in the scene's units: its number, with so many digits, and unit."""
+        return shown(value / float(self.factor(kind)), self.symbol(kind), digits)
 
     def si(self, value: float | str, kind: str) -> float:
         """A number or a text of a scene -> SI."""

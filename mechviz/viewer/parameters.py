@@ -21,7 +21,7 @@ from ..scene.changing import Place, value_at
 from ..scene.document import SceneDocument
 from ..scene.fields import Quantity
 from ..scene.tables import Table
-from ..scene.units import KINDS, QuantityError, Units, split, unit_factor
+from ..scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
 
 __all__ = ["Choice", "Parameter", "find_choices", "find_parameters"]
 
@@ -200,7 +200,7 @@ def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
         units = Units(**document.units.model_dump())
         if isinstance(value, str):
             text, suffix = split(value)
-            kind, number, unit = _kind_of_unit(quantity, suffix), float(text), _pretty(suffix)
+            kind, number, unit = _kind_of_unit(quantity, suffix), float(text), symbol_of(suffix)
         else:
             kind = _kind_here(document, path, quantity)
             number, unit = float(value), _bare_unit(units, kind)
@@ -290,13 +290,7 @@ def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
 
 
 def _bare_unit(units: Units, kind: str) -> str:
-    text = BARE.get(kind, KINDS[kind].bare).format(**vars(units))
-    return _pretty(text)
-
-
-def _pretty(unit: str) -> str:
-    text = unit.replace("**", "^").replace("(", "").replace(")", "").replace("*", " ").replace("deg", "°")
-    return text.replace("^2", "²").replace("^3", "³")
+    return symbol_of(BARE.get(kind, KINDS[kind].bare).format(**vars(units)))
 
 
 # -- ranges -----------------------------------------------------------------------------------------------------------

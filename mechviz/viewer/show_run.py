@@ -237,7 +237,8 @@ def happenings(run: Run) -> tuple[Happening, ...]:
             from mechcore.cams.happenings import cam_events
 
             found += cam_events(run.motion, run.forces)
-    return tuple(Happening(e.time, e.level, f"{e.item}: {e.text}") for e in sorted(found, key=lambda e: e.time))
+    told = sorted((e.in_units(run.scene.units) for e in found), key=lambda e: e.time)
+    return tuple(Happening(e.time, e.level, f"{e.item}: {e.text}") for e in told)
 
 
 def telling_frame(run: Run) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_angle
 from . import jets
 from .contour import Contour
 from .followers import Flat, Follower
@@ -277,6 +278,6 @@ def check_reach(contact: Contact) -> None:
         at = float(contact.angle[int(np.argmax(contact.lost))])
         raise MechanismError(
             Fault(
-                "cam", f"at {np.degrees(at):.6g} deg the follower does not reach the profile.", "Check its offset, pivot and arm."
+                "cam", f"at {as_angle(at)} the follower does not reach the profile.", "Check its offset, pivot and arm."
             )
         )

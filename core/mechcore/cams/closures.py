@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
+from ..texts import as_angle
 from . import jets
 from .followers import Follower, Oscillating, Roller, Translating
 from .synthesis import Cam
@@ -35,7 +36,7 @@ class Breadth:
 def breadth(law: MotionCurve, count: int = 1440) -> Breadth:
     """h(theta) + h(theta + pi) over half a turn: constant for a yoke follower with parallel faces or opposite rollers."""
     if abs(law.length - 2.0 * np.pi) > 1e-9 or not law.repeats:
-        raise MechanismError(Fault("cam.law", f"a cycle of {law.length:g} rad.", "A yoke needs a law that repeats every turn."))
+        raise MechanismError(Fault("cam.law", f"a cycle of {as_angle(law.length)}.", "A yoke needs a law that repeats every turn."))
     x = law.start + np.pi * np.arange(count) / count
     both = np.concatenate([law(x, 0, s)[0] + law(x + np.pi, 0, s)[0] for s in ("left", "right")])
     mean = 0.5 * (both.max() + both.min())

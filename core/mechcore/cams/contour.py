@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
+from ..texts import as_angle, as_length
 from . import jets
 from .followers import Flat
 from .synthesis import Cam
@@ -331,7 +332,7 @@ def _checked(pieces: Sequence[Smooth], closed: bool = True) -> Contour:
         gap = abs(ends[k][0] - ends[k - 1][1])
         if gap > 1e-7 * contour.size:
             raise MechanismError(
-                Fault(f"contour[{k}]", f"a gap of {gap:.3g} m before this piece.", "Join the pieces, or close the contour.")
+                Fault(f"contour[{k}]", f"a gap of {as_length(gap, 3)} before this piece.", "Join the pieces, or close the contour.")
             )
     return contour
 
@@ -346,7 +347,7 @@ def line(a: complex, b: complex) -> Smooth:
 def arc(centre: complex, radius: float, start: float, sweep: float) -> Smooth:
     """A circular piece from the polar angle ``start`` over ``sweep`` (counter-clockwise positive) [rad]."""
     if not radius > 0.0 or sweep == 0.0:
-        raise MechanismError(Fault("contour", f"an arc of radius {radius:g} m over {sweep:g} rad.", "Leave it out."))
+        raise MechanismError(Fault("contour", f"an arc of radius {as_length(radius)} over {as_angle(sweep)}.", "Leave it out."))
     return _Arc(complex(centre), float(radius), float(start), float(sweep))
 
 
@@ -406,7 +407,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
         raise MechanismError(Fault("contour", "a measured point twice in a row.", "Leave one out."))
     spread = float(np.sqrt(np.mean(np.abs(z - z.mean()) ** 2)))
     if closed and tolerance >= spread:  # then the smoothest periodic spline is a single point
-        why = f"{1e3 * tolerance:g} mm: the points themselves scatter by {1e3 * spread:.4g} mm, so that nothing of them is left."
+        why = f"{as_length(tolerance)}: the points themselves scatter by {as_length(spread, 4)}, so that nothing of them is left."
         raise MechanismError(Fault("contour.tolerance", why, "Give the scatter of the measurement."))
     data = np.append(z, z[0]) if closed else z
     tck: Any
@@ -427,7 +428,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
 def polar_contour(radius: MotionCurve) -> Contour:
     """r(phi) over a turn, each piece of the curve one piece of the contour (polynomial cams)."""
     if abs(radius.length - 2.0 * np.pi) > 1e-9:
-        raise MechanismError(Fault("contour", f"a polar curve over {radius.length:g} rad.", "Give it over one turn."))
+        raise MechanismError(Fault("contour", f"a polar curve over {as_angle(radius.length)}.", "Give it over one turn."))
     knots = radius.knots
     return _checked([_Polar(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 

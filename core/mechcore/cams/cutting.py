@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_angle
 from .analysis import analyse
 from .contour import CamPiece, Contour, cam_contour, joined
 from .followers import Flat
@@ -122,7 +123,7 @@ def _double_point(cam: Cam, a: float, b: float) -> tuple[float, float, complex]:
     w = cam.working_curve(np.array([a, b]), 0)[0]
     if abs(w[0] - w[1]) > 1e-9 * size or not (a < b):
         raise MechanismError(
-            Fault("cam", f"the profile does not close again where it is undercut at {np.degrees(first):.6g} deg.", "Enlarge it.")
+            Fault("cam", f"the profile does not close again where it is undercut at {as_angle(first)}.", "Enlarge it.")
         )
     return a, b, complex(w[0])
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
+from ..texts import as_angle, as_length
 from .followers import Arc, Face, Flat, Follower, Knife, Roller, Translating
 from .limits import Limits, Requirement, Verdict, find_limits, judge
 from .synthesis import Cam, cam_on_base
@@ -109,7 +110,7 @@ def _heights(
     while excess(high) > 0.0:
         low, high = high, high + 1.5 * (high - low)
         if high > 1e6 * (stroke + limit):
-            raise MechanismError(Fault("cam.radius", f"no base circle gives a radius of {limit:g} m.", "Loosen the limit."))
+            raise MechanismError(Fault("cam.radius", f"no base circle gives a radius of {as_length(limit)}.", "Loosen the limit."))
     return float(brentq(excess, low, high, xtol=1e-12 * high)), "least radius of curvature"
 
 
@@ -186,9 +187,9 @@ def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requiremen
     limits = find_limits(cam)
     corner = limits.sharpness.value == -np.inf or (limits.convex is not None and limits.convex.value == 0.0)
     if corner and (want.radius or limits.undercut):
-        at = np.degrees((limits.convex or limits.sharpness).angle)
+        at = as_angle((limits.convex or limits.sharpness).angle)
         raise MechanismError(
-            Fault("cam.law", f"its velocity jumps down at {at:.6g} deg: a corner on a cam of any size.", "Take a smoother law.")
+            Fault("cam.law", f"its velocity jumps down at {at}: a corner on a cam of any size.", "Take a smoother law.")
         )
     start = float(cam.law.pieces[0].at(0.0, 0)[0])
     return Design(cam, base, start, offset, decides, limits, tuple(judge(limits, want)))

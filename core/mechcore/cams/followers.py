@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_length
 from . import jets
 
 __all__ = ["Arc", "Face", "Flat", "Follower", "Guide", "Knife", "Oscillating", "Roller", "Translating"]
@@ -58,7 +59,7 @@ class Oscillating:
         if not abs(self.pivot) > 0.0:
             raise MechanismError(Fault("follower.pivot", "it lies on the cam's centre.", "Move it away from there."))
         if not self.arm > 0.0:
-            raise MechanismError(Fault("follower.arm", f"{self.arm:g} m is no length.", "Give a positive one."))
+            raise MechanismError(Fault("follower.arm", f"{as_length(self.arm)} is no length.", "Give a positive one."))
         if self.side not in (1, -1):
             raise MechanismError(Fault("follower.side", f"{self.side}", "Give 1 or -1."))
 
@@ -114,7 +115,8 @@ class Roller:
 
     def __post_init__(self) -> None:
         if not self.radius > 0.0:
-            raise MechanismError(Fault("follower.radius", f"a roller of {self.radius:g} m.", "Give a positive radius, or a knife."))
+            why = f"a roller of {as_length(self.radius)}."
+            raise MechanismError(Fault("follower.radius", why, "Give a positive radius, or a knife."))
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class Arc:
 
     def __post_init__(self) -> None:
         if not self.radius > 0.0:
-            raise MechanismError(Fault("follower.radius", f"an arc of {self.radius:g} m.", "Give a positive radius."))
+            raise MechanismError(Fault("follower.radius", f"an arc of {as_length(self.radius)}.", "Give a positive radius."))
 
 
 @dataclass(frozen=True)
@@ -195,8 +197,8 @@ class Follower:
                 raise MechanismError(
                     Fault(
                         "cam.base",
-                        f"a base circle of {base:g} m with {self.radius:g} m of roller does not reach the offset "
-                        f"{guide.offset:g} m.",
+                        f"a base circle of {as_length(base)} with a roller of {as_length(self.radius)} does not reach the offset "
+                        f"{as_length(guide.offset)}.",
                         "Enlarge the base circle or lessen the offset.",
                     )
                 )
@@ -205,9 +207,8 @@ class Follower:
         if isinstance(face, Flat):  # distance of O from the face's line: d sin(psi - tilt) + arm sin(tilt) - shift cos(tilt)
             lever = base - guide.arm * np.sin(guide.side * face.tilt) + face.shift * np.cos(face.tilt)
             if abs(lever) > d:
-                raise MechanismError(
-                    Fault("cam.base", f"the face cannot touch a base circle of {base:g} m.", "Lessen it or the face's shift.")
-                )
+                why = f"the face cannot touch a base circle of {as_length(base)}."
+                raise MechanismError(Fault("cam.base", why, "Lessen it or the face's shift."))
             return float(np.arcsin(lever / d) + guide.side * face.tilt)
         r = base + self.radius
         c = (d**2 + guide.arm**2 - r**2) / (2.0 * d * guide.arm)
@@ -215,8 +216,8 @@ class Follower:
             raise MechanismError(
                 Fault(
                     "cam.base",
-                    f"the arm of {guide.arm:g} m at {d:g} m does not reach a base circle of {base:g} m.",
-                    f"Give between {abs(d - guide.arm) - self.radius:g} and {d + guide.arm - self.radius:g} m.",
+                    f"the arm of {as_length(guide.arm)} at {as_length(d)} does not reach a base circle of {as_length(base)}.",
+                    f"Give between {as_length(abs(d - guide.arm) - self.radius)} and {as_length(d + guide.arm - self.radius)}.",
                 )
             )
         return float(2.0 * np.arcsin(np.sqrt(0.5 * (1.0 - c))))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
+from ..texts import as_length, as_quantity
 
 __all__ = [
     "Closure", "HertzContact", "Separation", "closing_force", "first_separation", "hertz", "jamming_angle", "least_spring",
@@ -120,7 +121,8 @@ def least_spring(
     if find == "preload":
         k = closure.stiffness
         if not k > 0.0:
-            raise MechanismError(Fault("spring.stiffness", f"{k:g} N/m.", "Give a positive one to find its preload."))
+            why = f"{as_quantity(k, 'stiffness')}."
+            raise MechanismError(Fault("spring.stiffness", why, "Give a positive one to find its preload."))
         value, angle = _refined(lift, lambda s, a: base + k * s + inertia * a)
         return max(-value / k, 0.0), angle
     if find != "stiffness":
@@ -135,7 +137,7 @@ def least_spring(
     value, angle = _refined(lift, cost)
     if value == -np.inf:
         raise MechanismError(
-            Fault("spring.preload", f"{closure.preload:g} m: the spring is slack where it is needed.", "Give it a preload.")
+            Fault("spring.preload", f"{as_length(closure.preload)}: the spring is slack where it is needed.", "Give it a preload.")
         )
     return max(-value, 0.0), angle
 
@@ -147,7 +149,7 @@ def jamming_angle(overhang: float, length: float, friction: float) -> float:
         raise MechanismError(
             Fault(
                 "guide",
-                f"length {length:g}, overhang {overhang:g}, friction {friction:g}.",
+                f"length {as_length(length)}, overhang {as_length(overhang)}, friction {friction:g}.",
                 "Give a positive length, and no negative numbers.",
             )
         )
@@ -177,7 +179,7 @@ def hertz(
     """
     f, rho = np.broadcast_arrays(np.asarray(force, float), np.asarray(cam_radius, float))
     if not width > 0.0:
-        raise MechanismError(Fault("cam.width", f"{width:g} m.", "Give a positive width of the contact."))
+        raise MechanismError(Fault("cam.width", f"{as_length(width)}.", "Give a positive width of the contact."))
     (e1, e2), (n1, n2) = modulus, poisson
     stiff = 1.0 / ((1.0 - n1**2) / e1 + (1.0 - n2**2) / e2)
     with np.errstate(divide="ignore", invalid="ignore"):

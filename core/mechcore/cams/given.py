@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve, Piece
+from ..texts import as_angle
 from .analysis import Bridge, Contact, analyse
 from .contour import Contour
 from .followers import Flat, Follower, Oscillating, Translating
@@ -50,9 +51,9 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     grid = 2.0 * np.pi * np.arange(GRID + 1) / GRID
     seen = analyse(contour, follower, grid, turn)
     if seen.lost.any():
-        at = np.degrees(grid[int(np.argmax(seen.lost))])
+        at = as_angle(grid[int(np.argmax(seen.lost))])
         raise MechanismError(
-            Fault("cam.profile", f"at {at:.6g} deg the follower does not reach the profile.", "Check its offset, pivot and arm.")
+            Fault("cam.profile", f"at {at} the follower does not reach the profile.", "Check its offset, pivot and arm.")
         )
     leaps = [b.angle for b in seen.bridges]
     knots = np.concatenate([[0.0, 2.0 * np.pi], np.asarray(leaps, float), joint_angles(contour, follower, turn)])
@@ -94,9 +95,9 @@ def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Re
     for angle, shift in ((low + inside, -inside), (high - inside, inside)):
         m = analyse(contour, follower, angle, turn, bridges=False, near=seen).motion
         if not np.isfinite(m).all():
-            at = np.degrees(angle[int(np.argmax(~np.isfinite(m).all(axis=0)))])
+            at = as_angle(angle[int(np.argmax(~np.isfinite(m).all(axis=0)))])
             raise MechanismError(
-                Fault("cam.profile", f"no contact can be found at {at:.6g} deg.", "Smooth the profile there, or move the follower.")
+                Fault("cam.profile", f"no contact can be found at {at}.", "Smooth the profile there, or move the follower.")
             )
         states.append(_carried(m, shift))
     return _septic(states[0], states[1], high - low)

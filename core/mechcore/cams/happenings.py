@@ -13,6 +13,7 @@ from ..kinetostatics import Forces
 from ..laws.factors import jumps
 from ..motion import Motion
 from ..spec import CamDrawn, CamPair, CamRating, Revolute
+from ..texts import as_angle, as_coordinate, as_force, as_length
 from .followers import Flat
 from .placed import PlacedCam
 from .placed_inverse import PlacedInverse
@@ -75,7 +76,7 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
         for first, last in runs(pressure > rating.limit):
             k = first + int(np.argmax(pressure[first : last + 1]))
             words = f"{1e-6 * pressure[k]:.4g} MPa" if np.isfinite(pressure[k]) else "infinity: an edge touches"
-            remedy = f"It needs a width of {1e3 * rating.width * (pressure[k] / rating.limit) ** 2:.4g} mm"
+            remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
             text = (
                 f"Hertz pressure up to {words} (limit {1e-6 * rating.limit:.4g} MPa) from {_where(cam, x[first])} to "
                 f"{_where(cam, x[last])}, the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
@@ -88,8 +89,8 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
                 continue  # contact is lost, which is told anyway
             k = first + int(np.argmin(force[first : last + 1]))
             text = (
-                f"contact force down to {force[k]:.4g} N (margin {rating.margin:.4g} N) from {_where(cam, x[first])} to "
-                f"{_where(cam, x[last])}, the least at {_where(cam, x[k])}"
+                f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) from {_where(cam, x[first])} "
+                f"to {_where(cam, x[last])}, the least at {_where(cam, x[k])}"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(force[k]))
 
@@ -100,7 +101,7 @@ def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
 
     s, v, a = 100.0 * drawn_lift(cam, drawn).largest
     text = (
-        f"drawn every {np.degrees(drawn.step):.4g} deg and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "
+        f"drawn every {as_angle(drawn.step, 4)} and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "
         f"velocity by {v:.3g} %, the acceleration by {a:.3g} % of their largest values"
     )
     return Event(float(motion.time[0]), "INFO", cam.name, text)
@@ -108,9 +109,8 @@ def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
 
 def _where(cam: AnyCam, argument: float) -> str:
     """A place of the law in words."""
-    if cam.bed is not None:
-        return f"{1e3 * argument:.4g} mm of the cam"
-    return f"{np.degrees(argument) % 360.0:.4g} deg of the cam"
+    rotary = cam.bed is None
+    return f"{as_coordinate(argument % (2.0 * np.pi) if rotary else argument, rotary=rotary, digits=4)} of the cam"
 
 
 def _at(motion: Motion, values: Real, t: float) -> float:
@@ -141,8 +141,8 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
             where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
             if what == "lost":
                 text = (
-                    f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {-least:.4g} N. "
-                    f"Press harder by {_lacking(forces, cam, first, last):.4g} N along the follower's way, or turn slower"
+                    f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {as_force(-least, 4)}. "
+                    f"Press harder by {as_force(_lacking(forces, cam, first, last), 4)} along the follower's path, or turn slower"
                 )
                 yield Event(t, "WARN", cam.name, text, least)
             else:
@@ -210,13 +210,13 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
         what = (
             "the contact passes a corner"
             if way < 1e-6 * cam.contour.size
-            else f"the contact leaps {1e3 * way:.4g} mm over a hollow"
+            else f"the contact leaps {as_length(way, 4)} over a hollow"
         )
         for t in _passes(motion, cam, bridge.angle):
             text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"
             yield Event(t, "WARN" if bridge.shock else "INFO", cam.name, text, after - before)
     for first, last, at, miss in lost_ranges(cam):
-        size = f"{1e3 * abs(miss):.4g} mm" if cam.arm == 0.0 else f"{np.degrees(abs(miss)):.4g} deg"
+        size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
         for t in _passes(motion, cam, first):
             text = (
                 f"undercut from {_where(cam, first)} to {_where(cam, last)}: the cutter takes away what the law asks for, and the "
@@ -267,7 +267,7 @@ def limit_events(motion: Motion, cam: AnyCam, touches: NDArray[np.bool_] | None 
         for first, last in runs(on & (size > cam.pressure_limit)):
             k = first + int(np.argmax(size[first : last + 1]))
             text = (
-                f"pressure angle up to {np.degrees(size[k]):.4g} deg (limit {np.degrees(cam.pressure_limit):.4g} deg) from "
+                f"pressure angle up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) from "
                 f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
@@ -277,6 +277,7 @@ def limit_events(motion: Motion, cam: AnyCam, touches: NDArray[np.bool_] | None 
             far = rows.eccentricity[first : last + 1]
             worst = float(far[np.argmax(np.abs(far))])
             text = (
-                f"the contact leaves the face at {_where(cam, x[first])}: it reaches {1e3 * worst:.4g} mm from the follower's point"
+                f"the contact leaves the face at {_where(cam, x[first])}: it reaches {as_length(worst, 4)} from the follower's "
+                "point"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, worst)

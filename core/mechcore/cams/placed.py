@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_angle, as_coordinate, as_length
 from .analysis import Bridge
 from .closures import breadth
 from .contour import Contour, cam_contour
@@ -203,9 +204,9 @@ class PlacedCam:
                 raise MechanismError(
                     Fault(
                         "cam",
-                        f"the breadth of the cam varies by {2e3 * b.deviation:.6g} mm (at {math.degrees(b.angle):.6g} deg): "
+                        f"the breadth of the cam varies by {as_length(2.0 * b.deviation)} (at {as_angle(b.angle)}): "
                         "a yoke would jam or rattle.",
-                        "Make lift(angle) + lift(angle + 180 deg) constant, or give closure = 'force'.",
+                        "Make the sum of the lifts half a turn apart constant, or give closure = 'force'.",
                     )
                 )
         if self.given is not None:
@@ -216,21 +217,20 @@ class PlacedCam:
             limits = find_limits(replace(cam, outer=outer), count=720)
             if not limits.undercut:
                 continue
-            at = math.degrees(limits.sharpness.angle)
-            where = f"at {at:.6g} deg" if not cam.wedge else f"at {1e3 * limits.sharpness.angle:.6g} mm"
+            where = f"at {as_coordinate(limits.sharpness.angle, rotary=not cam.wedge)}"
             greatest = limits.greatest_roller
             if isinstance(face, Flat) or greatest is None:
                 raise MechanismError(
                     Fault(
-                        "cam.base", f"the profile of a base circle of {1e3 * self.base:.6g} mm is undercut {where}.", self._remedy()
+                        "cam.base", f"the profile of a base circle of {as_length(self.base)} is undercut {where}.", self._remedy()
                     )
                 )
             raise MechanismError(
                 Fault(
                     "cam.radius",
-                    f"the profile is undercut {where}: a radius of {1e3 * cam.follower.radius:.6g} mm on a pitch curve of radius "
-                    f"{1e3 * greatest.value:.6g} mm.",
-                    f"Give at most {1e3 * greatest.value:.6g} mm. {self._remedy()}",
+                    f"the profile is undercut {where}: a radius of {as_length(cam.follower.radius)} on a pitch curve of radius "
+                    f"{as_length(greatest.value)}.",
+                    f"Give at most {as_length(greatest.value)}. {self._remedy()}",
                 )
             )
 
@@ -245,8 +245,8 @@ class PlacedCam:
         except MechanismError:
             return "Take a smoother law or longer segments."
         if isinstance(guide, Translating) and isinstance(self.cam.follower.face, Flat):
-            return f"Give a base circle of at least {1e3 * fits.base:.6g} mm."
-        return f"Or give a base circle of at least {1e3 * fits.base:.6g} mm."
+            return f"Give a base circle of at least {as_length(fits.base)}."
+        return f"Or give a base circle of at least {as_length(fits.base)}."
 
     # -- over a motion ------------------------------------------------------------------------------------------------
 

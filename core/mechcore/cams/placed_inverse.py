@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_coordinate, as_length
 from .closures import InverseCam
 from .placed import ContactRows, rows_by_parts
 from .placed_roller import PlacedRoller
@@ -67,8 +68,8 @@ class PlacedInverse(PlacedRoller):
                 raise MechanismError(
                     Fault(
                         "cam.radius",
-                        f"a roller of {1e3 * self.cam.radius:.6g} mm undercuts the groove at {self._where(theta[k])}.",
-                        f"Give less than {1e3 * float(bend[bend > 0.0].min()):.6g} mm.",
+                        f"a roller of {as_length(self.cam.radius)} undercuts the groove at {self._where(theta[k])}.",
+                        f"Give less than {as_length(float(bend[bend > 0.0].min()))}.",
                     )
                 )
 
@@ -86,7 +87,7 @@ class PlacedInverse(PlacedRoller):
         return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
 
     def _where(self, x: float) -> str:
-        return f"{np.degrees(x):.6g} deg of the crank" if self.bed is None else f"{1e3 * x:.6g} mm of the slide"
+        return f"{as_coordinate(x, rotary=self.bed is None)} of the {'crank' if self.bed is None else 'slide'}"
 
     def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
         """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import as_angle, as_length
 from .placed import ContactRows, rows_by_parts
 from .placed_roller import PlacedRoller
 from .spatial import Globoid, SpatialCam, spatial_limits
@@ -98,13 +99,12 @@ class PlacedSpatial(PlacedRoller):
         limits = min(found, key=lambda each: each.sharpness.value)
         if not limits.undercut:
             return
-        at = np.degrees(limits.sharpness.angle)
         most = limits.greatest_roller.value
         raise MechanismError(
             Fault(
                 "cam.radius",
-                f"a roller of {1e3 * self.cam.radius:.6g} mm undercuts the flank at {at:.6g} deg.",
-                f"Give at most {1e3 * most:.6g} mm, a larger cam, or longer segments.",
+                f"a roller of {as_length(self.cam.radius)} undercuts the flank at {as_angle(limits.sharpness.angle)}.",
+                f"Give at most {as_length(most)}, a larger cam, or longer segments.",
             )
         )
 

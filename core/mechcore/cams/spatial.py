@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve
+from ..texts import as_length
 from .limits import Reached
 
 __all__ = ["Barrel", "BarrelArm", "Flank", "Globoid", "SpatialCam", "SpatialLimits", "spatial_limits"]
@@ -248,10 +249,14 @@ class SpatialCam:
 
     def __post_init__(self) -> None:
         if not self.radius > 0.0:
-            raise MechanismError(Fault("follower.radius", f"a roller of {self.radius:g} m.", "Give a positive radius."))
+            raise MechanismError(Fault("follower.radius", f"a roller of {as_length(self.radius)}.", "Give a positive radius."))
         if not self.inner < self.outer:
             raise MechanismError(
-                Fault("cam.depth", f"a roller from {self.inner:g} to {self.outer:g} m along its axis.", "Give the smaller first.")
+                Fault(
+                    "cam.depth",
+                    f"a roller from {as_length(self.inner)} to {as_length(self.outer)} along its axis.",
+                    "Give the smaller first.",
+                )
             )
         if self.turn not in (1, -1):
             raise MechanismError(Fault("cam.turn", f"{self.turn}", "Give 1 or -1."))

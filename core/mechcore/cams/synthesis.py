@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
 from ..laws.curve import MotionCurve, Side
+from ..texts import as_length
 from . import jets
 from .followers import Arc, Flat, Follower, Translating
 
@@ -304,5 +305,5 @@ def cam_on_base(
     """A disc cam from a lift program that starts at zero and the radius of its base circle [m] (of the profile, not the
     pitch curve)."""
     if not base >= 0.0:
-        raise MechanismError(Fault("cam.base", f"a base circle of {base:g} m.", "Give a positive radius."))
+        raise MechanismError(Fault("cam.base", f"a base circle of {as_length(base)}.", "Give a positive radius."))
     return Cam(lift.raised(follower.base_coordinate(base)), follower, turn, outer=outer)

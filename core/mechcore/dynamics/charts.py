@@ -18,6 +18,7 @@ from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive
+from ..texts import as_coordinate
 from .atlas import named
 from .chart import Chart
 from .curve import TURN, Curve, tabulate, whole_turn
@@ -62,7 +63,8 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
         raise MechanismError(
             Fault(
                 f"pairs.{compiled.mechanism.drives[0].pair}",
-                f"at {q:.6g} its coordinate stands still while the mechanism moves (dead point): its speed says nothing there.",
+                f"at {as_coordinate(q, rotary=rotary)} its coordinate stands still while the mechanism moves (dead point): its "
+                "speed says nothing there.",
                 "Give the free start at another pair, or start next to the dead point.",
             )
         )
@@ -160,8 +162,7 @@ def _place_on(lead: Lead, coordinate: float, rate: float) -> float | None:
 
 
 def _rotary(compiled: Compiled) -> bool:
-    model = compiled.model
-    return model.joints[model.joint_index[compiled.mechanism.drives[0].pair]].coordinate == "angle"
+    return compiled.model.rotary(compiled.mechanism.drives[0].pair)
 
 
 def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:

@@ -20,6 +20,7 @@ from ..errors import Fault, MechanismError
 from ..motion import Motion
 from ..solve import Compiled, compile_mechanism
 from ..spec import Mechanism
+from ..texts import as_coordinate, as_quantity
 from .charts import best_chart
 from .free import Free
 from .happenings import Stop
@@ -69,7 +70,7 @@ def scale_of(compiled: Compiled) -> Array:
     """What counts as a large displacement of each free coordinate (f,): one radian, or the mechanism's size [m]."""
     model = compiled.model
     pairs = [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)]
-    return np.array([1.0 if model.joints[model.joint_index[p]].coordinate == "angle" else model.size for p in pairs])
+    return np.array([1.0 if model.rotary(p) else model.size for p in pairs])
 
 
 @dataclass(frozen=True)
@@ -165,10 +166,12 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
             return found
         q = _step(compiled, q, force, step, seek, largest)
     pair, k = _worst(compiled, force * scale)
+    rotary = compiled.model.rotary(pair)
     raise MechanismError(
         Fault(
             "dynamics.equilibrium",
-            f"none found from the start in {MOST} steps: at {q[k]:.6g} the loads still push {pair} with {force[k]:.6g}.",
+            f"none found from the start in {MOST} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push {pair} with "
+            f"{as_quantity(force[k], 'torque' if rotary else 'force')}.",
             "A load that always pushes the same way has no equilibrium: leave it out, or add what holds against it.",
         )
     )
@@ -211,9 +214,8 @@ def _worst(compiled: Compiled, pushes: Array) -> tuple[str, int]:
 
 
 def _lost(compiled: Compiled, q: Array) -> MechanismError:
-    where = ", ".join(
-        f"{d.pair} at {x:.6g}" for d, x in zip([compiled.mechanism.drives[i] for i in free_of(compiled)], q, strict=True)
-    )
+    pairs = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+    where = ", ".join(f"{p} at {as_coordinate(x, rotary=compiled.model.rotary(p))}" for p, x in zip(pairs, q, strict=True))
     why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free pair."
     return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other pairs free."))
 
@@ -226,7 +228,6 @@ def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
         at = known[s.pair] if s.pair in known else float(motion.coordinate(s.pair)[0, 0])
         beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
         if beyond > 1e-12:
-            why = (
-                f"the equilibrium lies {beyond:.6g} beyond it: the mechanism rests on this stop, and nothing vibrates freely there."
-            )
-            raise MechanismError(Fault(f"stops.{s.name}", why, "Move the stop, or leave it out."))
+            far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.pair))
+            why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
+            raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Move the stop, or leave it out."))

@@ -17,6 +17,7 @@ from ..effects import effects_of, power_of
 from ..errors import Fault, MechanismError
 from ..loads import Spring, TorsionSpring
 from ..solve import MOST_TURNS, Compiled
+from ..texts import Text, as_coordinate, as_quantity
 from .equilibrium import NODES, STEP, WEIGHTS, scale_of
 from .reduced import free_of, motion_at, reduced_equations, tangents
 
@@ -34,12 +35,13 @@ class Fastest:
     """The fastest small vibration about the start.
 
     ``frequency`` [Hz]; ``amplitude`` at which forces and speeds at the start set it going, relative to one radian or the
-    mechanism's size; ``damping`` ratio; ``load``: the spring that has the largest share in it, by name, and its ``stiffness`` with
-    unit.
+    mechanism's size, and as a ``swing`` of the coordinate that moves most, in words; ``damping`` ratio; ``load``: the spring that
+    has the largest share in it, by name, and its ``stiffness`` in words.
     """
 
     frequency: float
     amplitude: float
+    swing: str
     damping: float
     load: str
     stiffness: str
@@ -57,8 +59,8 @@ class Fastest:
     def stepped_over(self) -> str:
         """What is said of a run that does without it."""
         return (
-            f"a vibration of {self.frequency:.4g} Hz, {self.amplitude:.1e} rad or sizes of the mechanism large, of spring "
-            f"'{self.load}' with {self.stiffness} is not followed: accelerations and forces are those without it"
+            f"a vibration of {self.frequency:.4g} Hz with an amplitude of {self.swing}, of spring '{self.load}' with "
+            f"{self.stiffness}, is not followed: accelerations and forces are those without it"
         )
 
     def words(self, duration: float) -> str:
@@ -104,12 +106,15 @@ def fastest_vibration(compiled: Compiled, q: Array, v: Array) -> Fastest | None:
     braking = reduced_equations(passing, tangents(passing, free_of(compiled)))
     brake = -float(shape @ (braking.force[0] - braking.force[1])) / (2.0 * SLOW * omega)
     modal = np.hypot(float(shape @ forces[-1, 0]) / omega**2, float(shape @ inertia @ v) / omega)
-    unit = "N m/rad" if isinstance(spring, TorsionSpring) else "N/m"
-    amplitude = float(modal * np.abs(shapes[:, -1]).max())
-    return Fastest(omega / TURN, amplitude, max(0.5 * brake / omega, 0.0), spring.name, f"{spring.stiffness:.6g} {unit}")
+    stiff = as_quantity(spring.stiffness, "torsional stiffness" if isinstance(spring, TorsionSpring) else "stiffness")
+    most = int(np.argmax(np.abs(shapes[:, -1])))
+    amplitude = float(modal * np.abs(shapes[most, -1]))
+    rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].pair)
+    swing = as_coordinate(amplitude * scale[most], rotary=rotary, digits=2)
+    return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, stiff)
 
 
-def check_periods(fastest: Fastest, duration: float, tolerance: float) -> str | None:
+def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:
     """What to tell before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
     where nobody would wait for it."""
     periods = fastest.periods(duration)
@@ -117,12 +122,11 @@ def check_periods(fastest: Fastest, duration: float, tolerance: float) -> str | 
         return None
     words = fastest.words(duration)
     if periods <= MOST_TURNS:
-        return f"{words}; following them takes a while."
+        return Text(f"{words}; following them takes a while.")
     remedy = f"Take a softer spring or a rigid link instead, or run at most {MOST_TURNS / fastest.frequency:.3g} s"
     if 1e-15 < fastest.amplitude < 0.02:
         larger = float(f"{2.0 * max(fastest.amplitude, tolerance):.1e}")
-        remedy += f'; with tolerance = {larger:g} and method = "radau" it is stepped over, which is {fastest.amplitude:.1e} rad'
-        remedy += " or sizes of the mechanism large at the start"
+        remedy += f'; with tolerance = {larger:g} and method = "radau" it is stepped over: its amplitude is {fastest.swing}'
     raise MechanismError(
         Fault(f"loads.{fastest.load}.stiffness", f"{words}; motions are followed over {MOST_TURNS:,} at most.", f"{remedy}.")
     )

@@ -11,6 +11,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ..motion import Motion
+from ..texts import Text
 from .collocation import Window
 
 __all__ = ["Gauge", "Happening", "Stop", "Watch", "first_zero", "gauge_of"]
@@ -66,6 +67,9 @@ class Happening:
     kind: str
     item: str
     text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", Text.of(self.text))
 
 
 def gauge_of(watch: Watch | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]) -> Gauge:

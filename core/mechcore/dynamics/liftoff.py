@@ -20,6 +20,7 @@ from ..motion import Motion
 from ..pairs.relation import Relation
 from ..solve import Compiled, compile_mechanism
 from ..spec import Drive
+from ..texts import as_coordinate
 from .chart import Chart
 from .collocation import Window
 from .free import Free
@@ -201,7 +202,8 @@ class Lifting:
         """The cam's place in words."""
         cam = self.contacts[name].cam
         x = float(cam.argument(motion_at(compiled, q[None], v[None], np.array([t])))[0])
-        return f"{1e3 * x:.4g} mm of the cam" if cam.bed is not None else f"{np.degrees(x) % 360.0:.4g} deg of the cam"
+        rotary = cam.bed is None
+        return f"{as_coordinate(x % TURN if rotary else x, rotary=rotary, digits=4)} of the cam"
 
     def pace(self, compiled: Compiled, q: Array, v: Array, t: float) -> float:
         """How fast the fastest cam runs through its law, in turns of a disc [rad/s]; of a wedge in lengths of its law."""

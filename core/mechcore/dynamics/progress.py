@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..clearance import journals_of
 from ..errors import Fault, MechanismError
 from ..solve import Compiled
+from ..texts import as_coordinate, as_quantity
 from .accounts import kinetic_energy_of
 from .atlas import STRAINED, strain, take_over
 from .bends import bend_finder
@@ -112,9 +113,9 @@ class Progress:
         for s, gauge, upper in self.limits:
             beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
             if beyond > 1e-12:
-                size, unit = (180.0 / np.pi, "deg") if self._rotary(s.pair) else (1e3, "mm")
-                why = f"the motion starts {size * beyond:.6g} {unit} {'above' if upper else 'below'} the {s.side} stop"
-                why += f" '{s.name}' at {size * s.at:.6g} {unit}."
+                shown = partial(as_coordinate, rotary=self._rotary(s.pair))
+                why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
+                why += f" '{s.name}' at {shown(s.at)}."
                 raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
         if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
             q, v = self._take_over(q, v)
@@ -235,7 +236,8 @@ class Progress:
                 v = self._leave(time, q, v, k)
             else:
                 watch = self.looks[k][0]
-                self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch)))
+                rotary = watch.pair is not None and self._rotary(watch.pair)
+                self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
                 ended = ended or watch.ends
         return end, q, v, ended
 
@@ -433,10 +435,10 @@ class Progress:
         self.log.lose(t, gone)
         self._push(t, gone, q, v, stay if stays else rebound)
         where = self.lifting.where(name, self.compiled, q, v, t)
-        unit = "rad/s" if self.lifting.contacts[name].rotary else "m/s"
+        pace = as_quantity(hit, "angular speed" if self.lifting.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
-        self.log.tell(Happening(t, kind, name, f"{what} at {where}, hit at {hit:.4g} {unit}"))
+        self.log.tell(Happening(t, kind, name, f"{what} at {where}, hit at {pace}"))
         if not stays:
             self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
@@ -504,8 +506,8 @@ class Progress:
         v, lost = impact(self.compiled, stop.pair, self._rests(), 0.0 if rests else stop.restitution, hit, q, v, t)
         self.log.lose(t, lost)
         self._push(t, lost, q, before, v)
-        words = f"{stop.pair} hits stop {stop.name} at {abs(hit):.6g} {'rad/s' if self._rotary(stop.pair) else 'm/s'}"
-        self.log.tell(Happening(t, "impact", stop.name, words))
+        pace = as_quantity(abs(hit), "angular speed" if self._rotary(stop.pair) else "linear speed")
+        self.log.tell(Happening(t, "impact", stop.name, f"{stop.pair} hits stop {stop.name} at {pace}"))
         if rests and towards > 0:
             v = self._rest(t, k, q, v)
         return v
@@ -517,10 +519,12 @@ class Progress:
             self.log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
 
     def _rotary(self, pair: str) -> bool:
-        model = self.compiled.model
-        return pair not in model.joint_index or model.joints[model.joint_index[pair]].coordinate == "angle"
+        return self.compiled.model.rotary(pair)
 
 
-def _passed(watch: Watch) -> str:
+def _passed(watch: Watch, *, rotary: bool) -> str:
+    """What a watch has seen, in words; ``rotary``: its pair turns."""
     what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
-    return f"{watch.of} of {what} passes {watch.at:.6g}"
+    if watch.of == "velocity":
+        return f"velocity of {what} passes {as_quantity(watch.at, 'angular speed' if rotary else 'linear speed')}"
+    return f"{watch.of} of {what} passes {as_coordinate(watch.at, rotary=rotary)}"

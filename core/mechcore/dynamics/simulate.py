@@ -152,7 +152,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
     """Starts so fast that nobody would wait for all the turns, as of prescribed drives."""
     model = compiled.model
     for d in free:
-        rotary = model.joints[model.joint_index[d.pair]].coordinate == "angle"
+        rotary = model.rotary(d.pair)
         speed = abs(float(d.law(0.0)[1])) / (TURN if rotary else TURN * model.size)
         if speed * duration > MOST_TURNS:
             far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")

@@ -19,6 +19,7 @@ from ..effects import effects_of
 from ..errors import Fault, MechanismError
 from ..solve import Compiled, compile_mechanism
 from ..spec import Link, Mechanism
+from ..texts import as_angle, as_quantity, as_torque
 from .chart import Chart
 from .collocation import gauss, integrals
 from .dry import DrySystem
@@ -208,7 +209,8 @@ def _balance(machine: _Machine, span: float, wanted: float) -> float:
         raise MechanismError(
             Fault(
                 "run.steady",
-                f"{why} (mean torque {torque[k]:.4g} N m at {speeds[k]:.4g} rad/s): there is no steady run.",
+                f"{why} (mean torque {as_torque(torque[k], 4)} at {as_quantity(speeds[k], 'angular speed', 4)}): there is no "
+                "steady run.",
                 "Check the motor and the loads; the free pair's speed says in which sense it runs.",
             )
         )
@@ -288,7 +290,7 @@ def _solve(machine: _Machine, edges: Array, w: Array, level: float) -> tuple[Arr
     raise MechanismError(
         Fault(
             "run.steady",
-            f"the machine does not get through the cycle: it stands still near {np.degrees(place) % 360.0:.4g} deg.",
+            f"the machine does not get through the cycle: it stands still near {as_angle(place % TURN, 4)}.",
             "Give it a larger flywheel or a stronger motor.",
         )
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..loads import Actuator, Damper, GasSpring, Spring
+from ..texts import as_length
 from .base import Configuration, Effect
 from .wrench import Wrench
 
@@ -109,12 +110,12 @@ class LineGasSpring(Line):
         pressed = load.extended - length
         low, high = np.nanmin(pressed), np.nanmax(pressed)
         if low < -1e-9 * load.extended:
-            why = f"it is pulled to {load.extended - low:.6g} m, beyond its extended length of {load.extended:.6g} m."
+            why = f"it is pulled to {as_length(load.extended - low)}, beyond its extended length of {as_length(load.extended)}."
             raise MechanismError(
-                Fault(f"loads.{self.name}", why, f"Give an extended length of at least {load.extended - low:.6g} m.")
+                Fault(f"loads.{self.name}", why, f"Give an extended length of at least {as_length(load.extended - low)}.")
             )
         if high >= load.gas_length:
-            why = f"it is pressed in by {high:.6g} m, no less than its gas length of {load.gas_length:.6g} m: no gas is left."
+            why = f"it is compressed by {as_length(high)}, its gas length is {as_length(load.gas_length)}: no gas is left."
             remedy = "Give a greater gas length, or place its points further apart."
             raise MechanismError(Fault(f"loads.{self.name}", why, remedy))
         return 1.0 - pressed / load.gas_length

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..loads import GasPressure
+from ..texts import as_length
 from .argument import coordinate, rate
 from .base import Configuration, Effect
 from .wrench import Wrench
@@ -36,8 +37,9 @@ class CylinderGas(Effect):
         if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
             sign = -1.0 if load.head == "ahead" else 1.0
             why = (
-                f"the piston leaves its stroke: the coordinate of {load.pair} runs from {load.top + sign * low:.6g} m to "
-                f"{load.top + sign * high:.6g} m; stated are top = {load.top:.6g} m, stroke = {stroke:.6g} m, head {load.head}."
+                f"the piston leaves its stroke: the coordinate of {load.pair} runs from {as_length(load.top + sign * low)} to "
+                f"{as_length(load.top + sign * high)}; stated are top = {as_length(load.top)}, stroke = {as_length(stroke)}, "
+                f"head {load.head}."
             )
             raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
         return np.clip(x, 0.0, stroke)

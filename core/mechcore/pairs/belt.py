@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..spec import Belt
+from ..texts import as_length
 from .parts import Builder
 from .relation import Relation
 
@@ -21,7 +22,7 @@ def build(pair: Belt, builder: Builder) -> None:
         raise MechanismError(
             Fault(
                 f"pairs.{pair.name}",
-                f"pulleys of radius {1e3 * r1:.6g} mm and {1e3 * r2:.6g} mm do not fit on axes {1e3 * distance:.6g} mm apart.",
+                f"pulleys of radius {as_length(r1)} and {as_length(r2)} do not fit on axes {as_length(distance)} apart.",
                 "Move the axes apart or make the pulleys smaller.",
             )
         )

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import MechanismError
 from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute
+from ..texts import as_angle, as_coordinate, as_length
 from .cam_guides import bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
 from .inverse_cam import build_inverse
 from .joint import point_of
@@ -136,15 +137,14 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     law = pair.lift
     assert law is not None
     if abs(law.length - 2.0 * math.pi) > 1e-9:
-        short = math.degrees(2.0 * math.pi - law.length)
-        remedy = f"Add a dwell of {short:.6g} deg." if short > 0 else f"Take {-short:.6g} deg off."
+        short = 2.0 * math.pi - law.length
+        remedy = f"Add a dwell of {as_angle(short)}." if short > 0 else f"Take {as_angle(-short)} off."
         raise fault_of(
-            pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg, a disc turns through 360 deg.", remedy
+            pair, "lift", f"the segments cover {as_angle(law.length)}, a whole turn is wanted.", remedy
         )
     if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
-        raise fault_of(
-            pair, "lift", f"after a turn the lift is {law.advance:.6g} higher than before.", "Let it return to its start."
-        )
+        higher = as_coordinate(law.advance, rotary=isinstance(guide, Revolute))
+        raise fault_of(pair, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
     cam = cam_on_base(law, follower, pair.base, turn=pair.sense)
     mount = axes * cmath.exp(1j * pair.sense * pair.phase)
@@ -183,7 +183,7 @@ def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         total = -apart
         if not 0.0 < total < math.pi:
             raise fault_of(
-                pair, "second", f"the second arm lies {math.degrees(apart):.6g} deg from the first, on its far side.", "Swap them."
+                pair, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them."
             )
         other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
     else:
@@ -237,9 +237,9 @@ def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Rev
         axes = up / 1j
         across = abs((way / axes).imag)
         if across > 1e-9:
-            off = math.degrees(math.asin(min(across, 1.0)))
+            apart = 0.5 * math.pi - math.asin(min(across, 1.0))
             raise fault_of(
-                pair, "bed", f"the cam's and the follower's guides are {90.0 - off:.6g} deg apart.", "Make them perpendicular."
+                pair, "bed", f"the cam's and the follower's guides are {as_angle(apart)} apart.", "Make them perpendicular."
             )
         face_guide: Any = Translating(0.0)
     else:
@@ -252,8 +252,8 @@ def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Rev
         if not -1.0 < c < 1.0:
             least, most = max(height - radius - arm, 0.0), height - radius + arm
             raise fault_of(
-                pair, "base", f"the arm does not reach a height of {1e3 * pair.base:.6g} mm.",
-                f"Give between {1e3 * least:.6g} and {1e3 * most:.6g} mm.",
+                pair, "base", f"the arm does not reach a height of {as_length(pair.base)}.",
+                f"Give between {as_length(least)} and {as_length(most)}.",
             )  # fmt: skip
         zero = math.acos(c)
     else:

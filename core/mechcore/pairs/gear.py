@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import Fault, MechanismError
 from ..spec import Gear
+from ..texts import as_length
 from .parts import Builder
 from .relation import Relation
 
@@ -21,7 +22,7 @@ def build(pair: Gear, builder: Builder) -> None:
         raise MechanismError(
             Fault(
                 f"pairs.{pair.name}",
-                f"the axes are {1e3 * distance:.6g} mm apart and the sizes {n1:g} and {n2:g}: the gears cannot mesh.",
+                f"the axes are {as_length(distance)} apart and the sizes {n1:g} and {n2:g}: the gears cannot mesh.",
                 "An internal gear pair lists the pinion first and the larger ring second; axes must not coincide.",
             )
         )

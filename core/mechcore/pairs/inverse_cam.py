@@ -8,6 +8,7 @@ import math
 from ..errors import MechanismError
 from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute
+from ..texts import as_angle
 from .cam_guides import Terms, bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
 from .joint import point_of
 from .parts import Builder
@@ -28,7 +29,7 @@ def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
     assert law is not None
     if pair.bed is None and not law.length < 2.0 * math.pi:
         raise fault_of(
-            pair, "lift", f"the segments cover {math.degrees(law.length):.6g} deg: where the crank turns round, it cannot drive.",
+            pair, "lift", f"the segments cover {as_angle(law.length)}: where the crank turns round, it cannot drive.",
             "Let the crank swing, and give its range.",
         )  # fmt: skip
     if not isinstance(pair.face, Roller):

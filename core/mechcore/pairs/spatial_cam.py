@@ -7,6 +7,7 @@ from typing import Any
 
 from ..laws.curve import MotionCurve
 from ..spec import CamPair, Prismatic, Revolute, SpatialBlank
+from ..texts import as_angle, as_length
 from .cam_guides import fault_of, guide_in, place_on
 from .joint import point_of
 from .parts import Builder
@@ -30,7 +31,7 @@ def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
     if blank.rollers:
         _check_turret(pair, blank, guide, law)
     elif abs(law.length - 2.0 * math.pi) > 1e-9 or abs(law.advance) > 1e-12 * max(1e-3, float(abs(law.limits(0)[0]).max())):
-        raise fault_of(pair, "profile.lift", "it does not close after 360 deg.", "Let it return to its start after a whole turn.")
+        raise fault_of(pair, "profile.lift", "it does not close after a whole turn.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
     at = point_of(builder.links[pair.links[1]], pair.point)
@@ -48,7 +49,7 @@ def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
             raise fault_of(
                 pair,
                 "follower.point",
-                f"the roller's axis passes the cam's axis at {1e3 * abs(off):.6g} mm.",
+                f"the roller's axis passes the cam's axis at {as_length(abs(off))}.",
                 "Guide it over the axis.",
             )
         mount: Any = Barrel()
@@ -82,8 +83,8 @@ def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismati
         sine = 0.0 if blank.rollers else (pair.base - height) / arm
         if not -1.0 < sine < 1.0:
             raise fault_of(
-                pair, "profile.base", f"the arm does not reach {1e3 * pair.base:.6g} mm along the axis.",
-                f"Give between {1e3 * (height - arm):.6g} and {1e3 * (height + arm):.6g} mm.",
+                pair, "profile.base", f"the arm does not reach {as_length(pair.base)} along the axis.",
+                f"Give between {as_length(height - arm)} and {as_length(height + arm)}.",
             )  # fmt: skip
         start = math.asin(sine) if not blank.rollers else -0.5 * law.advance
     inner, outer = _reach(pair, blank, arm)
@@ -114,9 +115,9 @@ def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolut
     if abs(law.length - 2.0 * math.pi) > 1e-9 or abs(abs(law.advance) - step) > 1e-9:
         raise fault_of(
             pair, "profile.lift",
-            f"in {math.degrees(law.length):.6g} deg it ends at {math.degrees(law.advance):.6g} deg: a turret of {blank.rollers} "
+            f"in {as_angle(law.length)} it ends at {as_angle(law.advance)}: a turret of {blank.rollers} "
             "rollers goes on by one of them every turn.",
-            f"Let it end at {math.degrees(step):.6g} deg after 360 deg.",
+            f"Let it end at {as_angle(step)} after a whole turn.",
         )  # fmt: skip
 
 
@@ -127,15 +128,15 @@ def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: f
     if not 2.0 * r < 0.95 * apart:
         raise fault_of(
             pair, "follower.roller",
-            f"{blank.rollers} rollers of {1e3 * r:.6g} mm stand {1e3 * apart:.6g} mm apart: no rib between them.",
-            f"Give less than {0.45e3 * apart:.4g} mm, or fewer rollers.",
+            f"{blank.rollers} rollers of {as_length(r)} stand {as_length(apart)} apart: no rib between them.",
+            f"Give less than {as_length(0.45 * apart, 4)}, or fewer rollers.",
         )  # fmt: skip
     if blank.kind == "barrel":
         far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
         if not far < 0.9 * inner:
             raise fault_of(
                 pair, "profile.barrel",
-                f"the rollers pass its axis at up to {1e3 * far:.6g} mm, its core has {1e3 * inner:.6g} mm.",
+                f"the rollers pass its axis at up to {as_length(far)}, its core has {as_length(inner)}.",
                 "Give more rollers or a larger barrel, or a pivot as far from the axis as the rollers.",
             )  # fmt: skip
 
@@ -144,14 +145,14 @@ def _reach(pair: CamPair, blank: SpatialBlank, arm: float) -> tuple[float, float
     """The range of the roller's axis that touches: from the cam's axis, or from the pivot of a globoid's arm [m]."""
     if blank.kind == "globoid":
         if not 0.0 < blank.depth < 2.0 * arm:
-            why = f"a depth of {1e3 * blank.depth:.6g} mm about the end of an arm of {1e3 * arm:.6g} mm."
+            why = f"a depth of {as_length(blank.depth)} about the end of an arm of {as_length(arm)}."
             raise fault_of(pair, "profile.globoid.depth", why, "Give a smaller one.")
         return arm - 0.5 * blank.depth, arm + 0.5 * blank.depth
     if not 0.0 < blank.depth < blank.radius:
         raise fault_of(
             pair,
             f"profile.{blank.kind}.depth",
-            f"a depth of {1e3 * blank.depth:.6g} mm in a radius of {1e3 * blank.radius:.6g} mm.",
+            f"a depth of {as_length(blank.depth)} in a radius of {as_length(blank.radius)}.",
             "Give a smaller one.",
         )
     return blank.radius - blank.depth, blank.radius

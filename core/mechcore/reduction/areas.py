@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import Fault, MechanismError
+from ..texts import as_length
 from .bodies import Body, combine
 
 __all__ = ["Area", "area_of", "circle", "plate", "rounded_hull", "stadium"]
@@ -100,7 +101,7 @@ def rounded_hull(points: Sequence[Vec2], radius: float) -> Area:
     """The smallest convex outline around circles of one radius about points: a plate with round ends, or a rounded polygon."""
     z = sorted({complex(*p) for p in points}, key=lambda c: (c.real, c.imag))
     if radius <= 0.0:
-        raise MechanismError(Fault("plate", f"a radius of {radius:g} m at its ends.", "Give a positive width."))
+        raise MechanismError(Fault("plate", f"a radius of {as_length(radius)} at its ends.", "Give a positive width."))
     corners = _hull(z)
     if len(corners) == 1:
         return circle((corners[0].real, corners[0].imag), radius)

@@ -1,0 +1,108 @@
+"""Texts for people with quantities in them: written in SI units where they arise, shown in the units of whoever reads them.
+
+A quantity is put into a text, an f-string for example, by `as_length` and its relatives; `Text` shows it. `Fault` and `Event` make
+a `Text` of their words, so that a caller with other units (a scene in inches) shows the same words in them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from math import pi
+from typing import Literal, Protocol
+
+__all__ = ["Kind", "Text", "UnitSystem", "as_angle", "as_coordinate", "as_force", "as_length", "as_quantity", "as_torque", "shown"]
+
+Kind = Literal["length", "angle", "linear speed", "angular speed", "force", "torque", "stiffness", "torsional stiffness"]
+
+
+class UnitSystem(Protocol):
+    """Units in which quantities are shown."""
+
+    def show(self, value: float, kind: str, digits: int) -> str:
+        """A quantity in SI units of a kind (see `Kind`) as number, with so many digits, and unit."""
+
+
+def shown(number: float, symbol: str, digits: int) -> str:
+    """A number with so many digits and its unit; no space before a degree sign, and no minus before zero."""
+    return f"{number + 0.0:.{digits}g}{'' if symbol == '°' else ' '}{symbol}"
+
+
+class _MillimetresAndDegrees:
+    """The units of texts that nobody has asked in other units."""
+
+    _UNITS: Mapping[str, tuple[float, str]] = {
+        "length": (1e-3, "mm"),
+        "angle": (pi / 180.0, "°"),
+        "linear speed": (1.0, "m/s"),
+        "angular speed": (1.0, "rad/s"),
+        "force": (1.0, "N"),
+        "torque": (1.0, "N m"),
+        "stiffness": (1.0, "N/m"),
+        "torsional stiffness": (1.0, "N m/rad"),
+    }
+
+    def show(self, value: float, kind: str, digits: int) -> str:
+        factor, symbol = self._UNITS[kind]
+        return shown(value / factor, symbol, digits)
+
+
+_PLAIN = _MillimetresAndDegrees()
+_MARK = "\x1f"  # separates units of text; no name of a scene holds it
+_QUANTITY = re.compile(f"{_MARK}([^{_MARK}]*){_MARK}([^{_MARK}]*){_MARK}([^{_MARK}]*){_MARK}")
+
+
+def as_quantity(value: float, kind: Kind, digits: int = 6) -> str:
+    """A quantity [SI] as a part of a text that becomes a `Text`, with so many digits."""
+    return f"{_MARK}{kind}{_MARK}{float(value)!r}{_MARK}{digits}{_MARK}"
+
+
+def as_length(value: float, digits: int = 6) -> str:
+    """A length [m] as a part of a text."""
+    return as_quantity(value, "length", digits)
+
+
+def as_angle(value: float, digits: int = 6) -> str:
+    """An angle [rad] as a part of a text."""
+    return as_quantity(value, "angle", digits)
+
+
+def as_force(value: float, digits: int = 6) -> str:
+    """A force [N] as a part of a text."""
+    return as_quantity(value, "force", digits)
+
+
+def as_torque(value: float, digits: int = 6) -> str:
+    """A torque [N m] as a part of a text."""
+    return as_quantity(value, "torque", digits)
+
+
+def as_coordinate(value: float, *, rotary: bool, digits: int = 6) -> str:
+    """The coordinate of a joint as a part of a text: an angle [rad] of a rotary one, else a length [m]."""
+    return as_quantity(value, "angle" if rotary else "length", digits)
+
+
+class Text(str):
+    """Words in which quantities are shown in millimetres and degrees, or in the units of `in_units`; a string like any other.
+
+    Made from words in which `as_length` and its relatives stand, or from another `Text`.
+    """
+
+    source: str
+    """The words with their quantities."""
+
+    def __new__(cls, source: str, units: UnitSystem = _PLAIN) -> Text:
+        raw = source.source if isinstance(source, Text) else source
+        shown = _QUANTITY.sub(lambda m: units.show(float(m[2]), m[1], int(m[3])), raw) if _MARK in raw else raw
+        text = super().__new__(cls, shown)
+        text.source = raw
+        return text
+
+    @classmethod
+    def of(cls, words: str) -> Text:
+        """The text that words make; a text as it is, in the units in which it is shown."""
+        return words if isinstance(words, Text) else cls(words)
+
+    def in_units(self, units: UnitSystem) -> Text:
+        """The same words with their quantities in other units."""
+        return Text(self, units)
