@@ -9,10 +9,13 @@ import pytest
 
 import mechviz
 from mechcore import loads
-from mechcore.dynamics import simulate
+from mechcore.dynamics import Free, Stop, simulate
 from mechcore.dynamics.accounts import ledger
 from mechcore.effects import LOADS, effects_of, power_of
+from mechcore.errors import MechanismError
 from mechcore.kinetostatics import LOSSES
+from mechcore.spec import Drive, GasSpring, Link, Mechanism
+from mechviz.hard.mechanisms import pin
 
 FOUR_BAR = """
 units = { length = "mm", angle = "deg" }
@@ -244,3 +247,43 @@ def test_a_load_by_table_is_read_where_the_mechanism_is(of: str):
     whole = 0.6 * factor if of in ("position", "velocity") else 3.0 * factor
     assert values[:, 2 if of in ("position", "velocity") else 0] == pytest.approx(whole, rel=1e-9, abs=1e-12)
     assert np.ptp(factor) > 1e-3
+
+
+def hatch(stops=(), speed=0.0, end=1.2):
+    """A hatch on a gas strut, which ends at 0.476 rad; a whole turn of the hatch would pull the strut out of its range."""
+    strut = GasSpring(name="strut", links=("frame", "hatch"), points=("P", "Q"), force=60.0, extended=0.6, gas_length=0.7)
+    mechanism = Mechanism(
+        name="hatch",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0), "P": (0.0, -0.3)}),
+            Link(name="hatch", points={"O": (0.0, 0.0), "Q": (0.4, 0.0)}, mass=4.0, centre=(0.5, 0.0), inertia=0.3),
+        ),
+        pairs=(pin("O", "frame", "hatch"),),
+        drives=(Drive(pair="O", law=Free(0.3, speed)),),
+        effects=("inertia", "gravity"),
+        loads=(strut,),
+    )
+    return simulate(mechanism, end, tolerance=1e-10, stops=stops)
+
+
+@pytest.mark.parametrize("stops", [(), (Stop(name="end", pair="O", at=0.45, restitution=0.4),)])
+def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
+    """Its table over a turn, and windows that reach beyond a stop, try lengths that it does not have; energy is kept between."""
+    found = hatch(stops, speed=1.5 if stops else 0.0)
+    t = np.linspace(0.0, 1.2, 49)
+    motion = found.motion(t)
+    length = np.hypot(*(motion.point("hatch", "Q") - [0.0, -0.3]).T)
+    assert length.max() < 0.6
+    angle, rate, _ = motion.coordinate("O").T
+    stored = -60.0 * 0.7 * np.log(1.0 - (0.6 - length) / 0.7)
+    energy = 0.5 * (0.3 + 4.0 * 0.25) * rate**2 + 4.0 * 9.81 * 0.5 * np.sin(angle) + stored
+    lost = sum(e for _, e in found.lost)
+    assert bool(lost) == bool(stops)
+    struck = np.array([sum(e for at, e in found.lost if at < x) for x in t])
+    np.testing.assert_allclose(energy + struck, energy[0], rtol=0, atol=1e-8 * np.abs(energy).max())
+
+
+def test_a_gas_spring_that_the_motion_pulls_out_of_its_range_is_refused():
+    with pytest.raises(MechanismError, match=r"loads\.strut: it is pulled to 0\.6\d* m, beyond its extended length of 0\.6 m"):
+        hatch(speed=6.0)

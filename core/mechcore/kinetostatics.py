@@ -291,6 +291,9 @@ class Forces:
 def solve_forces(motion: Motion) -> Forces:
     """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
     model = motion.model
+    for effect in model.applied:
+        if effect.limited:
+            effect.check(motion)
     if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
         from .friction import solve_friction  # only where it is named
 

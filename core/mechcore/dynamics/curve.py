@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..changes import Changes
 from ..effects import Effect, effects_of, power_of
+from ..errors import MechanismError
 from ..motion import Motion
 from ..solve import Compiled
 from .panels import Panels, fit_panels, nodes_of
@@ -71,7 +72,7 @@ class Curve:
 
 def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
-    fixed, rest = _parted(compiled)
+    fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST)))
     return _curve(compiled, fit_panels(_values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
 
 
@@ -93,7 +94,7 @@ def whole_turn(
     once, twice = again, len(x) + np.arange(len(again))
     if not leads(unit) or not _comes_back(unit, once, twice):
         return None
-    fixed, rest = _parted(compiled)
+    fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
     repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
@@ -104,11 +105,23 @@ def whole_turn(
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
 
 
-def _parted(compiled: Compiled) -> tuple[list[Effect], list[Effect]]:
-    """Effects that depend on the position alone and are smooth in it, and the others."""
+def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:
+    """Effects that depend on the position alone, and are smooth in it ``everywhere``, and the others."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
     fixed = [e for e in effects if e.needs <= {"positions"} and not e.piecewise]
+    if any(e.limited for e in fixed):
+        motion = everywhere()
+        fixed = [e for e in fixed if _holds(e, motion)]
     return fixed, [e for e in effects if e not in fixed]
+
+
+def _holds(effect: Effect, motion: Motion) -> bool:
+    """Whether the law of an effect holds at all positions of a motion."""
+    try:
+        effect.check(motion)
+    except MechanismError:
+        return False
+    return True
 
 
 def _unit(compiled: Compiled, q: Array) -> Motion:

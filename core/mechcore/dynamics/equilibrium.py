@@ -162,6 +162,8 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
         if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
             found = Equilibrium(compiled, q, -by_q, left, count)
+            for effect in found.motion.model.applied:
+                effect.check(found.motion)
             _within(found, stops)
             return found
         q = _step(compiled, q, force, step, seek, largest)

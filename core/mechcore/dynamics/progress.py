@@ -44,6 +44,7 @@ LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
+CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 SHIFTED = 0.01  # of a piece: what is known of it helps where it begins no farther from there
@@ -186,6 +187,7 @@ class Progress:
                 first.append((window.start + window.length, ("chart", 0)))
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
+            self._check(window, until)
             if self.observe is not None:
                 stretch = self._stretch(window.start, until, Solution([window]), system)
                 self.observe(self._simulation([stretch], 0, self.log.news()))
@@ -245,6 +247,16 @@ class Progress:
         """Keep places of the motion at times (n,), from which the angles of the links are followed."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.leave(waypoints(self.compiled, way(t)[0], t))
+
+    def _check(self, window: Window, until: float) -> None:
+        """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
+        limited = [e for e in self.compiled.model.applied if e.limited]
+        if limited:
+            t = window.start + (until - window.start) * CHECKED
+            q, v, _ = window(t)
+            motion = motion_at(self.compiled, q, v, t)
+            for effect in limited:
+                effect.check(motion)
 
     def _known(self, t: float) -> Known | None:
         """What a motion that is nearly this one says of the piece that begins at ``t`` [s]; None where it has other pieces."""

@@ -104,10 +104,11 @@ class LineGasSpring(Line):
         super().__init__(load)
         self.load = load
 
-    def _left(self, at: Configuration, length: Array) -> Array:
-        """Volume that is left of the gas over its volume when extended."""
+    limited = True
+
+    def check(self, at: Configuration) -> None:
         load = self.load
-        pressed = load.extended - length
+        pressed = load.extended - np.abs(self.vector(at))
         low, high = np.nanmin(pressed), np.nanmax(pressed)
         if low < -1e-9 * load.extended:
             why = f"it is pulled to {as_length(load.extended - low)}, beyond its extended length of {as_length(load.extended)}."
@@ -118,16 +119,20 @@ class LineGasSpring(Line):
             why = f"it is compressed by {as_length(high)}, its gas length is {as_length(load.gas_length)}: no gas is left."
             remedy = "Give a greater gas length, or place its points further apart."
             raise MechanismError(Fault(f"loads.{self.name}", why, remedy))
-        return 1.0 - pressed / load.gas_length
+
+    def _left(self, length: Array) -> Array:
+        """Volume that is left of the gas over its volume when extended; NaN where there is none."""
+        left = 1.0 - (self.load.extended - length) / self.load.gas_length
+        return np.where(left > 0.0, left, np.nan)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
         vector = self.vector(at)
-        thrust = self.load.force * self._left(at, np.abs(vector)) ** -self.load.exponent
+        thrust = self.load.force * self._left(np.abs(vector)) ** -self.load.exponent
         return self.between(at, -thrust * self.direction(at, vector))
 
     def potential(self, at: Configuration) -> Array:
         load = self.load
-        left = self._left(at, np.abs(self.vector(at)))
+        left = self._left(np.abs(self.vector(at)))
         if load.exponent == 1.0:
             return -load.force * load.gas_length * np.log(left)
         return load.force * load.gas_length / (load.exponent - 1.0) * (left ** (1.0 - load.exponent) - 1.0)

@@ -96,6 +96,12 @@ class Effect:
         """A whole number for the form of the law that holds (F,), of effects that are `piecewise`."""
         return np.zeros(np.shape(at.time), int)
 
+    limited: ClassVar[bool] = False  # whether its law ends somewhere; then `check` says where
+
+    def check(self, at: Configuration) -> None:
+        """Raise `MechanismError` where a motion leaves the range of its law. `wrenches` go on beyond: who looks for a motion tries
+        positions that it does not take."""
+
     @property
     def breaks(self) -> tuple[float, ...]:
         """Times [s] at which its law changes its form, whatever the mechanism does."""

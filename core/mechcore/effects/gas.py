@@ -28,10 +28,18 @@ class CylinderGas(Effect):
         super().__init__(load.name)
         self.load = load
 
+    limited = True
+
+    def _from_top(self, at: Configuration) -> Array:
+        """Distance of the piston from top dead centre [m]."""
+        return (self.load.top - coordinate(at, self.load.pair)) * (1.0 if self.load.head == "ahead" else -1.0)
+
     def displacement(self, at: Configuration) -> Array:
-        """Distance of the piston from top dead centre [m], within the stroke. Raises `MechanismError` where it leaves it."""
-        load = self.load
-        x = (load.top - coordinate(at, load.pair)) * (1.0 if load.head == "ahead" else -1.0)
+        """Distance of the piston from top dead centre [m], within the stroke."""
+        return np.clip(self._from_top(at), 0.0, self.load.cycle.stroke)
+
+    def check(self, at: Configuration) -> None:
+        load, x = self.load, self._from_top(at)
         low, high = float(np.nanmin(x)), float(np.nanmax(x))
         stroke = load.cycle.stroke
         if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
@@ -42,7 +50,6 @@ class CylinderGas(Effect):
                 f"head {load.head}."
             )
             raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
-        return np.clip(x, 0.0, stroke)
 
     def _strokes(self, at: Configuration) -> tuple[Array, Array, Array]:
         """Displacement [m], whether the piston moves away from the head, whether the gas fires in this turn."""
