@@ -344,6 +344,20 @@ def test_gas_spring_beyond_its_ends_is_refused():
         run(slide(Oscillation(0.0, 0.5, 1.0), (Spring(name="s", **ends, stiffness=1.0, free_length=1.0),)), 4)
 
 
+@pytest.mark.parametrize("beyond", [0.0, 1e-15, 1e-9, 1e-3])
+def test_the_energy_of_a_gas_spring_is_continuous_in_its_exponent(beyond):
+    """-F L log(left) of the isothermal law, and F L (left^(1 - n) - 1) / (n - 1) to its second order next to it."""
+    load = GasSpring(
+        name="g", links=("frame", "rocker"), points=("A", "D"), force=2.0, extended=9.0, gas_length=10.0, exponent=1.0 + beyond
+    )
+    m = move(replace(four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0), loads=(load,)), 0.4)
+    left = 1.0 - (9.0 - float(np.hypot(*m.point("rocker", "D")[0]))) / 10.0
+    n, log = beyond, np.log(left)
+    series = -log + 0.5 * n * log**2 - n**2 * log**3 / 6.0 + n**3 * log**4 / 24.0
+    assert float(potential(m)[0]) == pytest.approx(2.0 * 10.0 * series, rel=1e-11)
+
+
+
 def compressor(cycle, area=0.005, offset=0.0, head="ahead"):
     r, rod = 0.5 * cycle.stroke, 3.0
     branch = "ahead" if head == "ahead" else "behind"

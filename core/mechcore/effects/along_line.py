@@ -132,7 +132,5 @@ class LineGasSpring(Line):
 
     def potential(self, at: Configuration) -> Array:
         load = self.load
-        left = self._left(np.abs(self.vector(at)))
-        if load.exponent == 1.0:
-            return -load.force * load.gas_length * np.log(left)
-        return load.force * load.gas_length / (load.exponent - 1.0) * (left ** (1.0 - load.exponent) - 1.0)
+        log, beyond = np.log(self._left(np.abs(self.vector(at)))), load.exponent - 1.0
+        return load.force * load.gas_length * (np.expm1(-beyond * log) / beyond if beyond else -log)
