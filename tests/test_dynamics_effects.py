@@ -285,5 +285,5 @@ def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
 
 
 def test_a_gas_spring_that_the_motion_pulls_out_of_its_range_is_refused():
-    with pytest.raises(MechanismError, match=r"loads\.strut: it is pulled to 0\.6\d* m, beyond its extended length of 0\.6 m"):
+    with pytest.raises(MechanismError, match=r"loads\.strut: it is pulled to 60\d\.\d* mm, beyond its extended length of 600 mm"):
         hatch(speed=6.0)
