@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import settings
 
@@ -11,6 +13,19 @@ settings.load_profile("without a clock")
 
 PER_SCENE = {"test_recording", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
 PER_MODULE = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("random mechanisms")
+    group.addoption("--random-cases", type=int, default=45, help="how many random mechanisms, of all kinds together (45)")
+    group.addoption("--random-from", type=int, default=0, help="number of the first of each kind (0)")
+
+
+@pytest.fixture
+def random_seeds(request: pytest.FixtureRequest) -> Callable[[int, int], range]:
+    """A function of how many kinds there are, and of which one it is: the numbers of its random mechanisms."""
+    cases, first = (int(request.config.getoption(o)) for o in ("--random-cases", "--random-from"))
+    return lambda kinds, kind: range(first, first + (cases - kind + kinds - 1) // kinds)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -185,28 +185,6 @@ def test_velocities_and_accelerations_are_derivatives_of_poses(mechanism):
     assert errors[1] < 1e-9 or errors[1] < errors[0] / 8.0, errors
 
 
-@given(crank_rockers(), st.floats(-3.0, 3.0), st.floats(0.01, 100.0))
-def test_torque_does_not_depend_on_where_or_in_what_units_the_mechanism_stands(mechanism, shift, scale):
-    """Similarity: lengths times k and masses, speeds unchanged: inertia torque times k^2, without gravity and loads."""
-    from dataclasses import replace
-
-    plain = replace(mechanism, effects=("inertia",), loads=())
-
-    def scaled(link: Link) -> Link:
-        move = (shift, -2.0 * shift) if link.name == "frame" else (0.0, 0.0)
-        return replace(
-            link,
-            points={k: (scale * (x + move[0]), scale * (y + move[1])) for k, (x, y) in link.points.items()},
-            centre=(scale * link.centre[0], scale * link.centre[1]),
-            inertia=scale**2 * link.inertia,
-        )
-
-    other = replace(plain, links=tuple(scaled(link) for link in plain.links))
-    a = load(plain, ANGLES, SPEED, ACCELERATION).effort("A")
-    b = load(other, ANGLES, SPEED, ACCELERATION).effort("A") / scale**2
-    np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * max(np.abs(a).max(), 1e-9))
-
-
 def test_forces_are_linear_in_the_loads():
     from dataclasses import replace
 

@@ -42,13 +42,13 @@ def moved(m: Mechanism, scale: float, shift: float) -> Mechanism:
     return replace(m, links=tuple(links), loads=loads, gravity=(scale * m.gravity[0], scale * m.gravity[1]))
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-6, 0.0), (1e3, 0.0), (1.0, 1e4), (1e3, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), [(1.0, 1e4), (1e3, 1e7)])  # scales alone: test_metamorphic
 @pytest.mark.parametrize("build", [bar, engine])
-def test_motion_and_forces_in_micrometres_in_kilometres_and_ten_kilometres_away(build, scale, shift):
+def test_motion_and_forces_in_kilometres_and_ten_kilometres_away(build, scale, shift):
     base = solve_forces(solve_motion(compile_mechanism(build()), TIME))
     other = solve_forces(solve_motion(compile_mechanism(moved(build(), scale, shift)), TIME))
     # coordinates 10 km away are written down to 2e-12 m, 1e-11 of the mechanism
-    near = 3e-13 if shift == 0.0 else 2e-9
+    near = 2e-9
     for link in base.motion.model.links[1:]:
         want, got = base.motion.pose(link), other.motion.pose(link) - [shift, -shift, 0.0]
         np.testing.assert_allclose(got / [scale, scale, 1.0], want, rtol=0, atol=near)
