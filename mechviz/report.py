@@ -11,6 +11,7 @@ from mechcore.answers import grashof
 from mechcore.assembly import all_modes
 from mechcore.clearance import journals_of, made_pairs
 from mechcore.equations import contour_equations
+from mechcore.events import overshoots
 from mechcore.friction.events import friction_events
 from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
@@ -74,6 +75,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
     lines.append(f"contours   {len(model.contours)} independent")
     lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
+    lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
     lines += _reach(compiled, scene.units)
     lines.append(

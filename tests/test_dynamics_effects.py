@@ -13,9 +13,12 @@ from mechcore.dynamics import Free, Stop, simulate
 from mechcore.dynamics.accounts import ledger
 from mechcore.effects import LOADS, effects_of, power_of
 from mechcore.errors import MechanismError
+from mechcore.events import find_events
 from mechcore.kinetostatics import LOSSES
 from mechcore.spec import Drive, GasSpring, Link, Mechanism
 from mechviz.hard.mechanisms import pin
+from mechviz.report import check_lines
+from mechviz.run import run_scene
 
 FOUR_BAR = """
 units = { length = "mm", angle = "deg" }
@@ -287,3 +290,34 @@ def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
 def test_a_gas_spring_that_the_motion_pulls_out_of_its_range_is_refused():
     with pytest.raises(MechanismError, match=r"loads\.strut: it is pulled to 60\d\.\d* mm, beyond its extended length of 600 mm"):
         hatch(speed=6.0)
+
+
+STRUCK = """
+effects = ["inertia", "gravity"]
+run = { frames = 60, duration = "2.1 s", tolerance = 1e-10 }
+[links]
+frame = { points = { O = [0, 0] } }
+rod = { points = { O = [0, 0], G = [1, 0] }, mass = 1, centre = "G", inertia = 0.1 }
+[pairs]
+O = { revolute = ["frame", "rod"], free = { position = 0 } }
+[loads.F]
+force = [0, 5]
+on = "rod"
+at = "G"
+table = { time = [0, 1.8, 1.82, 1.84, 1.86, 1.9, 2.1], factor = [0, 0, -0.2, -0.5, -0.6, 0, 0], smooth = true }
+"""
+
+
+def test_a_load_that_is_zero_moves_nothing_however_its_rows_lie():
+    """Until the first row that is not zero the rod swings as without the load; a spline through the rows moved it by a metre."""
+    struck = run_scene(mechviz.loads(STRUCK))
+    alone = run_scene(mechviz.loads(STRUCK).changed({("loads", "F"): None}))
+    before = struck.motion.time <= 1.8
+    swings, swing = (r.motion.coordinate("O") for r in (struck, alone))
+    np.testing.assert_allclose(swings[before], swing[before], atol=1e-9)
+    assert abs(swings[-1, 0] - swing[-1, 0]) > 1e-3
+    spline = mechviz.loads(STRUCK).changed({("loads", "F", "table", "smooth"): "spline"})
+    assert any("F: the spline leaves its rows" in line and "row 1 and the next" in line for line in check_lines(spline))
+    assert not any("spline" in line for line in check_lines(mechviz.loads(STRUCK)))
+    (event,) = [e for e in find_events(run_scene(spline).motion) if "spline" in e.text]
+    assert event.level == "WARN" and event.item == "F" and event.value > 1.0

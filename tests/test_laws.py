@@ -81,14 +81,55 @@ def test_a_law_that_repeats_continues_where_it_ended():
 
 
 def test_table_interpolates_smoothly_and_holds_its_ends():
-    table = Table(x=(0.0, 1.0, 2.0, 3.0), y=(0.0, 1.0, 4.0, 9.0))
+    table = Table(x=(0.0, 1.0, 2.0, 3.0), y=(0.0, 1.0, 4.0, 9.0), smooth="spline")
     assert table([0.5, 2.5]) == pytest.approx([0.25, 6.25]), "a cubic spline reproduces a parabola"
     assert table([-1.0, 4.0]) == pytest.approx([0.0, 9.0])
     assert table([-1.0, 4.0], 1) == pytest.approx([0.0, 0.0])
-    ring = Table(x=(0.0, 1.0, 2.0), y=(1.0, 2.0, 0.0), period=3.0)
+    ring = Table(x=(0.0, 1.0, 2.0), y=(1.0, 2.0, 0.0), period=3.0, smooth="spline")
     x = np.linspace(0, 3, 7)
     np.testing.assert_allclose(ring(x + 6.0), ring(x), atol=1e-12)
     for d in (0, 1, 2):
         assert ring(3.0 - 1e-9, d) == pytest.approx(ring(0.0, d), abs=1e-6)
     straight = Table(x=(0.0, 1.0, 2.0), y=(0.0, 1.0, 0.0), smooth=False)
     assert straight([0.5, 1.5]) == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("period", [None, 9.0])
+def test_smooth_tables_stay_between_their_rows(period):
+    """However unequal the gaps: no value lies beyond the two rows around it, slopes are continuous, all rows are met."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        x = np.cumsum(10.0 ** rng.uniform(-3.0, 0.0, 7))
+        y = rng.choice([0.0, 0.0, 1.0, -2.0, 5.0], 7) * rng.uniform(0.5, 1.0, 7)
+        table = Table(x=tuple(x), y=tuple(y), period=period)
+        np.testing.assert_allclose(table(x), y, atol=1e-13)
+        ends, last = (x, y) if period is None else (np.append(x, x[0] + period), np.append(y, y[0]))
+        for a, b, low, high in zip(ends, ends[1:], last, last[1:], strict=False):
+            inside = table(np.linspace(a, b, 50)[1:-1])
+            assert inside.min() >= min(low, high) - 1e-12 and inside.max() <= max(low, high) + 1e-12
+        step = 1e-9 * np.diff(ends).min()
+        inner = ends[1:-1] if period is None else ends[1:]
+        slopes = table(inner - step, 1), table(inner + step, 1)
+        np.testing.assert_allclose(*slopes, atol=1e-5 * np.abs(np.diff(last) / np.diff(ends)).max())
+        if period is not None:
+            np.testing.assert_allclose(table(x + 3.0 * period), y, atol=1e-9)
+        t = rng.uniform(x[0], x[-1], 20)
+        mirrored = Table(x=tuple(-x[::-1]), y=tuple(y[::-1]), period=period)
+        np.testing.assert_allclose(mirrored(-t), table(t), atol=1e-11)
+        assert table.overshoot == (0.0, 0) and table.knots == tuple(x)
+
+
+def test_a_spline_that_leaves_its_rows_says_how_far():
+    x, y = (0.0, 1.8, 1.9, 2.0), (0.0, 0.0, -1.0, 0.0)
+    table = Table(x=x, y=y, smooth="spline")
+    far, row = table.overshoot
+    assert row == 0 and far == pytest.approx(np.abs(table(np.linspace(0.0, 1.8, 20_001))).max(), rel=1e-6) and far > 5.0
+    assert Table(x=x, y=y).overshoot[0] == Table(x=x, y=y, smooth=False).overshoot[0] == 0.0
+    turns = np.arange(12) * 30.0
+    around = Table(x=tuple(turns), y=tuple(np.sin(np.radians(turns + 15.0))), period=360.0, smooth="spline")
+    assert around.overshoot[0] < 0.05, "a smooth function given by a dozen rows"
+    law = TableLaw(t=(0.0, 1.0, 2.0, 2.1, 2.2, 3.0), q=(0.0, 0.0, 0.0, 1.0, 1.0, 1.0))
+    q = law(np.linspace(0.0, 3.0, 30_001))[0]
+    assert law.overshoot == (pytest.approx(q.max(), rel=1e-5), 0), "far above both rows, which are zero"
+    even = TableLaw(t=(0.0, 1.0, 2.0, 3.0), q=(0.0, 2.0, 4.0, 6.0), periodic=True)
+    assert even.overshoot == (0.0, 0)

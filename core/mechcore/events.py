@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from .answers import curvature, per_unit, transmission_angles, velocity_ratios
 from .extremes import peak, zeros
+from .laws import Table, TableLaw
 from .leastnorm import indeterminate
 from .motion import Motion
+from .spec import Mechanism
 from .texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
-__all__ = ["SINGULAR", "Event", "at_drive", "find_events", "runs", "turning_points"]
+__all__ = ["SINGULAR", "Event", "at_drive", "find_events", "overshoots", "runs", "turning_points"]
 
 Real = NDArray[np.float64]
 
@@ -25,6 +27,9 @@ SINGULAR = 1e8
 
 POOR = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
+
+OVERSHOOT = 0.05
+"""Part of a table's range by which a spline may pass the two rows around it: ten rows a cycle of a sine make it 0.02."""
 
 NOISE = 1e-9
 """Speeds below this part of the run's largest are standstill."""
@@ -51,8 +56,21 @@ class Event:
 def find_events(motion: Motion) -> list[Event]:
     """All events of a motion, sorted by time."""
     found = [*_limits(motion), *_drive_events(motion), *_singular(motion), *_changes(motion), *_extremes(motion)]
-    found += [*_indeterminate(motion)]
+    found += [*_indeterminate(motion), *overshoots(motion.mechanism)]
     return sorted(found, key=lambda e: e.time)
+
+
+def overshoots(mechanism: Mechanism) -> Iterator[Event]:
+    """Splines of loads and drives that leave the range of the two rows between which they are, and how far."""
+    factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
+    tables: list[tuple[str, Any]] = [(name, factor.function) for name, factor in factors if factor is not None]
+    for name, table in [*tables, *((drive.pair, drive.law) for drive in mechanism.drives)]:
+        if isinstance(table, Table | TableLaw):
+            far, row = table.overshoot
+            if far > OVERSHOOT:
+                what = "give it more rows" if isinstance(table, TableLaw) else "smooth = true stays between them"
+                text = f"the spline leaves its rows by {far:.2g} of their whole range, between row {row + 1} and the next; {what}"
+                yield Event(0.0, "WARN", name, text, far)
 
 
 def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
-from .fields import Argument, Coordinate, Flag, Length, Number, Period, Rate, Speed, Text, Time
+from mechcore.laws.timed import Smoothness
+
+from .fields import Argument, Coordinate, Length, Number, Period, Rate, Speed, Text, Time, describe, fault
 from .tables import Table, one_of, refuse
 
 __all__ = ["ARGUMENTS", "FactorPolynomial", "FactorTable"]
@@ -15,6 +17,15 @@ ARGUMENTS = ("position", "velocity", "time", "x", "y", "vx", "vy", "speed")
 """What a factor can depend on: coordinate or rate of a pair, the time, place or velocity of a point."""
 
 _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed")
+
+
+def _smooth(value: Any) -> Smoothness:
+    if value is True or value is False or value == "spline":
+        return value
+    raise fault(f"{describe(value)} says not how the points are joined.", 'Write true, false (straight lines) or "spline".')
+
+
+Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"const": "spline"}]})]
 
 
 def _names(of: str, pair: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
@@ -55,8 +66,9 @@ class FactorTable(Table):
     """Factors there."""
     period: Period | None = None
     """Position, time: the table repeats after this much; without it the end values hold outside the table."""
-    smooth: Flag = True
-    """A cubic spline through the points; false: straight lines between them."""
+    smooth: Smooth = True
+    """true: a cubic between any two points that stays between them (monotone, PCHIP); "spline": a cubic spline with continuous
+    second derivatives, which may overshoot; false: straight lines."""
     drive: Text | None = None
     """Position, velocity: the driven pair. Default: the first one."""
     pair: Text | None = None

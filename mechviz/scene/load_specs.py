@@ -8,6 +8,7 @@ from typing import Any
 
 from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.laws import Table
+from mechcore.laws.timed import Smoothness
 from mechcore.spec import (
     Actuator,
     BeltTension,
@@ -191,7 +192,7 @@ class _Maker:
         return self.spline(x, y, f"{path}.{given.of}", period, given.smooth)
 
     def spline(
-        self, x: tuple[float, ...], y: tuple[float, ...], path: str, period: float | None = None, smooth: bool = True
+        self, x: tuple[float, ...], y: tuple[float, ...], path: str, period: float | None = None, smooth: Smoothness = True
     ) -> Table | None:
         """A table as a function; None, and a fault, where its rows are so close that nothing smooth goes through them."""
         try:

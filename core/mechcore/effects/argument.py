@@ -76,9 +76,9 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Array:
 
 
 def bends(factor: Factor | None) -> bool:
-    """Whether a factor has bends: tables of straight lines, and tables that end."""
+    """Whether some derivative of a factor jumps: at the points of a table, or where it ends."""
     f = None if factor is None else factor.function
-    return isinstance(f, Table) and (f.period is None or not f.smooth)
+    return isinstance(f, Table) and bool(f.knots)
 
 
 def counts_turns(factor: Factor | None) -> bool:

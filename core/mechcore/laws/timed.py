@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ConstantSpeed", "Law", "Oscillation", "Piecewise", "Table", "TableLaw", "polynomial_through", "zones"]
+__all__ = ["ConstantSpeed", "Law", "Oscillation", "Piecewise", "Smoothness", "Table", "TableLaw", "polynomial_through", "zones"]
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
+Smoothness = bool | Literal["spline"]
 
 
 class Law(Protocol):
@@ -175,28 +176,59 @@ def polynomial_through(t0: float, start: Sequence[float], t1: float, end: Sequen
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A smooth function through points: a cubic spline with two continuous derivatives, periodic where ``period`` is given.
+    """A function through points, periodic where ``period`` is given.
 
-    Arguments outside the range of ``x`` of a table without a period take the end values.
+    ``smooth``: piecewise cubic with a continuous derivative that stays between neighbouring points (PCHIP; F. N. Fritsch and
+    R. E. Carlson, Monotone Piecewise Cubic Interpolation, SIAM J. Numer. Anal. 17, 1980). "spline": the cubic spline with two
+    continuous derivatives, which may overshoot. False: straight lines. Arguments outside the range of ``x`` of a table without a
+    period take the end values.
     """
 
     x: tuple[float, ...]
     y: tuple[float, ...]
     period: float | None = None
-    smooth: bool = True  # False: straight lines between the points
+    smooth: Smoothness = True
     _spline: object = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        from scipy.interpolate import CubicSpline, make_interp_spline
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, make_interp_spline
 
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         if self.period is not None:
             x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
-        if not self.smooth or len(x) < 3:
+        if self.straight:
             spline: object = make_interp_spline(x, y, k=1)
-        else:
+        elif self.smooth == "spline":
             spline = CubicSpline(x, y, bc_type="periodic" if self.period is not None else "not-a-knot")
+        elif self.period is None:
+            spline = PchipInterpolator(x, y)
+        else:  # a slope follows from the points on both sides
+            around = PchipInterpolator(np.r_[x[-2] - self.period, x, x[1] + self.period], np.r_[y[-2], y, y[1]])
+            spline = CubicHermiteSpline(x, y, around(x, 1))
         object.__setattr__(self, "_spline", spline)
+
+    @property
+    def straight(self) -> bool:
+        """Whether it is straight lines between the points."""
+        return not self.smooth or len(self.x) < 2 + (self.period is None)
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Arguments within the range at which some derivative jumps: the points, of a spline its ends, of a periodic one none."""
+        if self.smooth != "spline" or self.straight:
+            return self.x
+        return (self.x[0], self.x[-1]) if self.period is None else ()
+
+    @property
+    def overshoot(self) -> tuple[float, int]:
+        """How far it leaves the range of the two points between which it is, relative to the range of all, and which pair of
+        points that is, from 0."""
+        x, y = np.asarray(self.x, float), np.asarray(self.y, float)
+        if self.smooth != "spline" or self.straight:
+            return 0.0, 0
+        if self.period is not None:
+            x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
+        return _overshoot(x, y, self._spline)
 
     def __call__(self, x: ArrayLike, derivative: int = 0) -> Array:
         """Argument (...) -> value (...) or its derivative."""
@@ -209,16 +241,28 @@ class Table:
         return value if derivative == 0 else np.where(x == inside, value, 0.0)
 
     def part(self, x: ArrayLike) -> NDArray[np.int64]:
-        """Which smooth part of the table holds at arguments (...): a whole number; smooth tables bend where they end."""
+        """Between which of its ``knots`` the table is at arguments (...): a whole number."""
         x = np.asarray(x, float)
-        straight = not self.smooth or len(self.x) < 3
-        knots = np.asarray(self.x if straight else (self.x[0], self.x[-1]), float)
+        knots = np.asarray(self.knots, float)
         if self.period is None:
             return np.asarray(np.searchsorted(knots, x, side="right"))
         turns = np.floor((x - self.x[0]) / self.period)
-        inside = x - turns * self.period
-        inner = np.searchsorted(knots, inside, side="right") if straight else np.zeros(x.shape, int)
+        inner = np.searchsorted(knots, x - turns * self.period, side="right")
         return np.asarray(turns * (len(knots) + 1) + inner, np.int64)
+
+
+def _overshoot(x: Array, y: Array, curve: Any) -> tuple[float, int]:
+    """How far a piecewise polynomial leaves the range of two neighbouring points, relative to that of all, and which two."""
+    extreme = np.ravel(curve.derivative().roots(extrapolate=False))
+    extreme = extreme[np.isfinite(extreme) & (extreme >= x[0]) & (extreme <= x[-1])]
+    if not len(extreme):
+        return 0.0, 0
+    k = np.clip(np.searchsorted(x, extreme) - 1, 0, len(x) - 2)
+    low, high = np.minimum(y[k], y[k + 1]), np.maximum(y[k], y[k + 1])
+    value = curve(extreme)
+    beyond = np.maximum(np.maximum(low - value, value - high), 0.0) / (np.ptp(y) or 1.0)
+    worst = int(np.argmax(beyond))
+    return float(beyond[worst]), int(k[worst])
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +294,19 @@ class TableLaw:
     @property
     def advance(self) -> float:
         return self.q[-1] - self.q[0]
+
+    @property
+    def overshoot(self) -> tuple[float, int]:
+        """How far the motion leaves the range of the two rows between which it is, relative to the range of all, and which pair of
+        rows that is, from 0."""
+        from scipy.interpolate import PPoly
+
+        t, motion = np.asarray(self.t, float), PPoly.from_spline(self._spline)
+        if self.periodic:
+            rate = self.advance / self.duration
+            motion.c[-1] += rate * (motion.x[:-1] - t[0])
+            motion.c[-2] += rate
+        return _overshoot(t, np.asarray(self.q, float), motion)
 
     @property
     def duration(self) -> float:
