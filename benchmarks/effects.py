@@ -26,7 +26,10 @@ from mechcore.indicator import Compressor
 from mechcore.loads import JournalContact, JournalLoss
 from mechcore.plan import make_plan
 from mechcore.spec import (
+    Actuator,
     BeltTension,
+    Bushing,
+    BushingDamper,
     ConstantPower,
     Damper,
     DcMotor,
@@ -63,6 +66,9 @@ LOADS: dict[str, Load] = {
     "force by a polynomial of time": replace(CONSTANT, factor=Factor(function=Polynomial((1.0, 2.0)), of="time")),
     "torque": Torque(name="torque", link="crank", moment=1.0),
     "spring": Spring(name="spring", **BETWEEN, stiffness=1e3, free_length=0.1),
+    "actuator": Actuator(name="actuator", **BETWEEN, force=10.0),
+    "bushing": Bushing(name="bushing", **BETWEEN, stiffness=(1e3, 1e3, 1.0)),
+    "dampers of a bushing": BushingDamper(name="bushing", **BETWEEN, damping=(10.0, 10.0, 1.0)),
     "damper": Damper(name="damper", **BETWEEN, linear=10.0),
     "gas spring": GasSpring(name="gas spring", **BETWEEN, force=100.0, extended=0.3, gas_length=0.4, exponent=1.2),
     "torsion spring": TorsionSpring(name="torsion spring", links=("frame", "crank"), stiffness=1.0),

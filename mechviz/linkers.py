@@ -7,23 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import Actuator, Damper, GasSpring, Mechanism, Spring, TorsionSpring
+from mechcore.spec import Actuator, Bushing, Damper, GasSpring, Mechanism, Spring, TorsionSpring
 
 from .proportions import POT, TURNS, pot_length, spiral_radius
 
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Linker", "Strut", "find_linkers", "find_struts", "linker_ends", "spiral_strips", "strut_strips"]
+__all__ = ["Linker", "Strut", "bushing_strips", "find_linkers", "find_struts", "linker_ends", "spiral_strips", "strut_strips"]
 
 Real = NDArray[np.float64]
 
 SPIRAL_POINTS = 72
+RING_POINTS = 37
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class Linker:
     """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
 
     name: str
-    kind: str  # "damper", "gas spring", "actuator", "torsion spring"
+    kind: str  # "damper", "gas spring", "actuator", "bushing", "torsion spring"
     strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
 
 
@@ -61,6 +63,7 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
     for strut in find_struts(motion.mechanism):
         a, b = (motion.point(*end) for end in strut.ends)
         yield Linker(strut.name, strut.kind, _between(a, b, strut.kind, size))
+    yield from _bushings(run, size)
     for load in motion.mechanism.loads:
         if isinstance(load, TorsionSpring):
             pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
@@ -68,6 +71,25 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
                 centre = motion.pair_position(pin.name)
                 angles = [motion.pose(link)[:, 2] for link in load.links]
                 yield Linker(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
+
+
+def _bushings(run: Run, size: float) -> Iterator[Linker]:
+    """A ring about the first point of each bushing, and a cross on the second link at the second point."""
+    for load in run.motion.mechanism.loads:
+        if isinstance(load, Bushing):
+            (first, a), (second, b) = zip(load.links, load.points, strict=True)
+            centre, place, angle = run.motion.point(first, a), run.motion.point(second, b), run.motion.pose(second)[:, 2]
+            yield Linker(load.name, "bushing", partial(bushing_strips, centre, place, angle, 0.03 * size))
+
+
+def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: NDArray[np.int64]) -> tuple[Real, Real, Real]:
+    """A ring of a ``radius`` [m] about ``centre`` and the two bars of a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
+    arms = radius * np.exp(1j * angle[frames])[:, None] * np.array([-1.0, 1.0])
+    middle = place[frames] @ [1.0, 1.0j]
+    lines = ((centre[frames] @ [1.0, 1.0j])[:, None] + around, middle[:, None] + arms, middle[:, None] + 1j * arms)
+    ring, bar, other = (np.stack([z.real, z.imag], axis=-1) for z in lines)
+    return ring, bar, other
 
 
 def linker_ends(run: Run) -> list[Real]:

@@ -154,6 +154,8 @@ def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
     for name, load in forces.loads.items():
         if load.free:
             found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
+        elif load.values[:, 2].any():
+            found.append(Moment("applied", name, load.values[:, 3:], load.values[:, 2]))
     for pair in motion.mechanism.pairs:
         couple, rubs = forces.reaction(pair.name)[:, 2], np.zeros(0)
         if forces.friction is not None and pair.name in forces.friction.pairs:
@@ -264,9 +266,12 @@ def _links_with_mass(mechanism: Mechanism) -> list[str]:
 
 
 def _middle_of_pins(run: Run, link: str) -> Real:
-    """Where a free moment on a link is drawn: at its pin on the frame if it has one, else in the middle of its pairs."""
+    """Where a free moment on a link is drawn: at its pin on the frame if it has one, else in the middle of its pairs, or at its
+    centre of mass where it has none."""
     mechanism = run.motion.mechanism
     pairs = [p for p in mechanism.pairs if link in p.links]
+    if not pairs:
+        return run.motion.centre_of_mass(link)
     grounded = [p for p in pairs if mechanism.frame in p.links]
     positions = [run.motion.pair_position(p.name) for p in grounded[:1] or pairs]
     return np.mean(positions, axis=0)

@@ -374,7 +374,6 @@ class Constraints:
             rates.append(np.zeros(1))
         return np.concatenate(gs), np.vstack(js), np.concatenate(rates), np.concatenate(ks)
 
-
     # -- prescribed motion --------------------------------------------------------------------------------------------
     def solve(self, t: float, guess: Array, driven: Any = True) -> Array:
         """Positions at a time by Newton's method, from far off by scipy's hybrid one."""
@@ -411,7 +410,7 @@ class Constraints:
                 while True:
                     guess = q + h * (v + 0.5 * h * a)
                     new = self.solve(t + h, guess)
-                    if np.abs(new - guess).max() < 0.03 and h * np.abs(v[2:: 3]).max(initial=0.0) < 0.3:
+                    if np.abs(new - guess).max() < 0.03 and h * np.abs(v[2::3]).max(initial=0.0) < 0.3:
                         break
                     h *= 0.5
                     if h < 1e-7 * (time[-1] - time[0]):

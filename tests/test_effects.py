@@ -23,6 +23,8 @@ from mechcore.spec import (
     Actuator,
     Belt,
     BeltTension,
+    Bushing,
+    BushingDamper,
     Damper,
     Drag,
     Drive,
@@ -94,6 +96,8 @@ def loads(draw, mechanism):
         ),
         TorsionSpring(name="torsion spring", links=turning, stiffness=draw(positive), free_angle=draw(number)),
         TorsionDamper(name="torsion damper", links=turning, coefficient=draw(positive)),
+        Bushing(name="bushing", **moving, stiffness=(draw(positive), draw(positive), 3.0), free_angle=draw(number)),
+        BushingDamper(name="rubber", **moving, damping=(draw(positive), 0.0, draw(positive))),
         Drag(name="drag", link=second.name, point=point, linear=draw(positive), quadratic=draw(positive)),
         Drag(name="paddle", link=first, linear=draw(positive), quadratic=draw(positive)),
         Viscous(name="viscous", pair=pair, coefficient=draw(positive)),
@@ -233,6 +237,8 @@ def every_load() -> Mechanism:
         GasSpring(name="gas spring", **between, force=3.0, extended=60.0, gas_length=70.0),
         TorsionSpring(name="torsion spring", links=("frame", "rocker"), stiffness=3.0),
         TorsionDamper(name="torsion damper", links=("frame", "rocker"), coefficient=3.0),
+        Bushing(name="bushing", **between, stiffness=(3.0, 2.0, 1.0)),
+        BushingDamper(name="rubber", **between, damping=(3.0, 2.0, 1.0)),
         Drag(name="drag", link="coupler", point="B", quadratic=1.0),
         Viscous(name="viscous", pair="D", coefficient=1.0),
         DcMotor(name="dc", link="rocker", stall_torque=2.0, no_load_speed=30.0),
@@ -357,7 +363,6 @@ def test_the_energy_of_a_gas_spring_is_continuous_in_its_exponent(beyond):
     assert float(potential(m)[0]) == pytest.approx(2.0 * 10.0 * series, rel=1e-11)
 
 
-
 def compressor(cycle, area=0.005, offset=0.0, head="ahead"):
     r, rod = 0.5 * cycle.stroke, 3.0
     branch = "ahead" if head == "ahead" else "behind"
@@ -439,9 +444,7 @@ def test_piston_that_leaves_its_stroke_is_refused():
     cycle = Compressor(stroke=0.08, suction=1e5, delivery=7e5)
     m = compressor(cycle)
     wrong = replace(m, loads=(replace(m.loads[0], top=0.15),))
-    with pytest.raises(
-        MechanismError, match=r"loads\.gas: the piston leaves its stroke.*runs from 160 mm to 80 mm.*top = 150 mm"
-    ):
+    with pytest.raises(MechanismError, match=r"loads\.gas: the piston leaves its stroke.*runs from 160 mm to 80 mm.*top = 150 mm"):
         run(wrong, 360)
 
 
@@ -543,6 +546,8 @@ FAULTY = [
     (Actuator(name="F", force=1.0), "between two points or along a pair"),
     (Actuator(name="F", **BETWEEN, pair="A", force=1.0), "between two points or along a pair"),
     (Actuator(name="F", pair="A", force=1.0), "'A' is no sliding pair"),
+    (Bushing(name="F", **BETWEEN, stiffness=(1.0, -2.0, 1.0)), "stiffness of -2 is negative"),
+    (BushingDamper(name="F", **BETWEEN, damping=(1.0, np.nan, 1.0)), "damping is nan"),
     (Damper(name="F", **BETWEEN), "neither a linear nor a quadratic"),
     (GasSpring(name="F", **BETWEEN, force=1, extended=9, gas_length=0), "gas_length of 0 is zero"),
     (Viscous(name="F", pair="X", coefficient=1), "no pair 'X'"),

@@ -126,9 +126,7 @@ def positions(case: Case, second: Second, motion: Any, q: Any, v: Any, a: Any) -
     return out
 
 
-def efforts(
-    case: Case, second: Second, motion: Any, forces: Any, q: Any, v: Any, a: Any, resting: Any = None
-) -> dict[str, float]:
+def efforts(case: Case, second: Second, motion: Any, forces: Any, q: Any, v: Any, a: Any, resting: Any = None) -> dict[str, float]:
     frames = [
         second.reactions(float(t), x, u, b, resting[k] if resting else ())
         for k, (t, x, u, b) in enumerate(zip(case.time, q, v, a, strict=True))

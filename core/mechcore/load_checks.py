@@ -10,6 +10,8 @@ from .errors import Fault
 from .loads import (
     Actuator,
     BeltTension,
+    Bushing,
+    BushingDamper,
     Damper,
     Drag,
     Factor,
@@ -30,7 +32,7 @@ __all__ = ["load_faults"]
 
 _POSITIVE = ("radial", "gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
 _NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
-_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "back", "slack")
+_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "damping", "back", "slack")
 
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
@@ -50,8 +52,10 @@ def load_faults(mechanism: Mechanism) -> list[Fault]:
 
 def _values(load: Load) -> Iterator[tuple[str, str]]:
     for f in fields(load):
-        value = getattr(load, f.name)
-        if isinstance(value, float | int) and not isinstance(value, bool):
+        found = getattr(load, f.name)
+        for value in found if isinstance(found, tuple) else (found,):
+            if not isinstance(value, float | int) or isinstance(value, bool):
+                continue
             if not math.isfinite(value):
                 yield f"its {f.name} is {value}.", "Give a finite number."
             elif (f.name in _POSITIVE and value <= 0) or (f.name in _NOT_NEGATIVE and value < 0):
@@ -75,7 +79,7 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
     if len(used) == 2 and used[0] == used[1]:
         yield f"acts between '{used[0]}' and itself.", "Name two different links."
     places: list[tuple[str, str]] = []
-    if isinstance(load, Spring | Damper | GasSpring | Actuator):
+    if isinstance(load, Spring | Damper | GasSpring | Actuator | Bushing | BushingDamper):
         places = list(zip(load.links, load.points, strict=False))
     elif isinstance(load, Force | Drag) and load.point is not None:
         places = [(load.link, load.point)]

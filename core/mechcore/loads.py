@@ -18,6 +18,8 @@ from .indicator import Cycle
 __all__ = [
     "Actuator",
     "BeltTension",
+    "Bushing",
+    "BushingDamper",
     "ConstantPower",
     "Damper",
     "DcMotor",
@@ -179,6 +181,30 @@ class TorsionDamper(_Load):
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Bushed(_Load):
+    """Between a point of each of two links, which need not meet: by the second point's place x, y in the first link's axes, seen
+    from the first point, and by the angle of the second link's frame minus that of the first's."""
+
+    links: tuple[str, str]
+    points: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bushing(_Bushed):
+    """The springs of a bushing: ``stiffness`` times x, y and the angle less ``free_angle``."""
+
+    stiffness: tuple[float, float, float]  # [N/m, N/m, N m/rad]
+    free_angle: float = 0.0  # [rad]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BushingDamper(_Bushed):
+    """The dampers of a bushing: ``damping`` times the rates of x, y and the angle."""
+
+    damping: tuple[float, float, float]  # [N s/m, N s/m, N m s/rad]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Drag(_Load):
     """Resistance of a medium against the velocity v of a point, ``-(linear + quadratic |v|) v`` [N].
 
@@ -307,5 +333,5 @@ class JournalLoss(JournalContact):
 
 Machine = DcMotor | InductionMotor | ConstantPower | Governor
 Prescribed = Force | Torque | Actuator
-Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper
+Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Bushing | BushingDamper
 Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | JournalContact | Machine

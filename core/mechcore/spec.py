@@ -14,6 +14,8 @@ from .laws import Law, MotionCurve
 from .loads import (
     Actuator,
     BeltTension,
+    Bushing,
+    BushingDamper,
     ConstantPower,
     Damper,
     DcMotor,
@@ -45,6 +47,8 @@ __all__ = [
     "Actuator",
     "Belt",
     "BeltTension",
+    "Bushing",
+    "BushingDamper",
     "CamPair",
     "ConstantPower",
     "Cylinder",

@@ -49,6 +49,7 @@ LINKER_COLORS = {
     "damper": (168, 176, 188),
     "gas spring": (176, 190, 200),
     "actuator": (150, 170, 196),
+    "bushing": (176, 150, 130),
 }
 
 

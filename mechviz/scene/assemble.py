@@ -20,7 +20,7 @@ from .folder import SceneFolder
 from .free_motion import SimulationSpec, free_law, planar_starts, simulation_faults, simulation_spec
 from .frictions import idle_effect
 from .load_references import check_loads, split_point
-from .load_specs import load_spec
+from .load_specs import load_specs
 from .masses import links_that_cannot_turn, mass_properties
 from .meant import likely_sort, links_as_meant, points_as_meant, touched_links
 from .pair_specs import drawn_angle, drawn_place, modes_of, pair_spec
@@ -114,7 +114,7 @@ def assemble(
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)
-    loads = [made for key, load in document.loads.items() if (made := load_spec(key, load, reading, convert)) is not None]
+    loads = {key: load_specs(key, load, reading, convert) for key, load in document.loads.items()}
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += accuracy_faults(document, starts, convert)
@@ -122,7 +122,7 @@ def assemble(
     faults += convert.faults
     if faults or reading.faults:
         return None, None, faults
-    if len(loads) < len(document.loads):
+    if not all(loads.values()):
         raise RuntimeError("a load of the scene was lost without a fault")
     traced = [place for text in document.trace if not isinstance(place := resolve_trace(reading, text), Fault)]
     mechanism = Mechanism(
@@ -131,7 +131,7 @@ def assemble(
         links=tuple(links),
         pairs=tuple(pairs),
         drives=tuple(drives),
-        loads=tuple(loads),
+        loads=tuple(load for made in loads.values() for load in made),
         effects=tuple(document.effects),
         answers=tuple(document.answers),
         studies=studies,

@@ -26,14 +26,14 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "AngularSpeed", "Argument", "Coefficient", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration",
+    "Angle", "AngularSpeed", "Argument", "Coefficients", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration",
     "Effort", "Extent",
     "Flag", "Force",
     "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "OneOrTwoNames",
     "Period", "Point",
-    "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Text",
+    "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffnesses", "Text",
     "Time", "Torque", "TorsionalGain", "TwoNames",
-    "UnitName", "describe", "fault", "faults",
+    "UnitName", "describe", "fault", "faults", "value_or_list",
 ]  # fmt: skip
 
 
@@ -130,6 +130,10 @@ class Quantity:
             raise fault(f"{describe(value)} is zero.", "Give a positive value.")
 
 
+def value_or_list(value: Any) -> str:
+    return "<list>" if isinstance(value, list | tuple) else "<value>"
+
+
 Length = Annotated[float | str, Quantity(("length",))]
 Size = Annotated[float | str, Quantity(("length",), "above zero")]
 Angle = Annotated[float | str, Quantity(("angle",))]
@@ -160,6 +164,16 @@ Argument = Annotated[float | str, Quantity(("time", "angle", "length", "angular 
 # of a spring, damper ... between points, or of one that turns
 Stiffness = Annotated[float | str, Quantity(("stiffness", "torsional stiffness"), "zero")]
 Coefficient = Annotated[float | str, Quantity(("damping", "torsional damping"), "zero")]
+_Three = Field(min_length=3, max_length=3)
+# of a bushing, in x, y and angle
+Stiffnesses = Annotated[
+    Annotated[Stiffness, Tag("<value>")] | Annotated[Annotated[list[Stiffness], _Three], Tag("<list>")],
+    Discriminator(value_or_list),
+]
+Coefficients = Annotated[
+    Annotated[Coefficient, Tag("<value>")] | Annotated[Annotated[list[Coefficient], _Three], Tag("<list>")],
+    Discriminator(value_or_list),
+]
 QuadraticCoefficient = Annotated[float | str, Quantity(("quadratic damping", "quadratic torsional damping"), "zero")]
 Condition = Annotated[
     float | str,
@@ -211,13 +225,9 @@ def _name(value: str) -> str:
     return value
 
 
-def _one_or_several(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<list>"
-
-
 Text = Annotated[str, BeforeValidator(_text)]
 TwoNames = Annotated[list[Text], Field(min_length=2, max_length=2)]
-OneOrTwoNames = Annotated[Annotated[Text, Tag("<name>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(_one_or_several)]
+OneOrTwoNames = Annotated[Annotated[Text, Tag("<value>")] | Annotated[TwoNames, Tag("<list>")], Discriminator(value_or_list)]
 Flag = Annotated[bool, PlainValidator(_flag), WithJsonSchema({"type": "boolean"})]
 Name = Annotated[Text, AfterValidator(_name), Field(json_schema_extra={"pattern": r'^(?!__)[^/\\"]{1,100}$'})]
 

@@ -16,7 +16,7 @@ from .factors import FactorPolynomial, FactorTable
 from .fields import (
     Angle,
     AngularSpeed,
-    Coefficient,
+    Coefficients,
     Coordinate,
     Extent,
     Force,
@@ -28,7 +28,7 @@ from .fields import (
     Pressure,
     QuadraticCoefficient,
     Size,
-    Stiffness,
+    Stiffnesses,
     Text,
     Torque,
     TorsionalGain,
@@ -167,6 +167,7 @@ KINDS: Mapping[str, Kind] = {
     "actuator": Kind("an actuator", ("thrust", *FACTORS), ("thrust",)),
     "torsion_spring": Kind("a torsion spring", ("stiffness", "free_angle"), ("stiffness",)),
     "torsion_damper": Kind("a torsion damper", ("linear",), ("linear",)),
+    "bushing": Kind("a bushing", ("stiffness", "linear", "free_angle"), ("stiffness",)),
     "drag": Kind("drag", ("linear", "quadratic"), some=("linear", "quadratic")),
     "viscous": Kind("viscous friction", ("linear",), ("linear",)),
     "belt_tension": Kind("the tension of a belt", ("slack", "coefficient"), ("slack",)),
@@ -225,6 +226,8 @@ class LoadDocument(Table):
     """The two links between which a torsion spring acts, by the angle from the first to the second."""
     torsion_damper: TwoNames | None = None
     """The two links between which a torsion damper acts."""
+    bushing: TwoNames | None = None
+    """The two points between which a bushing acts, by springs and dampers in x, y and angle: ["link.point", "link.point"]."""
     drag: Text | None = None
     """Resistance of a medium: "link.point" against the velocity of the point, "link" against the rotation of the link."""
     viscous: Text | None = None
@@ -261,16 +264,18 @@ class LoadDocument(Table):
     """Force, torque, actuator: the value is multiplied by a factor that changes evenly between two times."""
     chirp: ChirpDocument | None = None
     """Force, torque, actuator: the value is multiplied by a sine whose frequency changes with time."""
-    stiffness: Stiffness | None = None
-    """Spring: force per length. Torsion spring: moment per angle."""
+    stiffness: Stiffnesses | None = None
+    """Spring: force per length. Torsion spring: moment per angle. Bushing: both, [x, y, angle], in the first link's axes."""
     free_length: Extent | None = None
     """Spring: length without load; 0 is a spring of no free length, used for balancing."""
     preload: Force | None = None
     """Spring: pull at the free length. Default 0."""
     free_angle: Angle | None = None
-    """Torsion spring: angle from the first link's frame to the second's without load. It starts nearest to it. Default 0."""
-    linear: Coefficient | None = None
-    """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed."""
+    """Torsion spring, bushing: angle from the first link's frame to the second's without load. It starts nearest to it.
+    Default 0."""
+    linear: Coefficients | None = None
+    """Damper, drag, viscous friction, torsion damper: force per speed, or moment per angular speed.
+    Bushing: both, [x, y, angle]. Default 0."""
     quadratic: QuadraticCoefficient | None = None
     """Damper, drag: force per speed squared, or moment per angular speed squared."""
     thrust: Force | None = None
@@ -347,17 +352,25 @@ class LoadDocument(Table):
                 found.append((key, f"{key} does not go with {kind.words}.", _instead(self.kind, key)))
         for key in kind.needs:
             if getattr(self, key) is None:
-                found.append(("", f"'{key}' is missing.", f"Add {key} = {_EXAMPLES[key]}."))
+                example = '["200 N/mm", "80 N/mm", "3 N m/rad"]: in x, y and angle' if self.kind == "bushing" else _EXAMPLES[key]
+                found.append(("", f"'{key}' is missing.", f"Add {key} = {example}."))
         if kind.some and all(getattr(self, key) is None for key in kind.some):
             found.append(
                 ("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {_EXAMPLES['linear']}.")
             )
+        for key in ("stiffness", "linear"):
+            value = getattr(self, key)
+            if key in kind.keys and value is not None and isinstance(value, list) != (self.kind == "bushing"):
+                why = f"{kind.words} has {f'one {key}' if isinstance(value, list) else f'a {key} in x, y and angle'}."
+                remedy = "Give one value." if isinstance(value, list) else f"Write {key} = [x, y, angle]."
+                found.append((key, why, remedy))
         if self.kind == "gas":
             found += one_of(self, _CYCLES, "the gas")
         factors = [key for key in FACTORS if getattr(self, key) is not None]
         if len(factors) > 1:
             found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
-        for pair in (self.spring, self.damper, self.gas_spring, self.torsion_spring, self.torsion_damper, self.actuator):
+        between = ("spring", "damper", "gas_spring", "torsion_spring", "torsion_damper", "actuator", "bushing")
+        for pair in (getattr(self, key) for key in between):
             if isinstance(pair, list) and pair[0] == pair[1]:
                 found.append((self.kind, f"acts between '{pair[0]}' and itself.", "Name two different ones."))
         refuse(found)

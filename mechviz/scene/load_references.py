@@ -36,7 +36,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         yield from _prescribed(reading, load, path)
         if isinstance(load.actuator, str):
             yield from _pair(reading, f"{path}.actuator", load.actuator, _PUSHED, "sliding pair")
-        for key in ("spring", "damper", "gas_spring", "actuator"):
+        for key in ("spring", "damper", "gas_spring", "actuator", "bushing"):
             ends = getattr(load, key) if isinstance(getattr(load, key), list) else None
             for k, text in enumerate(ends or ()):
                 yield from _point(reading, f"{path}.{key}[{k}]", text)

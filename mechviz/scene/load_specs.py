@@ -12,6 +12,8 @@ from mechcore.laws.timed import Smoothness
 from mechcore.spec import (
     Actuator,
     BeltTension,
+    Bushing,
+    BushingDamper,
     ConstantPower,
     Damper,
     DcMotor,
@@ -39,7 +41,7 @@ from .meant import likely_sort
 from .signals import SIGNALS, signal_of
 from .validate import Reading
 
-__all__ = ["load_spec"]
+__all__ = ["load_specs"]
 
 _ARGUMENT_KINDS = {
     "time": "time",
@@ -52,17 +54,19 @@ _ARGUMENT_KINDS = {
 _RATES = {"angle": "angular speed", "length": "linear speed"}
 
 
-def load_spec(name: str, load: LoadDocument, reading: Reading, convert: Converter) -> Load | None:
-    """The load, or None where a name that it refers to is not there (which `check_loads` says), or a part of it is faulty."""
-    made = []
+def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter) -> tuple[Load, ...]:
+    """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
+    part of it is faulty."""
+    made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
-            made.append(_MAKERS[kind](_Maker(name, load, reading, convert)))
+            found = _MAKERS[kind](_Maker(name, load, reading, convert))
+            made.append(found if isinstance(found, tuple) else () if found is None else (found,))
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:
                 raise
-            return None  # what fails here fails by a part that could not be read, which is noted already
-    return made[0] if len(made) == 1 else None
+            return ()  # what fails here fails by a part that could not be read, which is noted already
+    return made[0] if len(made) == 1 else ()
 
 
 class _Maker:
@@ -242,6 +246,32 @@ class _Maker:
         first, second = self.load.torsion_damper
         return TorsionDamper(**self.common, links=(first, second), coefficient=self.si("linear", "torsional damping"))
 
+    def three(self, key: str, kind: str = "stiffness") -> tuple[float, float, float] | None:
+        """Values of the load in x, y and angle, zero where they are left out; None where one value is given for all."""
+        given = getattr(self.load, key)
+        if given is not None and not isinstance(given, list):
+            return None
+        kinds = (kind, kind, f"torsional {kind}")
+        x, y, angle = (
+            self.convert.si(value, of, f"{self.path}.{key}[{k}]")
+            for k, (value, of) in enumerate(zip(given or [0.0] * 3, kinds, strict=True))
+        )
+        return x, y, angle
+
+    def bushing(self) -> tuple[Load, ...]:
+        load = self.load
+        assert load.bushing is not None
+        ends, free = self.ends(load.bushing), self.si("free_angle", "angle")
+        stiffness, damping = self.three("stiffness"), self.three("linear", "damping")
+        if ends is None or stiffness is None or damping is None:
+            return ()
+        if not any((*stiffness, *damping)):
+            self.convert.note(f"{self.path}.stiffness", "all values are zero: it does nothing.", "Give one of them a value.")
+        springs = Bushing(**self.common, **ends, stiffness=stiffness, free_angle=free)
+        if not any(damping):
+            return (springs,)
+        return springs, BushingDamper(**self.common | {"name": f"{self.name} damping"}, **ends, damping=damping)
+
     def drag(self) -> Load | None:
         assert self.load.drag is not None
         point = split_point(self.reading, self.load.drag)
@@ -418,7 +448,7 @@ class _Maker:
         return Diagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)
 
 
-_MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
+_MAKERS: dict[str, Callable[[_Maker], Load | tuple[Load, ...] | None]] = {
     "force": _Maker.force,
     "torque": _Maker.torque,
     "actuator": _Maker.actuator,
@@ -427,6 +457,7 @@ _MAKERS: dict[str, Callable[[_Maker], Load | None]] = {
     "gas_spring": _Maker.gas_spring,
     "torsion_spring": _Maker.torsion_spring,
     "torsion_damper": _Maker.torsion_damper,
+    "bushing": _Maker.bushing,
     "drag": _Maker.drag,
     "viscous": _Maker.viscous,
     "belt_tension": _Maker.belt_tension,

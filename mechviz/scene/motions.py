@@ -18,6 +18,7 @@ from .fields import (
     Rate,
     Time,
     fault,
+    value_or_list,
 )
 from .programs import ProgramDocument
 from .tables import Table, one_of, refuse
@@ -26,13 +27,9 @@ from .units import magnitude
 __all__ = ["DriveDocument", "DriveTable", "OscillationDocument", "SegmentDocument", "ZonesDocument"]
 
 
-def _value_or_list(value: Any) -> str:
-    return "<list>" if isinstance(value, list | tuple) else "<value>"
-
-
 Conditions = Annotated[
     Annotated[Coordinate, Tag("<value>")] | Annotated[Annotated[list[Condition], Field(min_length=1, max_length=3)], Tag("<list>")],
-    Discriminator(_value_or_list),
+    Discriminator(value_or_list),
 ]
 
 

@@ -280,6 +280,8 @@ def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
             led = next((pair for pair in document.pairs.values() if pair.led), None)
             return next(k for k in quantity.kinds if (k == "angle") == (led is None or led.coordinate == "angle") and k != "time")
         turning = load.kind.startswith("torsion") or (load.drag is not None and "." not in load.drag)
+        if load.bushing is not None:
+            turning = path[-1] == 2
         if load.viscous is not None:
             turning = load.viscous in document.pairs and document.pairs[load.viscous].coordinate == "angle"
     words = ("angle", "angular", "torsional", "torque")
@@ -408,7 +410,10 @@ def _label(path: Place) -> str:
     words = [p.replace("_", " ") for k, p in enumerate(parts[1:]) if k == 0 or p not in silent] or parts
     if isinstance(last, int):
         vector = path[-2] in ("centre", "force", "gravity", "at", "pole")
-        words.append(axis[last] if vector and last < 2 else str(last + 1))
+        if path[-2] in ("stiffness", "linear"):
+            words.append(("x", "y", "angle")[last])
+        else:
+            words.append(axis[last] if vector and last < 2 else str(last + 1))
     numbers = [str(p + 1) for p in path[:-1] if isinstance(p, int)]
     if numbers:
         words.insert(-1, " ".join(numbers))

@@ -277,7 +277,5 @@ def check_reach(contact: Contact) -> None:
     if contact.lost.any():
         at = float(contact.angle[int(np.argmax(contact.lost))])
         raise MechanismError(
-            Fault(
-                "cam", f"at {as_angle(at)} the follower does not reach the profile.", "Check its offset, pivot and arm."
-            )
+            Fault("cam", f"at {as_angle(at)} the follower does not reach the profile.", "Check its offset, pivot and arm.")
         )

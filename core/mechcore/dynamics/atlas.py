@@ -69,9 +69,7 @@ def _rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Motion, li
     return motion, names, np.array(rows)
 
 
-def take_over(
-    compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled]
-) -> tuple[Compiled, Array, Array] | None:
+def take_over(compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Array, Array] | None:
     """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. One that is ``known`` is
     taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there."""
     motion, names, rows = _rates(compiled, q, v, t)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..effects import effects_of, power_of
 from ..errors import Fault, MechanismError
-from ..loads import Spring, TorsionSpring
+from ..loads import Bushing, Spring, TorsionSpring
 from ..solve import MOST_TURNS, Compiled
 from ..texts import Text, as_coordinate, as_quantity
 from .equilibrium import NODES, STEP, WEIGHTS, scale_of
@@ -73,7 +73,7 @@ class Fastest:
 
 def fastest_vibration(compiled: Compiled, q: Array, v: Array) -> Fastest | None:
     """The fastest vibration of a mechanism at q, v (f,), drives and time at their start; None where no spring makes it vibrate."""
-    springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring)]
+    springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
     scale, f = scale_of(compiled), len(q)
@@ -106,12 +106,19 @@ def fastest_vibration(compiled: Compiled, q: Array, v: Array) -> Fastest | None:
     braking = reduced_equations(passing, tangents(passing, free_of(compiled)))
     brake = -float(shape @ (braking.force[0] - braking.force[1])) / (2.0 * SLOW * omega)
     modal = np.hypot(float(shape @ forces[-1, 0]) / omega**2, float(shape @ inertia @ v) / omega)
-    stiff = as_quantity(spring.stiffness, "torsional stiffness" if isinstance(spring, TorsionSpring) else "stiffness")
     most = int(np.argmax(np.abs(shapes[:, -1])))
     amplitude = float(modal * np.abs(shapes[most, -1]))
     rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].pair)
     swing = as_coordinate(amplitude * scale[most], rotary=rotary, digits=2)
-    return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, stiff)
+    return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, _stiffness(spring))
+
+
+def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
+    """A stiffness as a part of a text; of a bushing all three."""
+    if isinstance(spring, Bushing):
+        x, y, angle = spring.stiffness
+        return f"{as_quantity(x, 'stiffness')}, {as_quantity(y, 'stiffness')} and {as_quantity(angle, 'torsional stiffness')}"
+    return as_quantity(spring.stiffness, "torsional stiffness" if isinstance(spring, TorsionSpring) else "stiffness")
 
 
 def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:

@@ -294,9 +294,7 @@ class Progress:
             if strain(self.compiled, q, v, t) > LOST:
                 where = ", ".join(self.coordinates)
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
-                raise MechanismError(
-                    Fault("dynamics", why, "Give the free start at other pairs.")
-                )
+                raise MechanismError(Fault("dynamics", why, "Give the free start at other pairs."))
             return q, v
         compiled, q, v = found
         if all(compiled.model is not c.model for c in self.charted):

@@ -15,6 +15,8 @@ from ..frames import crossed, nothing, plus
 from ..loads import (
     Actuator,
     BeltTension,
+    Bushing,
+    BushingDamper,
     ConstantPower,
     Damper,
     DcMotor,
@@ -37,6 +39,7 @@ from .actuator import ConstantThrust
 from .along_line import LineDamper, LineGasSpring, LineSpring
 from .base import CAUSES, NEEDS, Configuration, Effect
 from .belts import BeltPull
+from .bushing import BushingDampers, BushingSprings
 from .drag import MediumDrag
 from .dry_friction import DryFriction
 from .gas import CylinderGas
@@ -80,6 +83,8 @@ LOADS: dict[type, Callable[[Any], Effect]] = {
     GasSpring: LineGasSpring,
     TorsionSpring: AngleSpring,
     TorsionDamper: AngleDamper,
+    Bushing: BushingSprings,
+    BushingDamper: BushingDampers,
     Drag: MediumDrag,
     Viscous: ViscousFriction,
     BeltTension: BeltPull,

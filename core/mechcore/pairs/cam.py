@@ -139,9 +139,7 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
     if abs(law.length - 2.0 * math.pi) > 1e-9:
         short = 2.0 * math.pi - law.length
         remedy = f"Add a dwell of {as_angle(short)}." if short > 0 else f"Take {as_angle(-short)} off."
-        raise fault_of(
-            pair, "lift", f"the segments cover {as_angle(law.length)}, a whole turn is wanted.", remedy
-        )
+        raise fault_of(pair, "lift", f"the segments cover {as_angle(law.length)}, a whole turn is wanted.", remedy)
     if abs(law.advance) > 1e-12 * max(1e-3, float(np.abs(law.limits(0)[0]).max())):
         higher = as_coordinate(law.advance, rotary=isinstance(guide, Revolute))
         raise fault_of(pair, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
@@ -182,9 +180,7 @@ def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
         arm = abs(second - own)
         total = -apart
         if not 0.0 < total < math.pi:
-            raise fault_of(
-                pair, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them."
-            )
+            raise fault_of(pair, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them.")
         other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
     else:
         at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)  # type: ignore[arg-type]  # prismatic
