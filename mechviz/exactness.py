@@ -8,6 +8,7 @@ therefore recorded at the very place that follows from the link's pose, and coup
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,23 +21,27 @@ __all__ = ["onto_centres", "without_noise"]
 
 Real = NDArray[np.float64]
 NEAR = 1e-13  # relative to coordinates and sizes
+FAR = 1e-6  # of the size: far beyond rounding
 
 
 def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Real], Real]:
     """A function of links and a place (F, 2) [m] that gives the place, or the centre of mass of the first of the links (those
     ``heavy``) that it is but for rounding."""
     motion = run.motion
-    centres: dict[str, Real] = {}
-    for link in heavy:
+
+    @cache
+    def centre_of(link: str) -> Real:
         pose, (_, centre, _) = motion.pose(link), motion.model.masses[motion.model.index[link]]
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         x, y = centre.real, centre.imag
-        centres[link] = pose[:, :2] + np.stack([c * x - s * y, s * x + c * y], axis=1)
+        return np.asarray(pose[:, :2] + np.stack([c * x - s * y, s * x + c * y], axis=1))
 
     def placed(links: Sequence[str], place: Real) -> Real:
         for link in links:
-            at = centres.get(link)
+            at = centre_of(link) if link in heavy else None
             if at is not None and place.shape == at.shape:
+                if (np.abs(place[:1] - at[:1]) > FAR * motion.model.size).any():
+                    continue  # most places are elsewhere, which the first frame tells
                 room = NEAR * (motion.model.size + np.abs(np.nan_to_num(at)).max(initial=0.0))
                 if not (np.abs(np.nan_to_num(place - at)) > room).any():
                     return np.where(np.isfinite(place), at, place)

@@ -14,7 +14,6 @@ from mechcore.errors import Fault, MechanismError
 from .between_frames import read_between
 from .files import OutputError, replacing
 from .solids import solids_of
-from .tables import tables
 
 if TYPE_CHECKING:
     from .meshes import Solids
@@ -36,12 +35,11 @@ def wide_table(run: Run, times: NDArray[np.float64] | None = None) -> dict[str, 
     """
     at_frames = np.asarray(run.motion.time, float)
     columns: dict[str, NDArray[np.float64]] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
-    found = tables(run)
-    values_of = {t.path: t.values for t in found}.get
+    found = run.numbers.tables.values()
     for table in sorted(found, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
         rows = table.values
         if times is not None:
-            rows = read_between(table.path, at_frames, values_of, times, run.accuracy.interpolation)
+            rows = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
         for name, values in zip(table.headers(), rows.T, strict=True):
             while name in columns:  # a link may be named so that its columns look like a joint's
                 name += "'"

@@ -14,18 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .coils import COLOR as COIL
-from .coils import find_coils
 from .files import replacing
 from .gltf_marks import ARROWS, Mark, Shape, find_marks
-from .heights import path_height
-from .riders import find_riders
+from .picture import Body, Lines, Mesh, picture_of
 from .solids import solids_of
 from .turns import about_z
-from .vectors import point_name
 
 if TYPE_CHECKING:
-    from .meshes import Solid, Solids
+    from .meshes import Solids
     from .run import Run
 
 __all__ = ["ARROWS", "export_glb", "glb_bytes"]
@@ -50,41 +46,38 @@ def export_glb(run: Run, path: Path | str, *, solids: Solids | None = None, arro
 def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> bytes:
     """The GLB file of a run (glTF 2.0 specification, sections 3 and 4)."""
     solids = solids or solids_of(run)
-    motion = run.motion
+    picture = picture_of(run, solids)
     out = _Writer()
-    tree = _Tree(out, out.accessor(_rising(motion.time), bounds=True), run.scene.name)
-    numbers = {}
-    for name, solid in solids.links.items():
-        pose = motion.pose(name)
-        mesh = out.mesh(name, list(_primitives(out, solid))) if len(solid.faces) else None
+    tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), run.scene.name)
+    numbers: dict[str, int] = {}
+    bodies = {body.parent: body for body in picture.of(Body, "solids")}
+    for name, pose in picture.poses.items():
+        body = bodies.get(name)
+        mesh = None if body is None else out.mesh(name, list(_primitives(out, body.mesh)))
         moves = {"translation": _translations(pose), "rotation": about_z(pose[:, 2])}
-        numbers[name] = tree.add(name, 0, mesh if solid.spin is None else None, **moves)
-        if mesh is not None and solid.spin is not None:  # below its link the solid turns about an axis in the plane
-            from .meshes.spatial import spin_transforms
-
-            shifts, turns = spin_transforms(solid.spin, pose[:, 2] - motion.pose(solid.spin.carrier)[:, 2])
-            tree.add(f"{name} solid", numbers[name], mesh, translation=shifts, rotation=turns)
+        spins = None if body is None else body.poses
+        numbers[name] = tree.add(name, 0, mesh if spins is None else None, **moves)
+        if spins is not None:  # below its link the solid turns about an axis in the plane
+            tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.turns)
     shapes: dict[Any, int] = {}  # marks of a belt are all alike
-    for rider in find_riders(run, solids):
-        key = (rider.color, rider.vertices.tobytes())
+    for body in picture.of(Body, "roller", "belt", "springs"):
+        name, poses = body.key.replace(".", " ", 1), body.poses
+        assert poses is not None
+        key = (body.group, body.mesh.vertices.tobytes())
         if key not in shapes:
-            primitive = _primitive(out, rider.vertices, rider.normals, rider.faces, out.material(rider.color))
-            shapes[key] = out.mesh(rider.title, [primitive])
-        tree.add(rider.title, numbers[rider.link], shapes[key], translation=rider.places(), rotation=rider.turns())
-    for coil in find_coils(run, solids):
-        shape = out.mesh(f"spring {coil.name}", [_primitive(out, coil.vertices, coil.normals, coil.faces, out.material(COIL))])
-        moves = {"translation": coil.places(), "rotation": about_z(coil.pose[:, 2]), "scale": coil.scales()}
-        tree.add(f"spring {coil.name}", 0, shape, **moves)
-    for mark in find_marks(run, solids, arrows):
+            shapes[key] = out.mesh(name, list(_primitives(out, body.mesh)))
+        scaled = {} if poses.scales is None else {"scale": poses.scales}
+        parent = numbers[body.parent] if body.parent else 0
+        tree.add(name, parent, shapes[key], translation=poses.places, rotation=poses.turns, **scaled)
+    for mark in find_marks(run, solids, picture, arrows):
         _add_mark(tree, mark, 0)
-    for link, point in motion.mechanism.traced:
-        xy = motion.point(link, point)
-        places = np.column_stack([xy, np.full(len(xy), path_height(run, solids.heights, link, point))])
+    for path in picture.of(Lines, "paths"):
+        places = path.strips[0][0]
         if len(places) < 2:
             continue
-        ink = out.material(solids.links[link].color, line=True)
+        ink = out.material(path.color, line=True)
         line = {"attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)}, "mode": LINE_STRIP, "material": ink}
-        name = f"path of {point_name(link, point)}"
+        name = f"path of {path.owner[1]}"
         tree.add(name, 0, out.mesh(name, [line]))
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "mechviz"},
@@ -203,9 +196,9 @@ class _Writer:
         return head + text + np.array([len(self._binary)], "<u4").tobytes() + b"BIN\0" + bytes(self._binary)
 
 
-def _primitives(out: _Writer, solid: Solid) -> Iterator[dict[str, Any]]:
+def _primitives(out: _Writer, solid: Mesh) -> Iterator[dict[str, Any]]:
     """A solid in pieces of one colour each, which are of one material each."""
-    colors, piece = np.unique(solid.colors[:, :3], axis=0, return_inverse=True)
+    colors, piece = np.unique(solid.colors, axis=0, return_inverse=True)
     piece = piece.reshape(-1)
     for k, color in enumerate(colors):
         chosen = np.flatnonzero(piece == k)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from mechcore.spec import TorsionSpring
 
-from .heights import arc_height, arrow_height
 from .held import held
 from .linkers import find_struts
+from .picture import Arc, Arrow, Picture
 from .proportions import (
     ARC_RADIUS,
     ARC_WIDTH,
@@ -36,7 +36,7 @@ from .proportions import (
     ribbon_faces,
     spiral_radius,
 )  # fmt: skip
-from .vectors import FAMILIES, calm_frames, find_moments, find_scales, find_vectors
+from .vectors import FAMILIES
 
 if TYPE_CHECKING:
     from .meshes import Solids
@@ -83,26 +83,21 @@ class Mark:
     below: tuple[Mark, ...] = ()
 
 
-def find_marks(run: Run, solids: Solids, families: Iterable[str] = ARROWS) -> list[Mark]:
+def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[str] = ARROWS) -> list[Mark]:
     """The arrows and moments of some families, and the struts and torsion springs of a run in which forces are computed."""
     wanted = set(families)
     if run.forces is None and not wanted & {"velocity", "acceleration"}:
         return []
-    vectors, moments = find_vectors(run), find_moments(run)
-    scales = find_scales(vectors, moments, solids.size, calm_frames(run))
     found = []
-    for family in FAMILIES:
-        for item, vector in vectors.get(family, {}).items() if family in wanted else ():
-            per_metre = scales.per_metre(family)
-            height = arrow_height(run, solids.heights, vector, per_metre)
-            name = f"{FAMILIES[family].label}: {item}"
-            found.append(_arrow(name, vector.origin, vector.value / per_metre, height, solids.size, FAMILIES[family].color))
-    largest = max((_largest(m.value) for items in moments.values() for m in items.values()), default=0.0)
-    for family in FAMILIES:
-        for item, moment in moments.get(family, {}).items() if family in wanted else ():
-            height = arc_height(run, solids.heights, moment, ARC_RADIUS * solids.size)
-            name = f"{FAMILIES[family].label}: moment {item}"
-            found.append(_moment(name, moment.origin, moment.value / largest, height, solids.size, FAMILIES[family].color))
+    for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
+        vector, family = arrow.vector, FAMILIES[arrow.group]
+        lengths = vector.value / picture.scales.per_metre(family.name)
+        found.append(_arrow(f"{family.label}: {vector.item}", vector.origin, lengths, arrow.height, picture.size, family.color))
+    largest = max((_largest(arc.moment.value) for arc in picture.of(Arc)), default=0.0)
+    for arc in (a for a in picture.of(Arc) if a.group in wanted):
+        moment, family = arc.moment, FAMILIES[arc.group]
+        name = f"{family.label}: moment {moment.item}"
+        found.append(_moment(name, moment.origin, moment.value / largest, arc.height, picture.size, family.color))
     return [*found, *_linkers(run, solids)]
 
 

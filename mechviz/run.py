@@ -18,6 +18,7 @@ from mechcore.studies import StudyResults
 from mechcore.studies import compute as compute_studies
 from mechcore.texts import Text
 
+from .quantities import Catalogue, Numbers, numbers_of
 from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
@@ -63,6 +64,16 @@ class Run:
     accuracy: Accuracy = DEFAULT
     fit: Fit | None = None  # of the frames, where an accuracy decided them
     again: Resimulate | None = None  # the motion under forces once more, with another tolerance
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The numbers that are recorded, exported, drawn and plotted."""
+        return numbers_of(self)
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """All quantities that can be plotted."""
+        return Catalogue(self.numbers)
 
     @cached_property
     def errors(self) -> ErrorEstimate:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import Motion, answers
+from mechcore import Forces, Motion, answers
 from mechcore.clearance import journals_of, made_pairs
-from mechcore.powers import power_table
+from mechcore.powers import power_labels, power_table
 
 from .exactness import onto_centres, without_noise
 from .vectors import centre_name, point_name
 
 if TYPE_CHECKING:
+    from mechcore.cams.happenings import AnyCam
+    from mechcore.kinetostatics import LoadResult
+    from mechcore.spec import CamRating
+
     from .run import Run
 
 __all__ = ["Columns", "JointInfo", "Table", "joints_of", "links_of", "links_with_mass", "pair_unit", "tables"]
@@ -35,12 +40,19 @@ ROUND_OFF = 1e-12  # of the largest reaction
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component."""
+    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
+
+    ``source`` is the values, or a function that computes them when they are asked for.
+    """
 
     path: tuple[str, ...]
     item: str
     columns: Columns
-    values: Real
+    source: Real | Callable[[], Real]
+
+    @cached_property
+    def values(self) -> Real:
+        return self.source() if callable(self.source) else self.source
 
     def headers(self) -> list[str]:
         """Column names with units, such as ``crank.x [m]``."""
@@ -129,22 +141,23 @@ def _links(run: Run) -> Iterator[Table]:
     heavy = links_with_mass(run)
     for name in links_of(motion):
         path = ("data", "links", name)
-        yield Table((*path, "pose"), name, _POSE, motion.pose(name))
-        yield Table((*path, "velocity"), name, _VELOCITY, motion.velocity(name))
-        yield Table((*path, "acceleration"), name, _ACCELERATION, motion.acceleration(name))
+        yield Table((*path, "pose"), name, _POSE, partial(motion.pose, name))
+        yield Table((*path, "velocity"), name, _VELOCITY, partial(motion.velocity, name))
+        yield Table((*path, "acceleration"), name, _ACCELERATION, partial(motion.acceleration, name))
         if inertia and name in heavy and run.forces is not None:
-            yield Table((*path, "inertia"), f"{name}.inertia", _WRENCH, run.forces.inertia(name))
+            yield Table((*path, "inertia"), f"{name}.inertia", _WRENCH, partial(run.forces.inertia, name))
 
 
 def _points(run: Run) -> Iterator[Table]:
     motion = run.motion
-    found = [(point_name(*traced), [motion.point(*traced, k) for k in range(3)]) for traced in motion.mechanism.traced]
-    for link in links_with_mass(run):
-        found.append((centre_name(link), [motion.centre_of_mass(link, k) for k in range(3)]))
-    columns = (_POSE[:2], _VELOCITY[:2], _ACCELERATION[:2])
-    for name, derivatives in found:
-        for kind, cols, values in zip(("position", "velocity", "acceleration"), columns, derivatives, strict=True):
-            yield Table(("data", "points", name, kind), name, cols, values)
+    found: list[tuple[str, Callable[[int], Real]]] = [
+        (point_name(*traced), partial(motion.point, *traced)) for traced in motion.mechanism.traced
+    ]
+    found += [(centre_name(link), partial(motion.centre_of_mass, link)) for link in links_with_mass(run)]
+    kinds = (("position", _POSE), ("velocity", _VELOCITY), ("acceleration", _ACCELERATION))
+    for name, place in found:
+        for order, (kind, columns) in enumerate(kinds):
+            yield Table(("data", "points", name, kind), name, columns[:2], partial(place, order))
 
 
 def _joints(run: Run) -> Iterator[Table]:
@@ -154,19 +167,37 @@ def _joints(run: Run) -> Iterator[Table]:
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
         rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
-        yield Table((*path, "motion"), f"{name}.motion", rates, motion.coordinate(name))
-        place = motion.pair_position(name) if forces is None else forces.position(name)
-        yield Table((*path, "position"), f"{name}.position", _POSE[:2], onto(joint.links, place))
+        yield Table((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
+        place = motion.pair_position if forces is None else forces.position
+        yield Table((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
         if forces is not None:
             columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
-            reaction = without_noise(forces.reaction(name), motion.model.size)
+            reaction = partial(_reaction, forces, name)
             yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
             if forces.friction is not None and name in forces.friction.pairs:
-                yield Table((*path, "friction"), f"{name}.friction", columns, forces.friction.wrench(name))
-                loss = forces.friction.losses(name)[:, None]
+                yield Table((*path, "friction"), f"{name}.friction", columns, partial(forces.friction.wrench, name))
+                loss = partial(_column, forces.friction.losses, name)
                 yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
+
+
+def _placed(onto: Any, joint: JointInfo, place: Callable[[str], Real]) -> Real:
+    found: Real = onto(joint.links, place(joint.name))
+    return found
+
+
+def _reaction(forces: Forces, joint: str) -> Real:
+    return without_noise(forces.reaction(joint), forces.motion.model.size)
+
+
+def _column(values: Callable[[str], Real], name: str) -> Real:
+    """Values (F,) of an item as a column (F, 1)."""
+    return values(name)[:, None]
+
+
+def _as_column(values: Callable[[], Real]) -> Real:
+    return np.reshape(values(), (-1, 1))
 
 
 def _journal(run: Run, pair: str) -> Table:
@@ -182,26 +213,39 @@ def _cams(run: Run) -> Iterator[Table]:
     motion = run.motion
     if not any(r.geometry is not None for r in motion.model.relations):
         return
-    from mechcore.cams.happenings import contact_force, placed_cams
+    from mechcore.cams.happenings import placed_cams
 
     for cam in placed_cams(motion):
-        force = np.full(motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
-        rows = cam.rows(motion, np.where(np.isnan(force), 1.0, force))
         columns: Columns = (
             ("x", "m"), ("y", "m"), ("force", "N"), ("pressure_angle", "rad"), ("curvature_radius", "m"), ("eccentricity", "m")
         )  # fmt: skip
-        values = (rows.place.real, rows.place.imag, np.abs(force), rows.pressure_angle, rows.radius, rows.eccentricity)
-        yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, np.column_stack(values))
+        rows = cache(partial(_contact, run, cam))
+        contact = partial(_some_columns, rows, slice(0, 6))
+        yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
         unit = "m" if cam.arm == 0.0 else "rad"
-        s = cam.law(rows.angle)
         per = "m" if cam.bed else "rad"
         lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
         if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.liftoffs):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
             yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
-        yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, np.column_stack([rows.lift, s[1], s[2]]))
+        yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, partial(_some_columns, rows, slice(6, 9)))
         yield from _rated(run, cam, lifts)
+
+
+def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
+    return rows()[:, columns]
+
+
+def _contact(run: Run, cam: AnyCam) -> Real:
+    """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
+    from mechcore.cams.happenings import contact_force
+
+    force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
+    rows = cam.rows(run.motion, np.where(np.isnan(force), 1.0, force))
+    law = cam.law(rows.angle)
+    values = (rows.place.real, rows.place.imag, np.abs(force), rows.pressure_angle, rows.radius, rows.eccentricity)
+    return np.column_stack([*values, rows.lift, law[1], law[2]])
 
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
@@ -211,20 +255,27 @@ def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
 
     pair = pair_of(run.motion, cam)
     if pair.rating is not None and pair.rating.width is not None and run.forces is not None:
-        found = contact_stress(run.forces, cam, pair.rating)
         columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
-        values = np.column_stack([found.pressure, found.half_width])
-        yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, values)
+
+        def stress(forces: Forces = run.forces, rating: CamRating = pair.rating) -> Real:
+            found = contact_stress(forces, cam, rating)
+            return np.column_stack([found.pressure, found.half_width])
+
+        yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
     if pair.drawn is not None:
         names = (*((f"drawn_{name}", unit) for name, unit in lifts), *((f"{name}_error", unit) for name, unit in lifts))
-        values = drawn_rows(run.motion, cam, drawn_lift(cam, pair.drawn))
-        yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, values)
+
+        def drawn(lift: Any = pair.drawn) -> Real:
+            return drawn_rows(run.motion, cam, drawn_lift(cam, lift))
+
+        yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, drawn)
 
 
 def _drives(run: Run) -> Iterator[Table]:
     motion, forces = run.motion, run.forces
+    units = {joint.name: joint.unit for joint in joints_of(motion)}
     for drive in motion.mechanism.drives:
-        unit = pair_unit(motion, drive.pair)
+        unit = units[drive.pair]
         effort = ("force", "N") if unit == "m" else ("torque", "N m")
         columns: Columns = (
             ("coordinate", unit),
@@ -233,36 +284,40 @@ def _drives(run: Run) -> Iterator[Table]:
             effort,
             ("power", "W"),
         )
-        nothing = np.full(motion.frames, np.nan)  # pure kinematics: no effort was computed
-        efforts = (nothing, nothing) if forces is None else (forces.effort(drive.pair), forces.power(drive.pair))
-        values = np.column_stack([motion.coordinate(drive.pair), *efforts])
-        yield Table(("data", "drive", drive.pair), f"{drive.pair}.drive", columns, values)
+        yield Table(("data", "drive", drive.pair), f"{drive.pair}.drive", columns, partial(_driven, run, drive.pair))
         if forces is not None:
-            wrench = forces.wrench(drive.pair)
+            wrench = partial(forces.wrench, drive.pair)
             yield Table(("data", "drive", drive.pair, "wrench"), f"{drive.pair}.drive_wrench", _WRENCH, wrench)
+
+
+def _driven(run: Run, pair: str) -> Real:
+    """Coordinate, speed, acceleration, effort and power of a drive (F, 5); no effort was computed of pure kinematics."""
+    nothing = np.full(run.motion.frames, np.nan)
+    efforts = (nothing, nothing) if run.forces is None else (run.forces.effort(pair), run.forces.power(pair))
+    return np.column_stack([run.motion.coordinate(pair), *efforts])
 
 
 def _answers(run: Run) -> Iterator[Table]:
     """What the scene asks for beyond motion and forces, under ``/data/answers``."""
     motion = run.motion
-    asked = motion.mechanism.answers
-    singles = {
-        "transmission_angle": ("angle", "rad", answers.transmission_angles),
-        "velocity_ratio": ("ratio", "1", answers.velocity_ratios),
-        "mechanical_advantage": ("advantage", "1", answers.mechanical_advantage),
+    computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
+        "transmission_angle": (("angle", "rad"), cache(partial(answers.transmission_angles, motion))),
+        "velocity_ratio": (("ratio", "1"), cache(partial(answers.velocity_ratios, motion))),
+        "mechanical_advantage": (("advantage", "1"), cache(partial(answers.mechanical_advantage, motion))),
+        "instant_centre": (("", ""), cache(partial(answers.instant_centres, motion))),
+        "curvature": (("curvature", "1/m"), lambda: {key: answers.curvature(motion, *key) for key in motion.mechanism.traced}),
     }
-    for name, (column, unit, compute) in singles.items():
-        if name in asked:
-            for pair, values in compute(motion).items():
-                yield Table(("data", "answers", name, pair), f"{name} {pair}", ((column, unit),), values[:, None])
-    if "instant_centre" in asked:
-        for (a, b), place in answers.instant_centres(motion).items():
-            yield Table(("data", "answers", "instant_centre", f"{a} {b}"), f"instant centre {a} {b}", _POSE[:2], place)
-    if "curvature" in asked:
-        for link, point in motion.mechanism.traced:
-            bend = answers.curvature(motion, link, point)[:, None]
-            name = f"{link}.{point}"
-            yield Table(("data", "answers", "curvature", name), f"curvature {name}", (("curvature", "1/m"),), bend)
+    for name, (column, compute) in computed.items():
+        for key in answers.answered(name, motion.model) if name in motion.mechanism.answers else ():
+            item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
+            columns = _POSE[:2] if name == "instant_centre" else (column,)
+            label = "instant centre" if name == "instant_centre" else name
+            yield Table(("data", "answers", name, item), f"{label} {item}", columns, partial(_answer, compute, key))
+
+
+def _answer(compute: Callable[[], Any], key: Any) -> Real:
+    values = np.asarray(compute()[key])
+    return values if values.ndim > 1 else values[:, None]
 
 
 def _loads(run: Run) -> Iterator[Table]:
@@ -272,30 +327,34 @@ def _loads(run: Run) -> Iterator[Table]:
     onto = onto_centres(run, links_with_mass(run))
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
-        values = np.column_stack([load.values[:, :3], onto(load.links, load.values[:, 3:])])
-        yield Table(("data", "loads", *parts), f"{name}.load", columns, values)
-    powers = power_table(run.forces)
-    if powers.items:
-        names: Columns = tuple((i.label, "W") for i in powers.items)
-        yield Table(("data", "power"), "power", names, np.column_stack([i.power for i in powers.items]))
+        yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
+    forces = run.forces
+    labels = power_labels(forces)
+    if labels:
+        names: Columns = tuple((label, "W") for label in labels)
+        yield Table(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
     energies: Columns = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
-    yield Table(("data", "energy"), "energy", energies, run.forces.energy)
+    yield Table(("data", "energy"), "energy", energies, lambda: forces.energy)
+
+
+def _load(onto: Any, load: LoadResult) -> Real:
+    return np.column_stack([load.values[:, :3], onto(load.links, load.values[:, 3:])])
 
 
 def _health(run: Run) -> Iterator[Table]:
-    motion = run.motion
-    values = {
-        ("closure", "m"): motion.closure,
-        ("velocity_closure", "m/s"): motion.velocity_closure,
-        ("acceleration_closure", "m/s^2"): motion.acceleration_closure,
-        ("condition", "1"): motion.condition,
+    motion, forces, simulation = run.motion, run.forces, run.simulation
+    values: dict[tuple[str, str], Callable[[], Real]] = {
+        ("closure", "m"): lambda: motion.closure,
+        ("velocity_closure", "m/s"): lambda: motion.velocity_closure,
+        ("acceleration_closure", "m/s^2"): lambda: motion.acceleration_closure,
+        ("condition", "1"): lambda: motion.condition,
     }
-    if run.forces is not None:
-        values["power_balance", "1"] = run.forces.power_balance
-    if run.simulation is not None:
-        values["energy_drift", "1"] = run.simulation.drift(motion.time)
+    if forces is not None:
+        values["power_balance", "1"] = lambda: forces.power_balance
+    if simulation is not None:
+        values["energy_drift", "1"] = lambda: simulation.drift(motion.time)
     from .accuracy.estimate import COLUMNS
 
-    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in COLUMNS), run.errors.table())
+    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in COLUMNS), lambda: run.errors.table())
     for column, value in values.items():
-        yield Table(("health", column[0]), "health", (column,), np.reshape(value, (-1, 1)))
+        yield Table(("health", column[0]), "health", (column,), partial(_as_column, value))

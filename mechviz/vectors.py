@@ -1,7 +1,4 @@
-"""Vectors and moments of a solved scene over all frames, by family and item, and the scales at which they are drawn.
-
-Pure functions of a `Run`: whoever draws arrows takes what is drawn from here.
-"""
+"""Families of vectors and moments over all frames, and the scales at which they are drawn; see also `picture.arrows`."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.laws import Piecewise
-from mechcore.spec import Mechanism
 
 if TYPE_CHECKING:
     from .run import Run
@@ -27,9 +23,7 @@ __all__ = [
     "Vector",
     "calm_frames",
     "centre_name",
-    "find_moments",
     "find_scales",
-    "find_vectors",
     "plotted_against",
     "point_name",
     "round_value",
@@ -82,15 +76,28 @@ class Vector:
     def magnitude(self) -> Real:
         return np.hypot(self.value[:, 0], self.value[:, 1])
 
+    @property
+    def entity(self) -> tuple[str, ...]:
+        """Parts of the path of what draws it in a recording."""
+        return "vectors", self.family, self.item
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One moment over all frames: ``origin`` (F, 2) [m] and ``value`` (F,) [N m], counter-clockwise positive."""
+    """One moment over all frames: ``origin`` (F, 2) [m] and ``value`` (F,) [N m], counter-clockwise positive. ``shown`` (F,): where
+    it is drawn; None: at all frames."""
 
     family: str
     item: str
     origin: Real
     value: Real
+    shown: NDArray[np.bool_] | None = None
+
+    @property
+    def entity(self) -> tuple[str, ...]:
+        """Parts of the path of what draws it in a recording: beside the force, where there may be one."""
+        beside = {"drive": (), "applied": (), "inertia": ("moment",)}.get(self.family, ("couple",))
+        return ("vectors", self.family, self.item, *beside)
 
 
 @dataclass(frozen=True)
@@ -137,39 +144,6 @@ def plotted_against(run: Run) -> str | None:
     return None
 
 
-def find_vectors(run: Run) -> dict[str, dict[str, Vector]]:
-    """All vectors of a run by family and item. Families without any item are left out."""
-    found = [*_motion_vectors(run), *_force_vectors(run)]
-    return {f: items for f in FAMILIES if (items := {v.item: v for v in found if v.family == f})}
-
-
-def find_moments(run: Run) -> dict[str, dict[str, Moment]]:
-    """All moments of a run by family and item: drive torques, applied torques, and couples in pairs."""
-    forces, motion = run.forces, run.motion
-    if forces is None:
-        return {}
-    found = []
-    for drive in motion.mechanism.drives:
-        found.append(Moment("drive", drive.pair, motion.pair_position(drive.pair), forces.wrench(drive.pair)[:, 2]))
-    for name, load in forces.loads.items():
-        if load.free:
-            found.append(Moment("applied", name, _middle_of_pins(run, load.link), load.values[:, 2]))
-        elif load.values[:, 2].any():
-            found.append(Moment("applied", name, load.values[:, 3:], load.values[:, 2]))
-    for pair in motion.mechanism.pairs:
-        couple, rubs = forces.reaction(pair.name)[:, 2], np.zeros(0)
-        if forces.friction is not None and pair.name in forces.friction.pairs:
-            rubs = forces.friction.wrench(pair.name)[:, 2]
-            found.append(Moment("friction", pair.name, forces.position(pair.name), rubs))
-        if not np.array_equal(couple, rubs, equal_nan=True):  # the couple of a pin is all friction
-            found.append(Moment("reaction", pair.name, forces.position(pair.name), couple))
-    largest = max((_largest(m.value) for m in found), default=0.0)
-    pull = max((_largest(forces.reaction(pair.name)[:, :2]) for pair in motion.mechanism.pairs), default=0.0)
-    largest = max(largest, pull * motion.model.size)  # where forces balance, all moments may be nothing
-    found = [m for m in found if _largest(m.value) > 1e-9 * largest]  # the rest is round-off
-    return {f: items for f in FAMILIES if (items := {m.item: m for m in found if m.family == f})}
-
-
 def calm_frames(run: Run) -> NDArray[np.bool_] | None:
     """Frames (F,) by which forces are scaled: near a jam they grow beyond all bounds. None where that is all of them."""
     if run.forces is None or run.forces.friction is None or not run.forces.friction.jammed.any():
@@ -209,69 +183,3 @@ def find_scales(
 
 def _largest(values: Real) -> float:
     return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
-
-
-def _motion_vectors(run: Run) -> list[Vector]:
-    motion, mechanism = run.motion, run.motion.mechanism
-    points = [(point_name(*key), [motion.point(*key, d) for d in range(3)]) for key in mechanism.traced]
-    points += [(centre_name(link), [motion.centre_of_mass(link, d) for d in range(3)]) for link in _links_with_mass(mechanism)]
-    return [
-        Vector(family, name, derivatives[0], derivatives[order])
-        for name, derivatives in points
-        for order, family in ((1, "velocity"), (2, "acceleration"))
-    ]
-
-
-def _force_vectors(run: Run) -> list[Vector]:
-    forces, motion = run.forces, run.motion
-    if forces is None:
-        return []
-    mechanism = motion.mechanism
-    found = []
-    for pair in mechanism.pairs:
-        found.append(Vector("reaction", pair.name, forces.position(pair.name), forces.reaction(pair.name)[:, :2]))
-    for name, load in forces.loads.items():
-        if not load.free:
-            family, item = ("gravity", load.link) if load.kind == "gravity" else ("applied", name)
-            found.append(Vector(family, item, load.values[:, 3:], load.values[:, :2]))
-    if forces.friction is not None:
-        for name in forces.friction.pairs:
-            force = forces.friction.wrench(name)[:, :2]
-            if np.any(np.nan_to_num(force)):
-                found.append(Vector("friction", name, forces.position(name), force))
-    if "inertia" in mechanism.effects:
-        found += [_inertia_resultant(run, link) for link in _links_with_mass(mechanism)]
-    for drive in mechanism.drives:
-        force = forces.wrench(drive.pair)[:, :2]
-        if np.any(force):
-            found.append(Vector("drive", drive.pair, motion.pair_position(drive.pair), force))
-    return found
-
-
-def _inertia_resultant(run: Run, link: str) -> Vector:
-    """The inertia force of a link on its line of action: moved from the centre of mass by moment over force."""
-    assert run.forces is not None
-    values = run.forces.inertia(link)
-    force, moment = values[:, :2], values[:, 2]
-    square = (force**2).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # the arm at right angles to the force for which arm x force = moment
-        arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
-    arm[square == 0.0] = 0.0
-    return Vector("inertia", link, run.motion.centre_of_mass(link) + arm, force)
-
-
-def _links_with_mass(mechanism: Mechanism) -> list[str]:
-    return [link.name for link in mechanism.links if link.mass > 0.0 and link.name != mechanism.frame]
-
-
-def _middle_of_pins(run: Run, link: str) -> Real:
-    """Where a free moment on a link is drawn: at its pin on the frame if it has one, else in the middle of its pairs, or at its
-    centre of mass where it has none."""
-    mechanism = run.motion.mechanism
-    pairs = [p for p in mechanism.pairs if link in p.links]
-    if not pairs:
-        return run.motion.centre_of_mass(link)
-    grounded = [p for p in pairs if mechanism.frame in p.links]
-    positions = [run.motion.pair_position(p.name) for p in grounded[:1] or pairs]
-    return np.mean(positions, axis=0)

@@ -11,7 +11,7 @@ from hypothesis import settings
 settings.register_profile("without a clock", settings.default, deadline=None)
 settings.load_profile("without a clock")
 
-PER_SCENE = {"test_recording", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
+PER_SCENE = {"test_recording", "test_one_picture", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
 PER_MODULE = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
 
 

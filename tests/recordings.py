@@ -17,9 +17,11 @@ from mechcore import default_times, solve_motion
 from mechcore.clearance import as_drawn
 from mechcore.spec import Mechanism
 from mechviz.meshes import Solids
+from mechviz.picture.arrows import arrows_of
 from mechviz.record import Recording, RecordingSummary, write_recording
 from mechviz.run import Run, run_scene
 from mechviz.solids import solids_of
+from mechviz.vectors import Moment, Scales, Vector
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 FOLDER = TemporaryDirectory(prefix="mechviz-")  # goes when Python ends
@@ -33,6 +35,7 @@ class Made:
     run: Run
     summary: RecordingSummary
     recording: Recording
+    solids: Solids
 
     @property
     def path(self) -> Path:
@@ -81,8 +84,21 @@ def made(name: str, frames: int = FRAMES) -> Made:
     """A gallery scene, recorded."""
     run = ran(name, frames)
     path = Path(FOLDER.name) / f"{name}-{frames}.rrd"
-    summary = write_recording(run, path, solids=solids(name) if frames == FRAMES else None)
-    return Made(run, summary, Recording(path))
+    shapes = solids(name) if frames == FRAMES else solids_of(run)
+    summary = write_recording(run, path, solids=shapes)
+    return Made(run, summary, Recording(path), shapes)
+
+
+def vectors_of(run: Run, size: float = 1.0) -> tuple[dict[str, dict[str, Vector]], dict[str, dict[str, Moment]], Scales]:
+    """Vectors and moments that are drawn of a run, by family and item, and their scales in a mechanism of a size [m]."""
+    found = arrows_of(run, size)
+    vectors: dict[str, dict[str, Vector]] = {}
+    moments: dict[str, dict[str, Moment]] = {}
+    for vector in found.vectors:
+        vectors.setdefault(vector.family, {})[vector.item] = vector
+    for moment in found.moments:
+        moments.setdefault(moment.family, {})[moment.item] = moment
+    return vectors, moments, found.scales
 
 
 def place(pose: NDArray[np.float64], point: tuple[float, float]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import mechviz
 from mechcore.dynamics import simulate
 from mechviz.linkers import find_linkers
 from mechviz.run import run_scene
-from mechviz.vectors import find_vectors
+from recordings import vectors_of
 
 SLIDE = """
 units = { length = "mm", angle = "deg" }
@@ -69,10 +69,10 @@ def test_between_two_points_its_work_is_force_times_way():
 def test_a_recording_shows_it():
     """The arrow has its size, a strut is drawn between its points; along a slide there is only the arrow."""
     run = run_scene(mechviz.loads(made('actuator = ["frame.P", "block.S"]')), frames=24)
-    assert find_vectors(run)["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
+    assert vectors_of(run)[0]["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
     assert [(x.name, x.kind) for x in find_linkers(run, 0.3)] == [("push", "actuator")]
     run = run_scene(mechviz.loads(made('actuator = "S"')), frames=24)
-    assert find_vectors(run)["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
+    assert vectors_of(run)[0]["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
     assert not list(find_linkers(run, 0.3))
 
 

@@ -14,10 +14,12 @@ from shapely import Point
 from mechviz.belts import MARKS, find_belt_marks, way_of
 from mechviz.gltf import glb_bytes
 from mechviz.meshes.bands import Loop
+from mechviz.picture import Body, picture_of
+from mechviz.record.numbers import numbers_in
 from mechviz.record.plots import main_outputs
+from mechviz.record.read_picture import picture_in
 from mechviz.solids import solids_of
-from mechviz.viewer.riders3d import RiderNodes
-from mechviz.viewer.show_recording import show_of_recording
+from mechviz.viewer.bodies3d import BodyNodes
 from recordings import made
 
 DRIVE = made("belt-drive")
@@ -79,8 +81,8 @@ def test_marks_lie_on_the_belts_that_are_drawn():
 
 def test_recording_page_viewer_and_glb_show_the_same_marks():
     marks = list(find_belt_marks(DRIVE.run, SOLIDS))
-    read = show_of_recording(DRIVE.recording).riders
-    assert [(m.kind, m.name, m.link) for m in read] == [(m.kind, m.name, m.link) for m in marks]
+    read = list(picture_in(DRIVE.recording, numbers_in(DRIVE.recording)).of(Body, "belt"))
+    assert [(m.key, m.parent) for m in read] == [(f"belt.{m.name}", m.link) for m in marks]
     data = glb_bytes(DRIVE.run, solids=SOLIDS)
     size = int.from_bytes(data[12:16], "little")
     document, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
@@ -88,8 +90,8 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
     (animation,) = document["animations"]
     for mark, again in zip(marks, read, strict=True):
         size = np.abs(mark.places()).max()
-        assert again.places() == pytest.approx(mark.places(), abs=1e-6 * size)
-        assert np.exp(1j * again.angle) == pytest.approx(np.exp(1j * mark.angle), abs=1e-5)
+        assert again.poses.places == pytest.approx(mark.places(), abs=1e-6 * size)
+        assert again.poses.turns == pytest.approx(mark.turns(), abs=1e-6)
         number = names.index(mark.title)
         assert number in document["nodes"][names.index("frame")]["children"]
         for path, values in (("translation", mark.places()), ("rotation", mark.turns())):
@@ -111,20 +113,24 @@ def test_marks_that_look_as_before_keep_their_nodes():
     """Else every step of a slider would send the meshes of all marks again."""
     made_nodes, gone = [], []
 
-    def add_frame(path, **options):
+    def add_mesh_simple(path, *mesh, visible, **options):
         made_nodes.append(path)
-        return SimpleNamespace(name=path, visible=True, remove=lambda: gone.append(path))
+        return SimpleNamespace(name=path, visible=visible, remove=lambda: gone.append(path))
 
-    server = SimpleNamespace(scene=SimpleNamespace(add_frame=add_frame, add_mesh_simple=lambda *a, **k: None))
-    marks = tuple(find_belt_marks(DRIVE.run, SOLIDS))
-    nodes = RiderNodes(server, SimpleNamespace(riders=marks))
+    def shown(bodies):
+        return SimpleNamespace(picture=replace(picture, nodes=tuple(bodies)))
+
+    server = SimpleNamespace(scene=SimpleNamespace(add_mesh_simple=add_mesh_simple))
+    picture = picture_of(DRIVE.run, SOLIDS)
+    marks = tuple(picture.of(Body, "belt"))
+    nodes = BodyNodes(server, shown(marks))
     assert len(made_nodes) == 2 * MARKS and not gone
-    moved = tuple(replace(m, path=m.places() + np.array([0.01, 0.0, 0.0])) for m in marks)
-    nodes.update(SimpleNamespace(riders=moved))
+    moved = tuple(replace(m, poses=replace(m.poses, places=m.poses.places + np.float32(0.01))) for m in marks)
+    nodes.update(shown(moved))
     assert len(made_nodes) == 2 * MARKS and not gone
     for (_, place, turn), mark in zip(nodes.poses(7), moved, strict=True):
-        assert place == pytest.approx(mark.places()[7]) and turn == pytest.approx(np.roll(mark.turns()[7], 1))
-    nodes.update(SimpleNamespace(riders=tuple(replace(m, vertices=1.1 * m.vertices) for m in moved)))
+        assert place == pytest.approx(mark.poses.places[7]) and turn == pytest.approx(np.roll(mark.poses.turns[7], 1))
+    nodes.update(shown(replace(m, mesh=replace(m.mesh, vertices=1.1 * m.mesh.vertices)) for m in moved))
     assert len(made_nodes) == 4 * MARKS and len(gone) == 2 * MARKS
     nodes.cut(-1.0)
     assert not any(node.visible for node, _, _ in nodes.poses(0))

@@ -12,7 +12,7 @@ from mechcore.dynamics import simulate
 from mechcore.dynamics.vibrations import small_vibrations
 from mechviz.linkers import find_linkers
 from mechviz.run import run_scene
-from mechviz.vectors import find_moments, find_vectors
+from recordings import vectors_of
 
 MOUNTED = """
 units = { length = "mm", angle = "deg" }
@@ -130,9 +130,9 @@ sled = { planar = ["frame", "sled"], free = { x = -200, vy = "3 m/s", omega = "6
 
 def test_a_recording_shows_it():
     run = run_scene(mechviz.loads(made("free_angle = 3", "free = { x = 5 }")), frames=24)
-    arrow = find_vectors(run)["applied"]["front"]
+    arrow = vectors_of(run)[0]["applied"]["front"]
     assert arrow.value[0] == pytest.approx([200e3 * 5e-3, 0.0])
-    assert find_moments(run)["applied"]["front"].value[0] == pytest.approx(-9e3 * np.radians(3.0))
+    assert vectors_of(run)[1]["applied"]["front"].value[0] == pytest.approx(-9e3 * np.radians(3.0))
     ring, bar, _ = next(x for x in find_linkers(run, 0.4) if x.name == "front").strips(np.array([0, 3]))
     assert ring.shape == (2, 37, 2) and bar.shape == (2, 2, 2)
     assert bar[0].mean(axis=0) == pytest.approx([5e-3, 0.0]) and ring.mean(axis=1) == pytest.approx(np.zeros((2, 2)), abs=1e-3)

@@ -10,13 +10,15 @@ import trimesh
 from test_share import content
 
 import mechviz
-from mechviz.coils import Coil, find_coils
+from mechviz.coils import find_coils
 from mechviz.gltf import glb_bytes
 from mechviz.meshes.coil import SIDES, coil_shell
+from mechviz.picture import Body
+from mechviz.record.numbers import numbers_in
+from mechviz.record.read_picture import picture_in
 from mechviz.run import run_scene
 from mechviz.share import make_page
 from mechviz.solids import solids_of
-from mechviz.viewer.show_recording import show_of_recording
 from recordings import made
 
 
@@ -58,12 +60,12 @@ def test_springs_reach_from_point_to_point_in_recordings_pages_and_the_viewer(na
     np.testing.assert_allclose(end, b, atol=4.0 * small)
     np.testing.assert_allclose(np.asarray(at.values)[:, :2], a, atol=small)
     np.testing.assert_array_equal(np.asarray(scale.values)[:, 1:], 1.0)
-    (coil,) = show_of_recording(m.recording).coils
-    assert isinstance(coil, Coil) and coil.name == load
-    np.testing.assert_allclose(coil.stretch, np.asarray(scale.values)[:, 0])
+    (coil,) = picture_in(m.recording, numbers_in(m.recording)).of(Body, "springs")
+    assert coil.owner == ("load", load)
+    np.testing.assert_array_equal(coil.poses.scales, scale.values)
     header, arrays = content(make_page(m.recording)[0])
     (body,) = [x for x in header["bodies"] if x["group"] == "springs"]
-    np.testing.assert_allclose(arrays[body["stretch"]], coil.stretch, rtol=1e-6)
+    np.testing.assert_allclose(arrays[body["stretch"]], coil.poses.scales[:, 0], rtol=1e-6)
     assert any(g["name"] == "springs" for g in header["groups"])
     drawn, own = np.array(header["drawn"])[:, :2], coil.reach()
     assert np.all(drawn[0] <= own[0] + small) and np.all(drawn[1] >= own[1] - small), "all of the spring is in the picture"

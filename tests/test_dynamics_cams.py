@@ -20,8 +20,8 @@ from mechcore.dynamics import Free, Liftoff, simulate
 from mechcore.errors import MechanismError
 from mechcore.laws import ConstantSpeed
 from mechcore.spec import CamPair, Drive, Force, Friction, Mechanism, Torque
+from mechviz.quantities.simulated import lanes_of, simulation_events
 from mechviz.record import Recording, write_recording
-from mechviz.record.simulations import lanes_of, simulation_events
 from mechviz.run import run_scene
 from mechviz.tables import tables
 

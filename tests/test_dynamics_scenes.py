@@ -207,7 +207,7 @@ def test_recorded_energies_close_and_happenings_are_there(name: str):
 
 
 def test_lanes_of_a_stop_tell_contact_and_release(tmp_path: Path):
-    from mechviz.record.simulations import lanes_of
+    from mechviz.quantities.simulated import lanes_of
 
     text = PENDULUM.replace("position = -30", "position = 0").replace('speed = "10 rpm"', "speed = 0")
     text = text.replace("speed = 0 } }", 'speed = 0 }, stops = [{ at = -20, side = "lower" }] }\n')

@@ -8,10 +8,12 @@ import pytest
 import mechviz
 from mechcore.spec import Damper, GasSpring
 from mechviz.linkers import find_linkers, spiral_strips, strut_strips
+from mechviz.picture import Lines, picture_of
 from mechviz.proportions import SPIRAL
 from mechviz.run import run_scene
-from mechviz.viewer.linkers3d import segments
-from recordings import made
+from mechviz.solids import solids_of
+from mechviz.viewer.lines3d import segments
+from recordings import made, vectors_of
 
 NAMES = ("lamp-arm", "valve-spring", "compressor-cycle", "door-closer", "tailgate", "plunger-in-drag")
 
@@ -55,9 +57,10 @@ def test_linkers_only_where_loads_are_computed():
     assert list(find_linkers(run_scene(mechviz.load("crank-rocker"), frames=12), 1.0)) == []
     found = list(find_linkers(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
     assert {x.kind for x in found} == {"torsion spring", "damper"}
-    (damper,) = (x for x in found if x.kind == "damper")
-    lines = segments(damper.strips(np.array([3])), 0.1)
-    assert lines.shape == (6 + 3, 2, 3) and np.all(lines[:, :, 2] == np.float32(0.1))
+    run = run_scene(mechviz.load("door-closer"), frames=12)
+    (damper,) = (x for x in picture_of(run, solids_of(run)).of(Lines) if x.key == "spring.damper")
+    lines = segments(damper, 3)
+    assert lines.shape == (6 + 3, 2, 3) and np.all(lines[:, :, 2] == np.float32(damper.height))
 
 
 def test_shapes_keep_their_widths_and_lengths():
@@ -74,8 +77,6 @@ def test_shapes_keep_their_widths_and_lengths():
 
 def test_moments_that_are_rounding_are_not_drawn():
     """The lamp without its bearing: a torque of 1e-15 N m is nothing beside forces of 70 N on 0.4 m."""
-    from mechviz.vectors import find_moments
-
     scene = mechviz.loads(mechviz.load("lamp-arm").text.replace('bearing = { viscous = "A", linear = "0.02 N m s/rad" }', ""))
-    assert find_moments(run_scene(scene, frames=24)) == {}
-    assert "drive" in find_moments(made("lamp-arm").run)
+    assert vectors_of(run_scene(scene, frames=24))[1] == {}
+    assert "drive" in vectors_of(made("lamp-arm").run)[1]

@@ -14,10 +14,12 @@ import mechviz
 from mechviz.cli import app
 from mechviz.gltf import glb_bytes
 from mechviz.gltf_marks import ARROWS, find_marks
+from mechviz.picture import picture_of
 from mechviz.proportions import HEAD, TURNS
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
-from mechviz.vectors import FAMILIES, find_moments, find_scales, find_vectors
+from mechviz.vectors import FAMILIES
+from recordings import vectors_of
 
 NAMES = ["ten-link", "cam-roller", "slider-crank-compressor", "belt-drive", "door-closer"]
 DTYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -182,8 +184,7 @@ def _track(glb: Glb, name: str, path: str, frames: int) -> np.ndarray:
 def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     run = run_scene(mechviz.load("slider-crank-compressor"), frames=40)
     glb = Glb(glb_bytes(run))
-    vectors, size = find_vectors(run), solids_of(run).size
-    scales = find_scales(vectors, find_moments(run), size)
+    vectors, _, scales = vectors_of(run, size := solids_of(run).size)
     assert set(ARROWS) & set(vectors) >= {"reaction", "applied", "inertia"}
     for family in set(ARROWS) & set(vectors):
         for item, vector in vectors[family].items():
@@ -226,7 +227,7 @@ def test_struts_and_torsion_springs_go_with_their_ends():
 def test_shapes_of_marks_look_outwards():
     run = run_scene(mechviz.load("tailgate"), frames=6)
     seen = 0
-    for mark in find_marks(run, solids_of(run)):
+    for mark in find_marks(run, solids_of(run), picture_of(run, solids_of(run))):
         for shape in filter(None, [mark.shape, *(below.shape for below in mark.below)]):
             corner = shape.vertices[shape.faces]
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

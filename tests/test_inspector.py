@@ -12,7 +12,9 @@ import pytest
 import trimesh
 
 from mechcore.accuracy import Accuracy
+from mechcore.events import Event
 from mechviz import scene
+from mechviz.quantities import Health
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.scene.changing import value_at, with_values
@@ -26,7 +28,7 @@ from mechviz.viewer.limits import assembles, reachable
 from mechviz.viewer.parameters import find_choices, find_parameters
 from mechviz.viewer.saving import file_name
 from mechviz.viewer.section import sectioned
-from mechviz.viewer.show import Body, Happening, Health, Piece
+from mechviz.viewer.show import Body, Piece
 from mechviz.viewer.show_recording import show_of_recording
 from mechviz.viewer.show_run import Built, build, show_of_run
 from mechviz.viewer.studio import Contribution, Status, Studio
@@ -386,37 +388,6 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", ["slider-crank-compressor", "valve-train", "jansen-leg"])
-def test_a_recording_shows_what_its_run_shows(name, tmp_path):
-    run = run_scene(scene.load(name), frames=90)
-    write_recording(run, tmp_path / "a.rrd")
-    recorded, solved = show_of_recording(Recording(tmp_path / "a.rrd")), show_of_run(run, build(run))
-    assert recorded.run is None and recorded.size == pytest.approx(solved.size, rel=1e-6)
-    np.testing.assert_allclose(recorded.time, solved.time, atol=1e-9)
-    for link, pose in solved.poses.items():
-        np.testing.assert_array_equal(recorded.poses[link], pose)
-        shapes = [[np.concatenate([p.vertices for p in s.bodies[link].pieces]) for s in (recorded, solved)]]
-        np.testing.assert_array_equal(*shapes[0])
-    assert set(recorded.arrows) == set(solved.arrows) and set(recorded.paths) == set(solved.paths)
-    for family, arrows in solved.arrows.items():
-        found = recorded.arrows[family]
-        assert set(found.items) == set(arrows.items)
-        for k, item in enumerate(found.items):
-            j = arrows.items.index(item)
-            largest = np.abs(arrows.values[:, j]).max()
-            np.testing.assert_allclose(found.values[:, k], arrows.values[:, j], atol=1e-12 * largest)
-            np.testing.assert_allclose(found.origins[:, k], arrows.origins[:, j], atol=1e-9)
-    assert {(a.family, a.item) for a in recorded.arcs} == {(a.family, a.item) for a in solved.arcs}
-    assert [h.name for h in recorded.health] == [h.name for h in solved.health]
-    assert [e.level for e in recorded.events] == [e.level for e in solved.events]
-    assert [q.label for q in recorded.first[:1]] == [q.label for q in solved.first[:1]]
-    known = {q.title: q for q in solved.quantities}
-    for q in recorded.quantities:
-        if q.title in known and not q.label.endswith("contact force"):  # recordings hold its size, runs its sign too
-            np.testing.assert_allclose(q.values(), known[q.title].values(), rtol=1e-9, atol=1e-12)
-    assert {q.title for q in solved.quantities if q.label.startswith(("pair", "drive"))} <= {q.title for q in recorded.quantities}
-
-
 @pytest.mark.parametrize(
     ("name", "overlays"),
     [
@@ -591,7 +562,7 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
     assert health.trouble.max() == 1.0 and health.trouble[0] == 0.0
     row = columns(health.trouble)
     assert row[int(1234 / 5000 * len(row))] == 1.0 and row.sum() == 1.0
-    text = health_svg([health], [Happening(0.5, "WARN", "A: <b>dead</b>")], np.linspace(0.0, 1.0, 5000))
+    text = health_svg([health], [Event(0.5, "WARN", "A", "<b>dead</b>")], np.linspace(0.0, 1.0, 5000))
     assert shade(1.0) in text and shade(0.0) in text and "&lt;b&gt;" in text and "<b>dead" not in text
     assert Health("condition", "1", np.array([np.inf, np.nan, 1.0]), 30.0, 1e8).trouble.tolist() == [1.0, 1.0, 0.0]
 

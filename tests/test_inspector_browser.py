@@ -259,11 +259,11 @@ def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
     wanted = viewer.run.motion.velocity("coupler")[300, 2]
     until(page, lambda: f"{wanted:.5g}".replace("-", "−") in row.inner_text(), "its angular velocity")
     page.get_by_label("Look at").click()
-    page.get_by_role("option", name="pair B", exact=True).click()
-    until(page, lambda: viewer.inspector.closer.item == "pair B", "chosen with the keyboard or mouse")
+    page.get_by_role("option", name="joint B", exact=True).click()
+    until(page, lambda: viewer.inspector.closer.item == "joint B", "chosen with the keyboard or mouse")
     force = np.hypot(*viewer.run.forces.reaction("B")[300, :2])
     until(page, lambda: f"{force:.5g}" in page.locator("tr", has_text="reaction").first.inner_text(), "its reaction")
-    assert viewer.inspector.closer.slot.quantity.label == "pair B: reaction"
+    assert viewer.inspector.closer.slot.quantity.label == "joint B: reaction"
 
 
 def test_a_point_that_is_clicked_is_traced(viewer, page):
@@ -514,9 +514,9 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     _type(page, "Section", "30")
     scene3d = viewer.inspector.scene
     until(page, lambda: {piece.color for piece in scene3d.links._drawn["cam"].pieces} - whole != set(), "a cut of another colour")
-    until(page, lambda: not page.evaluate(SEEN, "/coils/return_spring"), "the spring before the cut is away")
+    until(page, lambda: not page.evaluate(SEEN, "/bodies/spring.return_spring"), "the spring before the cut is away")
     _type(page, "Section", "0")
-    until(page, lambda: page.evaluate(SEEN, "/coils/return_spring"), "whole again")
+    until(page, lambda: page.evaluate(SEEN, "/bodies/spring.return_spring"), "whole again")
 
 
 def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):

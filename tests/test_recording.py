@@ -307,7 +307,7 @@ def test_properties_and_documents_say_what_was_done(name):
     m = made(name)
     p = m.recording.properties
     plan = m.run.plan
-    assert p["schema"] == 1 and p["scene"] == name and p["frames"] == m.run.motion.frames and p["complete"] is True
+    assert p["schema"] == 2 and p["scene"] == name and p["frames"] == m.run.motion.frames and p["complete"] is True
     assert p["effects"] == list(plan.effects) and p["skipped"] == [s.name for s in plan.skipped]
     assert p["version"] and p["tolerance"] > 0 and p["wall_seconds"] > 0
     for scale in ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre"):

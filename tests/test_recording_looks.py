@@ -7,22 +7,19 @@ import pytest
 
 import mechviz
 from mechcore.events import Event
-from mechviz.coils import find_coils
 from mechviz.drawings import drawings_of
 from mechviz.heights import arrow_height, path_height
-from mechviz.linkers import find_linkers
 from mechviz.overlays import overlay_box
-from mechviz.record.arrows import shapes
+from mechviz.picture import Arrow, picture_of
+from mechviz.quantities.events import peak_events
 from mechviz.record.blueprint import calm_range, legend_place, make_blueprint, opening_timeline, spans_of_plots
-from mechviz.record.events import peak_events
 from mechviz.record.families import FAMILIES, Content, Family, find_statics, find_streams
 from mechviz.record.streams import Static, Stream, picture_stride
-from mechviz.riders import find_riders
 from mechviz.run import run_scene
 from mechviz.solids import solids_of
 from mechviz.tables import tables
-from mechviz.vectors import find_vectors, round_value
-from mechviz.viewer.app import telling_frame
+from mechviz.vectors import round_value
+from recordings import vectors_of
 
 
 @pytest.fixture(scope="module")
@@ -37,20 +34,7 @@ def bar():
 
 def content_of(run):
     solids = solids_of(run)
-    arrows, arcs, scales = shapes(run, solids.size)
-    return Content(
-        run,
-        solids,
-        tables(run),
-        arrows,
-        arcs,
-        scales,
-        drawings_of(run, solids.size),
-        list(find_linkers(run, solids.size)),
-        find_coils(run, solids),
-        find_riders(run, solids),
-        picture_stride(run),
-    )
+    return Content(run, solids, tables(run), picture_of(run, solids), drawings_of(run, solids.size), picture_stride(run))
 
 
 def test_marks_lie_on_the_part_that_they_belong_to_and_not_all_before_everything(leg):
@@ -69,9 +53,9 @@ def test_marks_lie_on_the_part_that_they_belong_to_and_not_all_before_everything
 def test_no_part_lies_before_an_arrow(bar):
     """Checked with the meshes themselves: rays towards the viewer from points of the arrow meet nothing."""
     content = content_of(bar)
-    solids, scale = content.solids, content.scales.newtons_per_metre
+    solids, scale = content.solids, content.picture.scales.newtons_per_metre
     count = len(next(iter(solids.heights.poses.values())))
-    for vector in find_vectors(bar)["reaction"].values():
+    for vector in vectors_of(bar)[0]["reaction"].values():
         z = arrow_height(bar, solids.heights, vector, scale)
         for frame in (0, count // 2, count - 1):  # among the frames that are looked at
             along = np.linspace(0.05, 0.95, 7)[:, None]
@@ -129,14 +113,14 @@ def test_a_drive_with_zones_opens_on_its_angle_and_others_on_time():
 def test_the_legend_has_every_family_that_is_drawn_and_its_arrows_are_to_scale(bar):
     content = content_of(bar)
     statics = {s.path: s.archetype for s in find_statics(content)}
-    drawn = {a.vector.family for a in content.arrows}
+    drawn = {arrow.group for arrow in content.picture.of(Arrow)}
     for family in drawn:
         view = "motion" if family in ("velocity", "acceleration") else "forces"
         arrow = statics[f"/legend/{view}/{family}"]
         length = float(np.linalg.norm(arrow.vectors.as_arrow_array().to_pylist()[0]))
         label = statics[f"/legend/{view}/{family}/label"].labels.as_arrow_array().to_pylist()[0]
         value = float(label.split(": ")[1].split()[0])
-        assert length * content.scales.per_metre(family) == pytest.approx(value, rel=1e-5)
+        assert length * content.picture.scales.per_metre(family) == pytest.approx(value, rel=1e-5)
         assert round_value(value) == pytest.approx(value)
 
 
@@ -150,7 +134,7 @@ def test_a_family_is_one_entry_of_the_registry(bar, monkeypatch):
 @pytest.mark.parametrize("name", ["slider-crank-compressor", "slider-crank-engine"])
 def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
     run = run_scene(mechviz.load(name))
-    frame, forces = telling_frame(run), run.forces
+    frame, forces = run.catalogue.opening, run.forces
     assert forces is not None
     drive = run.motion.mechanism.drives[0].pair
     angle = float(np.degrees(run.motion.coordinate(drive)[frame, 0]) % 180.0)
@@ -160,7 +144,7 @@ def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
 
 
 def test_a_kinematic_run_opens_an_eighth_of_a_cycle_in(leg):
-    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].pair)[[0, telling_frame(leg)], 0])
+    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].pair)[[0, leg.catalogue.opening], 0])
     assert np.degrees(turned) == pytest.approx(45.0, abs=6.0)
 
 

@@ -25,10 +25,10 @@ from mechviz.cli import app
 from mechviz.command_line import Bar, progress_bar
 from mechviz.files import OutputError
 from mechviz.record import Recording, write_recording
+from mechviz.record.paths import parts_of
 from mechviz.run import run_scene
 from mechviz.share import make_page
 from mechviz.share.drawing import svg_of, turned
-from mechviz.share.frames import parts_of
 from mechviz.share.markdown import html_of
 from mechviz.share.pack import Pack, unpack
 from mechviz.share.pictures import Look, film, moment
@@ -164,7 +164,7 @@ def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
 
 def test_events_and_notes_are_there(ten):
     _, _, header, _ = ten
-    assert [e["text"] for e in header["events"]] == [e.text for e in TEN.recording.events]
+    assert [e["text"] for e in header["events"]] == [f"{e.item}: {e.text}" for e in TEN.recording.events]
     assert "<h3>Computed</h3>" in header["notes"] and header["teaches"].startswith("Kinematics runs outward")
 
 

@@ -36,10 +36,10 @@ from mechviz.viewer.marks3d import joint_groups
 from mechviz.viewer.plan_diagram import plan_graph, plan_svg
 from mechviz.viewer.plans3d import arrow_lines, placed
 from mechviz.viewer.player import Player
-from mechviz.viewer.quantities import find_axes, find_quantities, first_choice
 from mechviz.viewer.solids3d import link_path, quaternions
 from mechviz.viewer.stage import grid_cell
 from mechviz.viewer.timeline import Speeds
+from recordings import vectors_of
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +59,14 @@ def kinematic() -> Run:
 
 # -- what is drawn ----------------------------------------------------------------------------------------------------
 def test_families_follow_what_the_scene_asks_for(four_bar, kinematic):
-    assert set(vectors.find_vectors(kinematic)) == {"velocity", "acceleration"}
-    assert vectors.find_moments(kinematic) == {}
-    assert set(vectors.find_vectors(four_bar)) == {"reaction", "applied", "inertia", "velocity", "acceleration"}
-    assert set(vectors.find_moments(four_bar)["drive"]) == {"A"}
+    assert set(vectors_of(kinematic)[0]) == {"velocity", "acceleration"}
+    assert vectors_of(kinematic)[1] == {}
+    assert set(vectors_of(four_bar)[0]) == {"reaction", "applied", "inertia", "velocity", "acceleration"}
+    assert set(vectors_of(four_bar)[1]["drive"]) == {"A"}
 
 
 def test_vectors_are_those_of_the_core(compressor):
-    found = vectors.find_vectors(compressor)
+    found = vectors_of(compressor)[0]
     forces, motion = compressor.forces, compressor.motion
     assert forces is not None
     np.testing.assert_array_equal(found["reaction"]["B"].value, forces.reaction("B")[:, :2])
@@ -77,7 +77,7 @@ def test_vectors_are_those_of_the_core(compressor):
 
 
 def test_an_inertia_resultant_on_its_line_of_action_has_the_inertia_moment(four_bar):
-    resultant = vectors.find_vectors(four_bar)["inertia"]["coupler"]
+    resultant = vectors_of(four_bar)[0]["inertia"]["coupler"]
     arm = resultant.origin - four_bar.motion.centre_of_mass("coupler")
     moment = arm[:, 0] * resultant.value[:, 1] - arm[:, 1] * resultant.value[:, 0]
     expected = four_bar.forces.inertia("coupler")[:, 2]
@@ -85,7 +85,7 @@ def test_an_inertia_resultant_on_its_line_of_action_has_the_inertia_moment(four_
 
 
 def test_the_largest_force_is_a_third_of_the_size_and_all_forces_share_the_scale(four_bar):
-    found, moments = vectors.find_vectors(four_bar), vectors.find_moments(four_bar)
+    found, moments = vectors_of(four_bar)[:2]
     scales = vectors.find_scales(found, moments, size=0.6)
     forces = [v for f in vectors.FORCE_FAMILIES for v in found.get(f, {}).values()]
     assert max(v.magnitude.max() for v in forces) / scales.newtons_per_metre == pytest.approx(0.2)
@@ -215,19 +215,19 @@ def test_joints_at_one_place_share_a_label(kinematic):
 
 # -- plots ------------------------------------------------------------------------------------------------------------
 def test_every_quantity_has_a_value_in_every_frame_and_a_unique_title(compressor):
-    quantities = find_quantities(compressor)
+    quantities = compressor.catalogue.quantities
     assert len({q.title for q in quantities}) == len(quantities)
     for q in quantities:
         assert q.values().shape == (compressor.motion.frames, len(q.curves)), q.title
 
 
 def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compressor, kinematic):
-    assert [q.label for q in first_choice(compressor, 3)] == ["drive A: torque", "pair S: displacement", "pair S: velocity"]
-    torque = first_choice(compressor, 1)[0].values()
+    assert [q.label for q in compressor.catalogue.first[:3]] == ["drive A: torque", "joint S: displacement", "joint S: velocity"]
+    torque = compressor.catalogue.first[:1][0].values()
     np.testing.assert_array_equal(torque[:, 0], compressor.forces.effort("A"))
-    assert [q.label for q in first_choice(kinematic, 2)] == ["point foot.H: position", "point foot.H: velocity"]
+    assert [q.label for q in kinematic.catalogue.first[:2]] == ["point foot.H: position", "point foot.H: velocity"]
     crank_rocker = run_scene(scene.load("crank-rocker"))
-    assert [q.label for q in first_choice(crank_rocker, 2)] == ["link rocker: angle", "link rocker: angular velocity"]
+    assert [q.label for q in crank_rocker.catalogue.first[:2]] == ["link rocker: angle", "link rocker: angular velocity"]
 
 
 def test_gears_have_quantities_and_reactions_where_they_mesh():
@@ -244,16 +244,16 @@ def test_gears_have_quantities_and_reactions_where_they_mesh():
     )
     said = SimpleNamespace(run=SimpleNamespace(model_fields_set={"frames"}))
     run = run_scene(SimpleNamespace(mechanism=mechanism, frames=20, cycles=1, simulation=None, accuracy=Accuracy(), document=said))
-    for q in find_quantities(run):
+    for q in run.catalogue.quantities:
         assert q.values().shape == (21, len(q.curves)), q.title
-    mesh = vectors.find_vectors(run)["reaction"]["G"]
+    mesh = vectors_of(run)[0]["reaction"]["G"]
     np.testing.assert_allclose(mesh.origin, np.broadcast_to([0.04, 0.0], (21, 2)), atol=1e-12)
-    assert set(vectors.find_moments(run)) == {"drive", "applied"}
+    assert set(vectors_of(run)[1]) == {"drive", "applied"}
 
 
 def test_only_a_drive_that_runs_one_way_can_be_plotted_against(compressor):
-    assert [a.label for a in find_axes(compressor)] == ["angle of drive A", "time"]
-    assert [a.label for a in find_axes(run_scene(scene.load("elliptic-trammel")))] == ["time"]
+    assert [a.label for a in compressor.catalogue.axes] == ["angle of drive A", "time"]
+    assert [a.label for a in run_scene(scene.load("elliptic-trammel")).catalogue.axes] == ["time"]
 
 
 def test_a_cursor_is_a_vertical_line_through_the_curves_at_its_frame():
@@ -297,8 +297,7 @@ def test_texts_of_a_scene_cannot_become_markup():
 
 
 def test_the_legend_states_round_scales(four_bar):
-    found = vectors.find_vectors(four_bar)
-    scales = vectors.find_scales(found, vectors.find_moments(four_bar), 0.4)
+    scales = vectors_of(four_bar, 0.4)[2]
     text = words.legend(["reaction"], ["P"], scales, factor=2.0, size=0.4)
     assert "Reactions" in text and "Path" in text and "Velocity" not in text
     newtons, metres = 50.0, 50.0 / (scales.newtons_per_metre / 2.0)

@@ -332,7 +332,7 @@ TOLD = "() => { const b = document.getElementById('mechviz-hover'); return b.sty
 def test_the_pointer_is_told_what_it_rests_on(viewer, page):
     b, d = (np.array(page.evaluate(PLACE, f"/joints/{name}/dot")) for name in "BD")
     page.mouse.move(*b)
-    until(page, lambda: page.evaluate(TOLD) == "pair B\nrevolute, crank and coupler", "the joint")
+    until(page, lambda: page.evaluate(TOLD) == "joint B\nrevolute, crank and coupler", "the joint")
     page.mouse.move(*(0.5 * (b + d)))
     until(page, lambda: page.evaluate(TOLD).startswith("link coupler"), "the link")
     viewer.set_frame(60)  # it moves away below the pointer
@@ -486,8 +486,8 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
         viewer.set_frame(frame)
         until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
     page.locator(f'[id="{slot.choice._impl.uuid}"]').click()
-    page.get_by_role("option", name="pair B: reaction [N]").click()
-    until(page, lambda: slot.quantity.label == "pair B: reaction", "the new quantity")
+    page.get_by_role("option", name="joint B: reaction [N]").click()
+    until(page, lambda: slot.quantity.label == "joint B: reaction", "the new quantity")
     uuid = slot.chart._impl.uuid
     page.wait_for_function("uuid => !!window.__viserTestpoints.uplots[uuid]?.chart", arg=uuid)
     until(page, lambda: page.evaluate(CURSOR, uuid) == pytest.approx([270, 270]), "the cursor of the new plot")

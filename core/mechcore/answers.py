@@ -22,6 +22,7 @@ from .motion import Motion
 
 __all__ = [
     "Grashof",
+    "answered",
     "curvature",
     "grashof",
     "grashof_type",
@@ -74,6 +75,23 @@ def per_unit(motion: Motion) -> Motion:
     return Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
 
 
+def answered(answer: str, m: Model) -> list[Any]:
+    """What an answer is given of: names of joints or blocks, or pairs of links; known before it is computed."""
+    match answer:
+        case "transmission_angle":
+            return [block.name for block in m.blocks if block.kind == "theta_theta"]
+        case "velocity_ratio":
+            return [c.name for c in m.connections if c.kind != "weld"]
+        case "mechanical_advantage":
+            first = m.mechanism.drives[0].pair
+            return [c.name for c in m.connections if c.kind != "weld" and m.mechanism.frame in c.links and c.name != first]
+        case "instant_centre":
+            return list(combinations(m.links, 2))
+        case "curvature":
+            return list(m.mechanism.traced)
+    raise ValueError(f"there is no answer '{answer}'")
+
+
 @over_parts
 def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     """Instant centre (F, 2) [m] of every two links, where their velocities agree; infinite where they do not turn relative to
@@ -104,9 +122,7 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
     """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2."""
     m = motion.model
     out = {}
-    for block in m.blocks:
-        if block.kind != "theta_theta":
-            continue
+    for block in (b for b in m.blocks if b.kind == "theta_theta"):
         arms: dict[int, Array] = dict.fromkeys(block.angles, 0j)
         for spin, z in motion.contours[block.contours[0]].arms:
             group = m.angles.spin_group[spin]
@@ -121,7 +137,7 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
 def velocity_ratios(motion: Motion) -> dict[str, Real]:
     """Rate of every pair's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
     unit = per_unit(motion)
-    return {c.name: unit.coordinate(c.name)[:, 1] for c in motion.model.connections if c.kind != "weld"}
+    return {name: unit.coordinate(name)[:, 1] for name in answered("velocity_ratio", motion.model)}
 
 
 def mechanical_advantage(motion: Motion) -> dict[str, Real]:
@@ -129,15 +145,9 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
 
     By the power balance it is the reciprocal of the velocity ratio; infinite where the output stands still (dead point, toggle).
     """
-    frame = motion.mechanism.frame
-    first = motion.mechanism.drives[0].pair
     ratios = velocity_ratios(motion)
     with np.errstate(divide="ignore"):
-        return {
-            c.name: 1.0 / np.abs(ratios[c.name])
-            for c in motion.model.connections
-            if frame in c.links and c.name in ratios and c.name != first
-        }
+        return {name: 1.0 / np.abs(ratios[name]) for name in answered("mechanical_advantage", motion.model)}
 
 
 @over_parts

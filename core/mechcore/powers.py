@@ -17,7 +17,7 @@ from .effects import Wrench
 from .errors import Fault, MechanismError
 from .kinetostatics import LOSSES, Forces
 
-__all__ = ["Classed", "PowerTable", "Share", "drive_shares", "power_table", "works"]
+__all__ = ["Classed", "PowerTable", "Share", "drive_shares", "power_labels", "power_table", "works"]
 
 Real = NDArray[np.float64]
 Role = Literal["driving", "resisting", "alternating", "idle"]
@@ -42,8 +42,7 @@ class Classed:
 
     @property
     def label(self) -> str:
-        """The name, with what it is where the name alone is a pair's."""
-        return f"{self.kind} {self.name}" if self.kind in ("drive", "friction") else self.name
+        return label_of(self.kind, self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +85,18 @@ def works(power: Real, time: Real) -> tuple[float, float]:
     up = np.where(mixed, 0.5 * high**2 / span, np.where(low >= 0.0, 0.5 * (a + b), 0.0))
     down = np.where(mixed, 0.5 * low**2 / span, np.where(high <= 0.0, -0.5 * (a + b), 0.0))
     return float(np.nansum(up * dt)), float(np.nansum(down * dt))
+
+
+def label_of(kind: str, name: str) -> str:
+    """The name of a force, with what it is where the name alone is a pair's."""
+    return f"{kind} {name}" if kind in ("drive", "friction") else name
+
+
+def power_labels(forces: Forces) -> tuple[str, ...]:
+    """Labels of all items of the table of powers, without the table."""
+    drives = [label_of("drive", d.pair) for d in forces.motion.mechanism.drives]
+    rubbing = [] if forces.friction is None else [label_of("friction", pair) for pair in forces.friction.pairs]
+    return (*drives, *(label_of(w.kind, w.name) for w in forces.applied), *rubbing)
 
 
 def power_table(forces: Forces) -> PowerTable:

@@ -8,26 +8,25 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from mechcore.powers import power_table
+from mechcore.powers import power_labels, power_table
 
 from ..power_report import power_markdown
+from ..quantities import Catalogue
 from ..study_words import study_lines
-from ..tables import joints_of, links_of
 from ..vectors import Scales
+from .nodes import listed
+from .paths import entity
 from .simulations import simulation_notes
 
 if TYPE_CHECKING:
     from ..meshes import Solids
+    from ..picture import Picture
     from ..run import Run, Stage
 
 __all__ = ["SCHEMA", "accuracy_words", "model_json", "notes", "package_version", "properties", "recorded_frames", "scene_text"]
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the recording contract; a change of meaning raises it."""
-
-TOLERANCE = 1e-12
-"""Contour residual that the solver promises, in sizes of the mechanism."""
-
 
 @cache
 def package_version() -> str:
@@ -50,29 +49,37 @@ def scene_files(run: Run) -> dict[str, str]:
 
 def model_json(run: Run) -> str:
     """The connectivity that a reader needs to check the physics, as JSON."""
-    mechanism = run.motion.mechanism
-    loads = {} if run.forces is None else run.forces.loads
+    n = run.numbers
     model = {
-        "frame": mechanism.frame,
-        "links": links_of(run.motion),
-        "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in joints_of(run.motion)},
-        "drives": [d.pair for d in mechanism.drives],
-        "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in loads.items()},
+        "frame": n.frame,
+        "links": n.links,
+        "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in n.joints.values()},
+        "drives": n.drives,
+        "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in n.loads.items()},
+        "traced": n.traced,
     }
     return json.dumps(model, ensure_ascii=False)
 
 
-def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
+def properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
     """The recording's properties; lists of strings as arrow arrays, so that an empty one keeps its type."""
     import pyarrow as pa
 
+    scales = picture.scales
     return {
         "schema": SCHEMA,
         "version": package_version(),
         "scene": run.scene.name,
         "title": run.scene.title or run.scene.name,
         "frames": recorded_frames(run),
-        "tolerance": max(TOLERANCE, run.accuracy.position) * run.motion.model.size,
+        "tolerance": run.numbers.tolerance,
+        "length_scale": run.numbers.length_scale,
+        "cycle": run.numbers.cycle,
+        "size": picture.size,
+        "bounds": json.dumps(picture.bounds.tolist()),
+        "top": picture.top,
+        "picture": listed(picture),
+        "quantities": listed_quantities(run.catalogue),
         "model": model_json(run),
         "effects": pa.array(list(run.plan.effects), pa.string()),
         "skipped": pa.array([s.name for s in run.plan.skipped], pa.string()),
@@ -84,10 +91,19 @@ def properties(run: Run, scales: Scales, wall_seconds: float, *, complete: bool)
         **_simulated(run),
         "accuracy": json.dumps(_stated(run)),
         "interpolation": run.accuracy.interpolation,
-        "power_items": pa.array([] if run.forces is None else [i.label for i in power_table(run.forces).items], pa.string()),
         "files": json.dumps(scene_files(run)),
+        "power_items": pa.array([] if run.forces is None else power_labels(run.forces), pa.string()),
         "complete": complete,
     }
+
+
+def listed_quantities(catalogue: Catalogue) -> str:
+    """The catalogue as JSON: of every quantity its key, label, unit and curves, and the entity that holds it."""
+    found = [
+        {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
+        for q in catalogue.quantities
+    ]
+    return json.dumps(found, ensure_ascii=False)
 
 
 def _stated(run: Run) -> dict[str, Any]:

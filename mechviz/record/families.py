@@ -9,34 +9,25 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..coils import Coil
 from ..drawings import Drawing
-from ..linkers import Linker
 from ..overlays import overlay_box
-from ..riders import Rider
+from ..picture import Picture
 from ..tables import Table
-from ..vectors import Scales
-from .arrows import Arc, Arrow
 from .blueprint import BACKGROUND
-from .coils import coil_shapes, coil_streams
 from .diagrams import Diagram, diagram_shapes, diagram_streams
-from .frictions import friction_streams, friction_styles
+from .frictions import friction_styles
 from .legend import legend_shapes
-from .lumps import lump_shapes
+from .nodes import picture_statics, picture_streams
 from .plots import plot_streams, plot_styles
 from .polygons import polygon_shapes, polygon_streams, polygon_views
-from .riders import rider_shapes, rider_streams
 from .simulations import simulation_styles
 from .streams import (
     Static,
     Stream,
-    arrow_streams,
-    linker_streams,
-    linker_styles,
+    link_streams,
     magnification,
-    mechanism_streams,
-    static_shapes,
     table_streams,
+    view_statics,
 )
 
 if TYPE_CHECKING:
@@ -53,13 +44,8 @@ class Content:
     run: Run
     solids: Solids
     tables: list[Table]
-    arrows: list[Arrow]
-    arcs: list[Arc]
-    scales: Scales
+    picture: Picture
     drawings: dict[str, Drawing]  # graphical constructions
-    linkers: list[Linker]  # dampers, gas springs, torsion springs
-    coils: list[Coil]  # springs
-    riders: list[Rider]  # marks on rollers and belts
     every: int  # pictures are drawn at every so many frames
     diagrams: Sequence[Diagram] = ()  # of one quantity against another
 
@@ -79,28 +65,12 @@ class Family:
 
 
 FAMILIES: tuple[Family, ...] = (
-    Family(
-        "mechanism",
-        streams=lambda c: mechanism_streams(c.run, c.solids),
-        statics=lambda c: static_shapes(c.run, c.solids, c.arrows, c.arcs),
-    ),
+    Family("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
     Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
-    Family("vectors", streams=lambda c: arrow_streams(c.run, c.arrows, c.arcs, c.scales, c.solids, c.every)),
-    Family(
-        "linkers",
-        streams=lambda c: linker_streams(c.linkers, c.solids, c.every),
-        statics=lambda c: linker_styles(c.linkers, c.solids.size),
-    ),
-    Family(
-        "friction",
-        streams=lambda c: friction_streams(c.run, c.solids, c.every),
-        statics=lambda c: friction_styles(c.run, c.solids),
-    ),
+    Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
+    Family("friction", statics=lambda c: friction_styles(c.run)),
     Family("simulation", statics=lambda c: simulation_styles(c.run)),
-    Family("springs", streams=lambda c: coil_streams(c.coils, c.every), statics=lambda c: coil_shapes(c.coils)),
-    Family("riders", streams=lambda c: rider_streams(c.riders), statics=lambda c: rider_shapes(c.riders)),
-    Family("lumps", statics=lambda c: lump_shapes(c.run, c.solids)),
-    Family("legend", statics=lambda c: legend_shapes(c.arrows, c.arcs, c.scales, c.solids, overlay_box(c.run, c.solids))),
+    Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids))),
     Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
     Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
     Family(

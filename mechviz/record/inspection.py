@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.events import runs
+from mechcore.events import Event, runs
 
 from ..accuracy.estimate import COLUMNS
+from ..quantities.events import line_of
 from .errors import RecordingError
-from .reader import LoggedEvent, Recording, Rows
+from .reader import Recording, Rows
 
 __all__ = ["Inspection", "Joint", "Peak", "format_inspection", "inspect"]
 
@@ -75,7 +76,7 @@ class Inspection:
     losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
     losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
     health: tuple[Peak, ...]
-    events: tuple[LoggedEvent, ...]
+    events: tuple[Event, ...]
 
 
 def inspect(path: Path | str) -> Inspection:
@@ -244,7 +245,7 @@ def format_inspection(found: Inspection) -> str:
         lines += ["", *_loss_lines(found)]
     if found.health:
         lines += ["", "Worst health", *_peak_lines(found.health)]
-    lines += ["", "Events", *(f"  {e.level:<4}  {e.text}" for e in found.events)]
+    lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in found.events)]
     if not found.events:
         lines.append("  none")
     return "\n".join(lines)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..vectors import FAMILIES, Scales, round_value
-from .arrows import COLORS, LEGEND_ROOM, Arc, Arrow, extent, seen
+from ..picture import Arc, Arrow, Picture
+from ..vectors import FAMILIES, round_value
+from .arrows import COLORS, LEGEND_ROOM, extent, seen
 from .colors import packed
 from .paths import entity
 from .streams import Static
-
-if TYPE_CHECKING:
-    from ..meshes import Solids
 
 __all__ = ["legend_shapes"]
 
@@ -28,37 +26,39 @@ ASPECT = 1.5  # width of the picture over its height, about
 
 
 def legend_shapes(
-    arrows: list[Arrow], arcs: list[Arc], scales: Scales, solids: Solids, around: NDArray[np.float64]
+    picture: Picture, around: NDArray[np.float64]
 ) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
     A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
     ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too.
     """
-    pointing = {a.vector.family for a in arrows if seen(a, scales, solids.size)}
-    shown = pointing | {a.moment.family for a in arcs if seen(a, scales, solids.size)}
+    scales, size = picture.scales, picture.size
+    vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(Arc)]
+    pointing = {v.family for v in vectors if seen(v, scales, size)}
+    shown = pointing | {m.family for m in moments if seen(m, scales, size)}
     for view in ("forces", "motion"):
-        drawn = [a for a in arrows if (a.vector.family in MOTION) == (view == "motion")]
-        low, high = extent(drawn, scales, solids.bounds, solids.size)[:, :2]
-        bottom = min(low[1], around[0, 1] - LEGEND_ROOM * solids.size) + 0.25 * LEGEND_ROOM * solids.size
+        drawn = [v for v in vectors if (v.family in MOTION) == (view == "motion")]
+        low, high = extent(drawn, scales, picture.bounds, size)[:, :2]
+        bottom = min(low[1], around[0, 1] - LEGEND_ROOM * size) + 0.25 * LEGEND_ROOM * size
         families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
         room = float(np.clip(ROW / max(len(families), 1), *LABEL))
-        column = max(COLUMN * solids.size, room * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
+        column = max(COLUMN * size, room * max(high[0] - low[0], ASPECT * (high[1] - low[1])))
         for k, family in enumerate(families):
             per_metre = scales.per_metre(family)
-            words, length = FAMILIES[family].label, LENGTH * solids.size
+            words, length = FAMILIES[family].label, LENGTH * size
             if family in pointing:
                 value = round_value(length * per_metre)
                 length = value / per_metre
                 words += f": {value:g} {FAMILIES[family].unit}"
-            start = _place((k - 0.5 * (len(families) - 1)) * column, bottom, solids)
-            yield from _entry(("legend", view, family), start, length, words, COLORS[family], solids.size)
+            start = _place((k - 0.5 * (len(families) - 1)) * column, bottom, picture)
+            yield from _entry(("legend", view, family), start, length, words, COLORS[family], size)
 
 
-def _place(across: float, y: float, solids: Solids) -> NDArray[np.float64]:
+def _place(across: float, y: float, picture: Picture) -> NDArray[np.float64]:
     """Where an arrow of the legend starts: in a row, so far from the mechanism's middle [m]."""
-    middle = 0.5 * (solids.bounds[0, 0] + solids.bounds[1, 0])
-    return np.array([middle + across - 0.5 * LENGTH * solids.size, y, solids.z_top])
+    middle = 0.5 * (picture.bounds[0, 0] + picture.bounds[1, 0])
+    return np.array([middle + across - 0.5 * LENGTH * picture.size, y, picture.top])
 
 
 def _entry(

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from mechcore.clearance import made_pairs
 from mechcore.plan import OUTPUTS, make_plan
 
+from ..picture import bare_picture
 from ..running import Running
 from ..solids import solids_of
-from ..tables import tables
-from .arrows import shapes
-from .blueprint import picture
+from .blueprint import picture as mechanism_view
+from .nodes import picture_statics, picture_streams
 from .plots import plot_styles
 from .stream_file import Part, live_file
-from .streams import Timelines, magnification, mechanism_streams, static_shapes, table_streams
+from .streams import Timelines, link_streams, magnification, table_streams, view_statics
 from .writer import describe_run
 
 if TYPE_CHECKING:
@@ -61,21 +61,19 @@ class Live:
             self._send(run)
 
     def _send(self, run: Run) -> None:
-        numbers = tables(run)
+        numbers = [*run.numbers.tables.values()]
         if self._solids is None:
             self._solids = solids_of(run)
             blueprint = _blueprint(self._running.scene, _room(run, self._solids))
             self.part.stream.send_blueprint(blueprint, make_active=True, make_default=True)
-            scales = shapes(run, self._solids.size)[2]
-            describe_run(self.part.stream, run, self._solids, scales, [], 1, complete=False)
-            for static in static_shapes(run, self._solids, [], []):
-                if not static.path.lstrip("/").startswith("mechanism/paths"):  # where points will have been
-                    self.part.stream.log(static.path, static.archetype, static=True)
-            for static in plot_styles(run, numbers):
+            picture = bare_picture(run, self._solids)
+            describe_run(self.part.stream, run, self._solids, picture, [], 1, complete=False)
+            for static in (*view_statics(picture.size), *picture_statics(picture), *plot_styles(run, numbers)):
                 self.part.stream.log(static.path, static.archetype, static=True)
         frames = np.arange(run.motion.frames)
         columns = Timelines.of(run).columns(frames)
-        for stream in (*mechanism_streams(run, self._solids), *table_streams(numbers)):
+        drawn = picture_streams(bare_picture(run, self._solids), 1)
+        for stream in (*link_streams(run), *drawn, *table_streams(numbers)):
             self.part.stream.send_columns(stream.path, columns, stream.columns(frames))
         self.part.flush(self.sent)
         self.told(self.sent)
@@ -119,7 +117,7 @@ def _blueprint(scene: Scene, room: NDArray[np.float64]) -> Any:
     if make_plan(scene.mechanism, set(OUTPUTS)).has("reactions and drive efforts"):
         plots.append(rrb.TimeSeriesView(name="Energy [J]", origin="/", contents=["+ /data/energy"]))
     return rrb.Blueprint(
-        rrb.Horizontal(picture("Mechanism", [], room), rrb.Vertical(*plots), column_shares=[3, 2]),
+        rrb.Horizontal(mechanism_view("Mechanism", [], room), rrb.Vertical(*plots), column_shares=[3, 2]),
         rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.events import Event
+
 from .errors import RecordingError
 from .paths import entity
 from .thinning import evenly, rows_at_or_before, ticks, times_of
@@ -20,7 +22,7 @@ from .thinning import evenly, rows_at_or_before, ticks, times_of
 if TYPE_CHECKING:
     from ..scene import Scene
 
-__all__ = ["LoggedEvent", "Recording", "Rows"]
+__all__ = ["Recording", "Rows"]
 
 PROPERTIES = "/__properties/mechviz"
 IN_FULL = ("/events", "/state/")  # what does not happen at frames
@@ -35,15 +37,6 @@ class Rows:
     drives: dict[str, NDArray[np.int64]]  # drive_mdeg, drive_um
     values: NDArray[Any]  # all instances of all rows, one after the other
     lengths: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class LoggedEvent:
-    """A row of the event log; ``time`` [s]."""
-
-    time: float
-    level: str
-    text: str
 
 
 class Recording:
@@ -148,14 +141,19 @@ class Recording:
         return "" if value is None or not len(value) else value[0]
 
     @cached_property
-    def events(self) -> tuple[LoggedEvent, ...]:
+    def events(self) -> tuple[Event, ...]:
         """The event log, sorted by time."""
         if not self.has("events"):
             return ()
-        text = self.rows("events", component="TextLog:text")
-        level = self.rows("events", component="TextLog:level")
+        level, line = (self.rows("events", component=f"TextLog:{name}") for name in ("level", "text"))
+        try:
+            parts = [self.rows("events", component=name).values for name in ("item", "message")]
+        except KeyError:  # of an older version, which wrote lines only
+            words = [str(x).partition(": ") for x in line.values]
+            parts = [np.array([w[0] for w in words]), np.array([w[2].rpartition(" (t = ")[0] for w in words])]
         return tuple(
-            LoggedEvent(1e-9 * int(t), str(lv), str(x)) for t, lv, x in zip(text.time, level.values, text.values, strict=True)
+            Event(1e-9 * int(t), "WARN" if lv == "WARN" else "INFO", str(item), str(text))
+            for t, lv, item, text in zip(line.time, level.values, *parts, strict=True)
         )
 
     # -- values -------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,25 +11,20 @@ from uuid import uuid4
 
 import numpy as np
 
-from mechcore.events import Event, find_events
-from mechcore.friction.events import friction_events
-from mechcore.loads import BeltTension
+from mechcore.events import Event
 
-from ..coils import find_coils
 from ..drawings import drawings_of
-from ..linkers import find_linkers
 from ..overlays import overlay_box
-from ..riders import find_riders
+from ..picture import Arrow, Picture, picture_of
+from ..quantities.events import events_of, line_of
 from ..run import Stage, stopwatch
 from ..solids import solids_of
-from ..tables import tables
-from ..vectors import Scales
+from ..vectors import FORCE_FAMILIES
 from . import simulations
-from .arrows import LEGEND_ROOM, extent, shapes
+from .arrows import LEGEND_ROOM, extent
 from .blueprint import BACKGROUND, make_blueprint, spans_of_plots
 from .describe import accuracy_words, notes, properties, recorded_frames, scene_text
 from .diagrams import diagram_views, find_diagrams
-from .events import peak_events
 from .families import Content, find_statics, find_streams, find_views
 from .frictions import send_lanes
 from .marks import mark_times, send_marks
@@ -83,7 +78,7 @@ class RecordingSummary:
         lines += self.errors
         lines += [f"the solids of {a} and {b} pass through each other in every order of layers" for a, b in self.clashes]
         warnings = [e for e in self.events if e.level == "WARN"]
-        lines += [f"warning: {e.item}: {e.text} (t = {e.time:.6g} s)" for e in warnings[:MOST_WARNINGS]]
+        lines += [f"warning: {line_of(e)}" for e in warnings[:MOST_WARNINGS]]
         if len(warnings) > MOST_WARNINGS:
             lines.append(f"and {len(warnings) - MOST_WARNINGS} warnings more: see mechviz inspect {self.path}")
         return "\n".join(lines)
@@ -117,35 +112,31 @@ def write_recording(
     with stage("solid meshes"):
         solids = solids or solids_of(run)
     with stage("tables, arrows and events"):
-        arrows, arcs, scales = shapes(run, solids.size)
+        picture = picture_of(run, solids)
         every = picture_stride(run)
         timelines = Timelines.of(run)
-        found = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
-        events = sorted(found, key=lambda e: e.time)
+        events = events_of(run)
         content = Content(
             run,
             solids,
-            tables(run),
-            arrows,
-            arcs,
-            scales,
+            [*run.numbers.tables.values()],
+            picture,
             drawings_of(run, solids.size),
-            list(find_linkers(run, solids.size)),
-            find_coils(run, solids),
-            find_riders(run, solids),
             every,
             find_diagrams(run),
         )
         thin = run.accuracy.decimation
         streams = [s if thin == 1 else replace(s, every=s.every * thin) for s in find_streams(content)]
     with stage("blueprint"):
-        motion = [a for a in arrows if a.vector.family in ("velocity", "acceleration")]
+        scales = picture.scales
+        motion = [a.vector for a in picture.of(Arrow, "velocity", "acceleration")]
+        forces = [a.vector for a in picture.of(Arrow, *FORCE_FAMILIES)]
         bounds = {
-            "forces": extent([a for a in arrows if a not in motion], scales, solids.bounds, solids.size),
+            "forces": extent(forces, scales, solids.bounds, solids.size),
             "motion": extent(motion, scales, solids.bounds, solids.size),
         }
         drawn = overlay_box(run, solids)
-        if arrows:
+        if motion or forces:
             drawn[0, 1] -= LEGEND_ROOM * solids.size
         bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
@@ -158,7 +149,7 @@ def write_recording(
         with stage("error estimates"):
             accuracy_words(run)  # estimates them once: the notes and the summary tell them
         with stage("writing"):
-            describe_run(part.stream, run, solids, scales, stages, every, complete=False)
+            describe_run(part.stream, run, solids, picture, stages, every, complete=False)
             for static in statics:
                 part.stream.log(static.path, static.archetype, static=True)
             for link in _properties_of_links(run):
@@ -170,7 +161,7 @@ def write_recording(
             else:
                 simulations.send_lanes(part.stream, timelines, run.simulation)
             _send_streams(part, streams, timelines, progress)
-        describe_run(part.stream, run, solids, scales, stages, every, complete=True)
+        describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(
         path=path,
         recording_id=recording_id,
@@ -180,48 +171,24 @@ def write_recording(
         computed=tuple(s.name for s in run.plan.computed),
         skipped=tuple(s.name for s in run.plan.skipped),
         stages=(*run.stages, *stages),
-        events=tuple(events),
+        events=events,
         errors=accuracy_words(run),
         clashes=tuple(solids.clashes),
     )
 
 
-def _cam_events(run: Run) -> list[Event]:
-    """Events of the cams, where there are any."""
-    if not any(r.geometry is not None for r in run.motion.model.relations):
-        return []
-    from mechcore.cams.happenings import cam_events
-
-    return cam_events(run.motion, run.forces)
-
-
-def _course_events(run: Run) -> list[Event]:
-    """What happens in the course of the motion."""
-    if run.simulation is not None:
-        return simulations.simulation_events(run)
-    rubbing = [] if run.forces is None else friction_events(run.forces)
-    return [*find_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
-
-
-def _belt_events(run: Run) -> list[Event]:
-    """Where belts slip, where one has a tension."""
-    if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
-        return []
-    from mechcore.belts import belt_events
-
-    return belt_events(run.forces)
-
-
-def describe_run(stream: Any, run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> None:
+def describe_run(
+    stream: Any, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
+) -> None:
     """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
     import rerun as rr
 
     spent = [*run.stages, *stages]
     wall = float(sum(s.seconds for s in spent))
-    stream.send_property("mechviz", rr.AnyValues(**properties(run, scales, wall, complete=complete)))
+    stream.send_property("mechviz", rr.AnyValues(**properties(run, picture, wall, complete=complete)))
     if not complete:
         stream.log("scene", rr.TextDocument(scene_text(run)), static=True)
-    text = notes(run, solids, scales, spent, every, complete=complete)
+    text = notes(run, solids, picture.scales, spent, every, complete=complete)
     stream.log("notes", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
@@ -234,14 +201,14 @@ def _properties_of_links(run: Run) -> list[tuple[str, Any]]:
     return [(entity("data", "links", k, "properties"), rr.Scalars(values)) for k, values in link_properties(run).items()]
 
 
-def _send_events(stream: Any, timelines: Timelines, events: list[Event]) -> None:
+def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> None:
     if not events:
         return
     import rerun as rr
 
-    lines = [f"{e.item}: {e.text} (t = {e.time:.6g} s)" for e in events]
-    columns = rr.TextLog.columns(text=lines, level=[e.level for e in events])
-    stream.send_columns("events", timelines.columns_at(np.array([e.time for e in events])), columns)
+    lines = rr.TextLog.columns(text=[line_of(e) for e in events], level=[e.level for e in events])
+    parts = rr.AnyValues.columns(item=[e.item for e in events], message=[e.text for e in events])
+    stream.send_columns("events", timelines.columns_at(np.array([e.time for e in events])), [*lines, *parts])
 
 
 def _send_streams(part: Part, streams: list[Stream], timelines: Timelines, progress: Callable[[int, int], None] | None) -> None:

@@ -14,7 +14,7 @@ from ..record.thinning import evenly
 if TYPE_CHECKING:
     from ..record import Recording
 
-__all__ = ["MOST_FRAMES", "Frames", "Progress", "find_frames", "parts_of", "quiet", "rows_at"]
+__all__ = ["MOST_FRAMES", "Frames", "Progress", "find_frames", "quiet", "rows_at"]
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -82,19 +82,3 @@ def rows_at(recording: Recording, frames: Frames, path: str, *components: str) -
         empty = rows.values[:0]
         found.append([rows.values[ends[r] - rows.lengths[r] : ends[r]] if r >= 0 else empty for r in row])
     return found
-
-
-def parts_of(path: str) -> tuple[str, ...]:
-    """The unescaped parts of an entity path."""
-    parts, part, escaped = [], "", False
-    for letter in path.removeprefix("/"):
-        if escaped:
-            part, escaped = part + letter, False
-        elif letter == "\\":
-            escaped = True
-        elif letter == "/":
-            parts.append(part)
-            part = ""
-        else:
-            part += letter
-    return (*parts, part)

@@ -83,7 +83,7 @@ class Player {
       const when = document.createElement("time");
       when.textContent = `${words(event.time, 4)} s`;
       const what = document.createElement("span");
-      what.textContent = event.text.replace(/ \(t = [^()]* s\)$/, "");
+      what.textContent = event.text;
       what.className = event.level === "WARN" ? "warn" : "";
       button.append(when, what);
       button.onclick = () => this.seek(event.time);

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import Frames, Progress, parts_of, quiet
+from ..record.paths import parts_of
+from .frames import Frames, Progress, quiet
 
 if TYPE_CHECKING:
     from ..record import Recording

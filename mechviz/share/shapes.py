@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..record.paths import entity as _path
+from ..record.paths import parts_of
 from ..riders import KINDS
 from ..vectors import FAMILIES
-from .frames import Frames, Progress, parts_of, quiet, rows_at
+from .frames import Frames, Progress, quiet, rows_at
 from .pack import Pack
 
 if TYPE_CHECKING:
@@ -303,8 +305,3 @@ def _corners(xy: Real) -> NDArray[np.int64]:
 def _hex(color: Any) -> str:
     return f"#{int(color) >> 8:06x}"
 
-
-def _path(*parts: str) -> str:
-    from ..record.paths import entity
-
-    return entity(*parts)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..record.paths import parts_of
 from ..vectors import FAMILIES, FORCE_FAMILIES, round_value
 from .frames import MOST_FRAMES, Frames, Progress, find_frames, quiet
 from .markdown import html_of
@@ -73,7 +74,7 @@ def show_text(
         "plots": [pack_plot(p, pack) for p in curves],
         "first": first_plots(recording, curves),
         "lanes": _lanes(recording),
-        "events": [{"time": e.time, "level": e.level, "text": e.text} for e in recording.events],
+        "events": [{"time": e.time, "level": e.level, "text": f"{e.item}: {e.text}"} for e in recording.events],
         "notes": html_of(recording.notes),
     }
     return pack.text(header), frames
@@ -187,8 +188,6 @@ def _scales(properties: Mapping[str, Any]) -> dict[str, float]:
 
 def _lanes(recording: Recording) -> list[dict[str, Any]]:
     """States over time: of each lane the times of its changes and its states."""
-    from .frames import parts_of
-
     found = []
     for path in recording.entities:
         parts = parts_of(path)

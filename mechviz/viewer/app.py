@@ -27,7 +27,6 @@ from .plots import Plots
 from .scene3d import Scene3D
 from .server import HOST, ViewerError, report, safely, start_server, stop_server
 from .show import Show
-from .show_run import telling_frame
 from .studio import Studio
 from .switches import Switches
 from .timeline import Timeline
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
     from ..scene import Scene
 
-__all__ = ["Viewer", "serve", "serve_while", "telling_frame"]
+__all__ = ["Viewer", "serve", "serve_while"]
 
 SHARE = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
 PAUSE = 0.3, 2.0  # the shortest and the longest one [s]

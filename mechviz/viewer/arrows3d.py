@@ -8,12 +8,13 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..picture import Arc, Arrow
 from ..proportions import ARC_RADIUS, ARC_TIP, ARC_WIDTH, HEAD, HEAD_RADIUS, LEAST_ARROW, SHAFT, arc_corners, arc_faces
 from ..vectors import FAMILIES
 from .playback import PointTrack, ragged
 from .show import Show
 
-__all__ = ["ArrowNodes", "arc_path", "arc_vertices", "arrow_points"]
+__all__ = ["ArrowNodes", "arc_path", "arc_vertices", "arrow_points", "arrows_by_family"]
 
 Real = NDArray[np.float64]
 
@@ -59,20 +60,21 @@ class ArrowNodes:
         """Take the vectors and moments of ``show`` from the next ``show(frame)`` on."""
         self._present = tuple(family for family in FAMILIES if family in show.families)
         self._tracks: dict[str, tuple[Real, Real, Real]] = {}
-        for family, arrows in show.arrows.items():
+        for family, arrows in arrows_by_family(show).items():
             if family not in self._nodes:
                 self._nodes[family] = self._add_arrows(family)
-            self._tracks[family] = arrows.origins, arrows.values / show.scales.per_metre(family), arrows.heights
+            origins, values = (np.stack([getattr(a.vector, part) for a in arrows], axis=1) for part in ("origin", "value"))
+            self._tracks[family] = origins, values / show.scales.per_metre(family), np.array([a.height for a in arrows])
         for family, node in self._nodes.items():
             if family not in self._tracks:
                 node.visible = False
         self._turns: dict[tuple[str, str], tuple[Real, Real, float]] = {}
-        for arc in show.arcs:
-            key = (arc.family, arc.item)
+        for arc in show.picture.of(Arc):
+            moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
-            turns = arc.values / show.scales.newton_metres_per_metre / (ARC_RADIUS * self._size)
-            self._turns[key] = arc.origin, turns, arc.height
+            turns = moment.value / show.scales.newton_metres_per_metre / (ARC_RADIUS * self._size)
+            self._turns[key] = moment.origin, turns, arc.height
         for key, node in self._arcs.items():
             if key not in self._turns:
                 node.visible = False
@@ -178,6 +180,14 @@ class ArrowNodes:
             cast_shadow=False,
             receive_shadow=False,
         )
+
+
+def arrows_by_family(show: Show) -> dict[str, list[Arrow]]:
+    """The arrows that share a node, in the order in which they are drawn."""
+    found: dict[str, list[Arrow]] = {}
+    for arrow in show.picture.of(Arrow):
+        found.setdefault(arrow.group, []).append(arrow)
+    return found
 
 
 def arc_path(family: str, item: str) -> str:

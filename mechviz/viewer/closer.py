@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import viser
 
+from ..quantities import Axis, Quantity
 from . import words
 from .callbacks import Callback
 from .playback import NumberTrack, PlotTrack
 from .plots import CURSOR_RATE, ROUND_OFF, Slot
-from .quantities import Axis, Quantity
 from .show import Show
 
 __all__ = ["Closer", "items_of", "members"]
@@ -22,15 +22,13 @@ FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angu
 
 
 def items_of(show: Show) -> tuple[str, ...]:
-    """What can be looked at: ``link crank``, ``pair A``, ``cam K``, ``drive A``."""
-    return tuple(
-        dict.fromkeys(q.label.split(":")[0] for q in show.quantities if ":" in q.label and not q.label.startswith("health"))
-    )
+    """What can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
+    return tuple(dict.fromkeys(q.item for q in show.quantities if q.item and q.item != "health"))
 
 
 def members(show: Show, item: str) -> tuple[Quantity, ...]:
     """The quantities of an item."""
-    return tuple(q for q in show.quantities if q.label.split(":")[0] == item)
+    return tuple(q for q in show.quantities if q.item == item)
 
 
 class Closer:

@@ -27,7 +27,7 @@ class Growth:
         self._built = build(run)
         self._for = run.motion.frames
         first = show_of_run(run, self._built)
-        self.show = replace(first, opening=first.frames - 1, notes=NOTES)
+        self.show = replace(first, opens_at=first.frames - 1, notes=NOTES)
         self.words = ""
         self._bar = server.gui.add_html("", order=-1.0)
 

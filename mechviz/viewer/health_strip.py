@@ -8,7 +8,9 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from .show import Happening, Health
+from mechcore.events import Event
+
+from ..quantities import Health
 
 __all__ = ["columns", "health_svg", "in_words", "shade"]
 
@@ -35,7 +37,7 @@ def columns(trouble: Real, count: int = COLUMNS) -> Real:
     return np.maximum.reduceat(trouble, edges[:-1])
 
 
-def health_svg(health: Sequence[Health], events: Sequence[Happening], time: Real) -> str:
+def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) -> str:
     """A row for each quantity, and below them a mark for every event, with words for the mouse and for screen readers.
 
     The rows lie below the track of the timeline's slider, so that a place in them is a place of the slider.
@@ -59,7 +61,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Happening], time: Real
     for e in events:
         x = WIDTH * float(np.clip((e.time - start) / length, 0.0, 1.0))
         color = "#d03030" if e.level == "WARN" else "#2563c9"
-        said = escape(f"{e.time:.4g} s: {e.text}")
+        said = escape(f"{e.time:.4g} s: {e.item}: {e.text}")
         rows.append(f'<g><title>{said}</title><path d="M{x:.1f},{base + 1:g} l9,12 h-18 z" fill="{color}"/></g>')
     names.append(f'<div style="height:{EVENTS:g}px">{len(events)} event{"" if len(events) == 1 else "s"}</div>')
     words = "Health of the run: " + "; ".join([*map(in_words, health), f"{len(events)} events"])

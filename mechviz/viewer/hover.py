@@ -14,8 +14,9 @@ from typing import Any
 import viser
 from viser import _messages
 
+from ..picture import Arc
 from ..vectors import FAMILIES
-from .arrows3d import arc_path
+from .arrows3d import arc_path, arrows_by_family
 from .marks3d import dot_path, joint_groups, joint_path
 from .show import Show
 from .solids3d import link_path
@@ -38,24 +39,23 @@ def hover_names(show: Show) -> dict[str, Name]:
         words = [_joint(show, name) + (", driven" if name in driven else "") for name in names]
         if len(names) > 1:
             words = [f"{name}: {text}" for name, text in zip(names, words, strict=True)]
-        found[f"{joint_path(names)}/dot"] = (f"pair {', '.join(names)}", "; ".join(words), ())
+        found[f"{joint_path(names)}/dot"] = (f"joint {', '.join(names)}", "; ".join(words), ())
     for name in show.paths:
         found[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
-    for family, arrows in show.arrows.items():
+    for family, arrows in arrows_by_family(show).items():
         kind = FAMILIES[family]
-        items = tuple(f"{kind.label}: {item}" for item in arrows.items)
+        items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
         found[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{kind.unit}]", items)
-    for arc in show.arcs:
-        found[arc_path(arc.family, arc.item)] = (f"{FAMILIES[arc.family].label}: {arc.item}", "a moment [N m]", ())
+    for arc in show.picture.of(Arc):
+        family, item = arc.group, arc.moment.item
+        found[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", "a moment [N m]", ())
     return found
 
 
 def _joint(show: Show, name: str) -> str:
-    """What a joint is: ``revolute, crank and coupler``. Those that a pair with clearance is made of have no words."""
-    if name not in show.kinds:
-        return "joint"
-    kind, links = show.kinds[name]
-    return f"{KINDS.get(kind, kind)}, {' and '.join(links)}"
+    """What a joint is: ``revolute, crank and coupler``."""
+    joint = show.numbers.joints[name]
+    return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
 class HoverNames:

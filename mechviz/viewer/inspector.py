@@ -313,7 +313,7 @@ class Inspector:
         """Mark what is looked at."""
         self.playback.change()
         kind, _, name = item.partition(" ")
-        self.scene.joints.pick([name] if kind in ("pair", "drive", "cam") else [])
+        self.scene.joints.pick([name] if kind in ("joint", "drive", "cam") else [])
         self.scene.links.pick(name if kind == "link" else "")
 
     def _clicked_link(self, link: str, event: Any) -> None:
@@ -322,7 +322,7 @@ class Inspector:
             self._studio.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
             return
         known = items_of(self.show)
-        cams = [n for n, (_, links) in self.show.kinds.items() if links[0] == link and f"cam {n}" in known]
+        cams = [j.name for j in self.show.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
         item = f"cam {cams[0]}" if cams else f"link {link}"
         if item in known:
             self.closer.look_at(item)
@@ -331,7 +331,7 @@ class Inspector:
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
         known = items_of(self.show)
         for name in names:
-            for kind in ("cam", "pair", "drive"):
+            for kind in ("cam", "joint", "drive"):
                 if f"{kind} {name}" in known:
                     self.closer.look_at(f"{kind} {name}")
                     open_tab(event.client, CLOSER)

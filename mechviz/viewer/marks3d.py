@@ -9,10 +9,12 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..picture import Points
 from .poses import Posed
 from .show import Show
+from .solids3d import link_path
 
-__all__ = ["PATH", "Joints", "Paths", "dot_path", "joint_groups", "joint_path", "path_segments"]
+__all__ = ["PATH", "Joints", "Masses", "Paths", "dot_path", "joint_groups", "joint_path", "path_segments"]
 
 Real = NDArray[np.float64]
 
@@ -92,12 +94,11 @@ class Joints:
     def update(self, show: Show) -> None:
         self._size = show.size
         self._beside = 0.018 * show.size  # from a joint to its name, along each axis
-        z = show.z_top + 0.004 * show.size
         driven = {drive.name for drive in show.drives}
         self._groups = []
-        for names, xy in joint_groups(show.joints, 1e-6 * show.size):
+        for names, places in joint_groups(show.joints, 1e-6 * show.size):
             key = tuple(names)
-            self._groups.append((key, np.column_stack([xy, np.full(len(xy), z)])))
+            self._groups.append((key, places))
             if key not in self._labels:
                 text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
                 path = joint_path(names)
@@ -156,16 +157,57 @@ class Joints:
 
 
 def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str], Real]]:
-    """Names of joints that lie within ``near`` [m] of each other in all frames, with their places (F, 2) [m]."""
+    """Names of joints that lie within ``near`` [m] of each other in all frames, with the places (F, 3) [m] of the foremost."""
     groups: list[tuple[list[str], Real]] = []
-    for name, xy in joints.items():
-        for names, other in groups:
-            if np.abs(xy - other).max(initial=0.0) <= near:
+    for name, places in joints.items():
+        for k, (names, other) in enumerate(groups):
+            if np.abs(places[:, :2] - other[:, :2]).max(initial=0.0) <= near:
                 names.append(name)
+                groups[k] = names, np.maximum(places, other)
                 break
         else:
-            groups.append(([name], xy))
+            groups.append(([name], places))
     return groups
+
+
+class Masses:
+    """Balls for point masses, below the nodes of their links, with what they weigh."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._on = True
+        self._nodes: list[Any] = []
+        self._drawn: list[Points] = []
+        self.update(show)
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def update(self, show: Show) -> None:
+        wanted = list(show.picture.of(Points, "masses"))
+        if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
+            return
+        for old in self._nodes:
+            old.remove()
+        self._drawn, self._nodes, scene = wanted, [], self._server.scene
+        for node in wanted:
+            for k, (place, radius, label) in enumerate(zip(node.places[0], node.radii, node.labels, strict=True)):
+                path = f"{link_path(node.parent)}/mass_{k}"
+                at = (float(place[0]), float(place[1]), float(place[2]))
+                ball = scene.add_icosphere(
+                    path, radius, color=node.color, position=at, visible=self._on, cast_shadow=False, receive_shadow=False
+                )
+                self._nodes += [ball, scene.add_label(f"{path}/weight", label, visible=self._on)]
+
+    def switch(self, on: bool) -> None:
+        """Draw them, or no more."""
+        self._on = on
+        for node in self._nodes:
+            node.visible = on
+
+
+def _weights(node: Points) -> Any:
+    return node.key, node.places.tolist(), node.radii, node.labels
 
 
 def joint_path(names: Iterable[str]) -> str:

@@ -12,9 +12,9 @@ import numpy as np
 import viser
 from viser import uplot
 
+from ..quantities import Axis, Quantity
 from .curves import Curves
 from .playback import NumberTrack, PlotTrack
-from .quantities import Axis, Quantity
 from .show import Show
 from .words import number
 

@@ -13,7 +13,7 @@ from ..drawings import Drawing, Ink, Mark
 from ..record import Recording
 from ..record.diagrams import HEIGHT, WIDTH, Curve
 from ..record.diagrams import Diagram as Chart
-from ..share.frames import parts_of
+from ..record.paths import parts_of
 from .show import Overlay, Rolling
 
 __all__ = ["RecordedPlans"]

@@ -11,16 +11,16 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..picture import Body
 from .arrows3d import ArrowNodes
+from .bodies3d import BodyNodes
 from .camera import FittedCameras, set_first_view
-from .coils3d import CoilNodes
 from .ghost import Ghost
-from .linkers3d import LinkerNodes
-from .marks3d import Joints, Paths
+from .lines3d import LineNodes
+from .marks3d import Joints, Masses, Paths
 from .plans3d import PlanNodes
 from .playback import PointTrack, PoseTrack
 from .poses import place
-from .riders3d import RiderNodes
 from .show import Show
 from .solids3d import SolidNodes
 from .stage import Stage
@@ -58,20 +58,20 @@ class Scene3D:
             self.links = SolidNodes(server, show, clicked_link)
             self.arrows = ArrowNodes(server, show)
             self._paths = Paths(server, show)
-            self._linkers = LinkerNodes(server, show)
-            self._coils = CoilNodes(server, show)
-            self._riders = RiderNodes(server, show)
+            self._lines = LineNodes(server, show)
+            self._bodies = BodyNodes(server, show)
+            self._masses = Masses(server, show)
             self.joints = Joints(server, show, clicked_joints)
             self.plans = PlanNodes(server, show)
-        self._posed = (self.links, self.ghost, self._paths, self.joints, self._riders, self._coils)
-        for family in SHOWN_FIRST:
-            if family in self.arrows.families:
-                self.arrows.switch(family, True)
+        self._posed = (self.links, self.ghost, self._paths, self.joints, self._bodies)
+        for family in self.arrows.families:
+            self.switch_family(family, family in SHOWN_FIRST)
         self.bounds = self._box(show)
         set_first_view(server, self.bounds)
         self.marks: Mapping[str, Callable[[bool], None]] = {
             "Paths": self._paths.switch,
-            **({"Springs and dampers": self._switch_linkers} if len(self._linkers) + len(self._coils) else {}),
+            **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
+            **({"Point masses": self._masses.switch} if len(self._masses) else {}),
             **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
             "Joint names": self.joints.switch,
             "Grid": self.stage.switch,
@@ -91,9 +91,9 @@ class Scene3D:
         self.links.update(show)
         self.arrows.update(show)
         self._paths.update(show)
-        self._linkers.update(show)
-        self._coils.update(show)
-        self._riders.update(show)
+        self._lines.update(show)
+        self._bodies.update(show)
+        self._masses.update(show)
         self.joints.update(show)
         self.plans.update(show)
 
@@ -110,8 +110,8 @@ class Scene3D:
         """Bring everything to a frame, in one piece for the browsers."""
         place(self._server, chain.from_iterable(nodes.poses(frame) for nodes in self._posed))
         self.arrows.show(frame)
-        self._linkers.show(frame)
-        self._coils.show(frame)
+        self._lines.show(frame)
+        self._bodies.show(frame)
         self.plans.show(frame)
 
     def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
@@ -121,17 +121,22 @@ class Scene3D:
         poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
         frames = self.current.frames
         moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
-        return moving, (*self.arrows.tracks(), *self._linkers.tracks(frames), *self._coils.stretches())
+        return moving, (*self.arrows.tracks(), *self._lines.tracks(frames), *self._bodies.stretches())
 
-    def _switch_linkers(self, on: bool) -> None:
-        self._linkers.switch(on)
-        self._coils.switch(on)
+    def switch_family(self, family: str, on: bool) -> None:
+        """Draw the arrows of a family with what belongs to them, or no more."""
+        self.arrows.switch(family, on)
+        if family in self._lines.groups:
+            self._lines.switch(family, on)
+
+    def _switch_springs(self, on: bool) -> None:
+        self._lines.switch("springs", on)
+        self._bodies.switch("springs", on)
 
     def cut(self, height: float | None) -> None:
         """Cut away what lies before a height [m], None: nothing. What is no plate goes as a whole."""
         self.links.cut(height)
-        self._coils.cut(height)
-        self._riders.cut(height)
+        self._bodies.cut(height)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
@@ -141,8 +146,8 @@ class Scene3D:
         box = _joined(show.bounds, self.arrows.reach(), BEYOND * show.size)
         first = _joined(show.bounds, self.arrows.reach(show.opening), BEYOND_FIRST * show.size)
         box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
-        for coil in show.coils:
-            low, high = coil.reach()
+        for spring in show.picture.of(Body, "springs"):
+            low, high = spring.reach()
             box[0, :2] = np.minimum(box[0, :2], np.maximum(low, show.bounds[0, :2] - 0.5 * show.size))
             box[1, :2] = np.maximum(box[1, :2], np.minimum(high, show.bounds[1, :2] + 0.5 * show.size))
         if self.plans.bounds is not None:

@@ -31,7 +31,7 @@ def sectioned(body: Body, height: float) -> Body:
     whole.
     """
     pieces = []
-    for piece in body.pieces if body.spin is None else ():
+    for piece in () if body.whole else body.pieces:
         z = piece.vertices[:, 2]
         if z.max() <= height:
             pieces.append(piece)
@@ -46,7 +46,7 @@ def sectioned(body: Body, height: float) -> Body:
         flat = (vertices[faces, 2] == np.float32(height)).all(axis=1)  # in the plane
         red, green, blue = (int(DARKER * c) for c in piece.color)
         pieces += [_part(vertices, faces[~flat], piece.color), _part(vertices, faces[flat], (red, green, blue))]
-    return body if body.spin is not None else Body(tuple(piece for piece in pieces if len(piece.faces)))
+    return body if body.whole else Body(tuple(piece for piece in pieces if len(piece.faces)))
 
 
 def _part(vertices: NDArray[np.float32], faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:

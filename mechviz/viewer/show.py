@@ -1,27 +1,27 @@
-"""What the viewer shows, as plain data over all frames: made from a solved run, or read from a recording."""
+"""What the viewer shows: the picture and the catalogue of a solved run or of a recording, with what only the viewer needs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..vectors import Scales
-from .quantities import Axis, Quantity
+from mechcore.events import Event
+
+from ..picture import Lines, Picture, Points
+from ..quantities import Axis, Catalogue, Health, Numbers, Quantity
+from ..vectors import FAMILIES, Scales
 
 if TYPE_CHECKING:
-    from ..coils import Coil
     from ..drawings import Drawing, Ink, Mark
-    from ..linkers import Linker
-    from ..meshes.spatial import Spin
     from ..record.diagrams import Diagram
-    from ..riders import Rider
     from ..run import Run
 
-__all__ = ["ArcTrack", "Arrows", "Body", "DriveWay", "Happening", "Health", "Overlay", "Piece", "Rolling", "Show"]
+__all__ = ["Body", "DriveWay", "Overlay", "Piece", "Rolling", "Show"]
 
 Real = NDArray[np.float64]
 
@@ -40,28 +40,7 @@ class Body:
     """The solid of a link, in pieces of one colour each."""
 
     pieces: tuple[Piece, ...]
-    spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
-
-
-@dataclass(frozen=True, eq=False)
-class Arrows:
-    """The arrows of a family: ``origins`` and ``values`` (F, n, 2) [m] and in the family's unit, ``heights`` (n,) [m]."""
-
-    items: tuple[str, ...]
-    origins: Real
-    values: Real
-    heights: Real
-
-
-@dataclass(frozen=True, eq=False)
-class ArcTrack:
-    """A moment about ``origin`` (F, 2) [m]: ``values`` (F,) [N m], drawn as an arc at a height [m]."""
-
-    family: str
-    item: str
-    origin: Real
-    values: Real
-    height: float
+    whole: bool = False  # it turns about an axis in the plane, so that no section cuts it
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,25 +50,6 @@ class DriveWay:
     name: str
     sliding: bool
     position: Real
-
-
-@dataclass(frozen=True, eq=False)
-class Health:
-    """A residual or condition number ``values`` (F,). ``good``: up to here all is well; ``bad``: from here on nothing is."""
-
-    name: str
-    unit: str
-    values: Real
-    good: float
-    bad: float
-
-    @property
-    def trouble(self) -> Real:
-        """0 (well) to 1 (bad), on a logarithmic scale (F,); what is not a number is bad."""
-        size = np.abs(self.values)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.log(size / self.good) / np.log(self.bad / self.good)
-        return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,54 +70,81 @@ class Overlay:
     marks: tuple[Mark, ...]
 
 
-@dataclass(frozen=True)
-class Happening:
-    """An event of the run; ``time`` [s], ``level`` INFO or WARN."""
-
-    time: float
-    level: str
-    text: str
-
-
 @dataclass(frozen=True, eq=False)
 class Show:
-    """Everything that is shown, over the frames at ``time`` (F,) [s]. Poses are x, y, angle (F, 3) [m, m, rad]."""
+    """Everything that is shown, of a run or of a recording."""
 
     title: str
     teaches: str
-    time: Real
-    cycle: float  # [s]
-    drives: tuple[DriveWay, ...]
-    frame: str  # the fixed link
-    poses: Mapping[str, Real]
-    bodies: Mapping[str, Body]
-    size: float  # [m]
-    bounds: NDArray[np.float64]  # (2, 3) [m]
-    z_top: float
-    arrows: Mapping[str, Arrows]
-    arcs: tuple[ArcTrack, ...]
-    scales: Scales
-    paths: Mapping[str, Real]  # name of a point -> (F, 3) [m]
-    joints: Mapping[str, Real]  # (F, 2) [m]
-    quantities: tuple[Quantity, ...]
-    axes: tuple[Axis, ...]
-    first: tuple[Quantity, ...]  # what is plotted at the start
-    health: tuple[Health, ...] = ()
-    events: tuple[Happening, ...] = ()
-    linkers: tuple[Linker, ...] = ()
-    coils: tuple[Coil, ...] = ()
-    riders: tuple[Rider, ...] = ()
-    opening: int = 0  # the frame to open at
+    picture: Picture
+    bodies: Mapping[str, Body]  # by link; while a length is dragged they follow it
+    catalogue: Catalogue
+    events: tuple[Event, ...] = ()
+    opens_at: int | None = None  # the frame to open at, where it is not the catalogue's
     notes: str = ""  # what was computed and left out, as HTML
     run: Run | None = None  # not of a recording
-    spatial: Mapping[str, tuple[Real, Real]] = field(default_factory=dict)
-    """Links that do not only turn about z, of a recording: places (F, 3) [m] and turns (F, 4), w first."""
-    kinds: Mapping[str, tuple[str, tuple[str, str]]] = field(default_factory=dict)  # of joints, with their two links
-    heights: Mapping[tuple[str, str], float] = field(default_factory=dict)  # of arrows and arcs, by family and item
     drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
     charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
     polodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
     overlays: Callable[[], Mapping[str, Overlay]] = dict  # of a recording, by the words of their switch
+
+    @property
+    def numbers(self) -> Numbers:
+        return self.catalogue.numbers
+
+    @property
+    def time(self) -> Real:
+        """Of the frames (F,) [s]."""
+        return self.picture.time
+
+    @property
+    def cycle(self) -> float:
+        """How long a cycle takes [s]."""
+        return self.numbers.cycle
+
+    @property
+    def frame(self) -> str:
+        """The fixed link."""
+        return self.picture.frame
+
+    @property
+    def poses(self) -> Mapping[str, Real]:
+        """x, y, angle (F, 3) [m, m, rad] of all links."""
+        return self.picture.poses
+
+    @property
+    def size(self) -> float:
+        """The mechanism's [m]."""
+        return self.picture.size
+
+    @property
+    def bounds(self) -> Real:
+        """The box (2, 3) [m] around all solids over the run."""
+        return self.picture.bounds
+
+    @property
+    def z_top(self) -> float:
+        """The height before which there is nothing solid [m]."""
+        return self.picture.top
+
+    @property
+    def scales(self) -> Scales:
+        return self.picture.scales
+
+    @cached_property
+    def drives(self) -> tuple[DriveWay, ...]:
+        return tuple(DriveWay(d, self.numbers.slides(d), self.catalogue.coordinate(d)) for d in self.numbers.drives)
+
+    @cached_property
+    def paths(self) -> Mapping[str, Real]:
+        """Places (F, 3) [m] of traced points by name."""
+        found = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
+        return {name: places for name, places in found.items() if len(places) == self.frames}
+
+    @cached_property
+    def joints(self) -> Mapping[str, Real]:
+        """Places (F, 3) [m] of joints by name."""
+        return {node.owner[1]: np.asarray(node.places[:, 0], float) for node in self.picture.of(Points, "joints")}
 
     @property
     def frames(self) -> int:
@@ -166,12 +153,26 @@ class Show:
     @property
     def families(self) -> frozenset[str]:
         """Families of arrows of which there is anything."""
-        return frozenset([*self.arrows, *(arc.family for arc in self.arcs)])
+        return frozenset(node.group for node in self.picture.nodes if node.group in FAMILIES)
 
-    def peak(self, label: str) -> float:
-        """The largest size of a quantity over the run, NaN where there is none of that label."""
-        for q in self.quantities:
-            if q.label == label:
-                values = np.abs(q.values())
-                return float(np.max(values, initial=0.0, where=np.isfinite(values)))
-        return float("nan")
+    @property
+    def opening(self) -> int:
+        """The frame to open at."""
+        return self.catalogue.opening if self.opens_at is None else self.opens_at
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        return self.catalogue.quantities
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        return self.catalogue.axes
+
+    @property
+    def first(self) -> tuple[Quantity, ...]:
+        """What is plotted at the start."""
+        return self.catalogue.first
+
+    @property
+    def health(self) -> tuple[Health, ...]:
+        return self.catalogue.health

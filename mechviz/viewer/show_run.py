@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,35 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
-from mechcore.events import Event, find_events
-from mechcore.friction.events import friction_events
+from mechcore.pairs import build_pairs
 from mechcore.spec import Force, Mechanism
 
-from ..coils import find_coils
 from ..drawings import drawings_of
-from ..heights import arc_height, arrow_height, path_height
-from ..linkers import find_linkers
-from ..meshes import Solid, Solids
+from ..meshes import Solids
+from ..picture import Body as BodyNode
+from ..picture import Mesh, picture_of
+from ..picture.arrows import arrows_of
+from ..picture.build import solid_nodes
+from ..quantities.events import events_of
 from ..record.diagrams import find_diagrams
-from ..record.events import peak_events
-from ..record.simulations import simulation_events
-from ..riders import find_riders
 from ..run import Run
 from ..solids import solids_of
-from ..tables import joints_of
-from ..vectors import Scales, calm_frames, find_moments, find_scales, find_vectors
+from ..vectors import Scales
 from . import words
 from .alike import alike
-from .quantities import find_axes, find_quantities, first_choice, slides
-from .show import ArcTrack, Arrows, Body, DriveWay, Happening, Health, Piece, Rolling, Show
+from .show import Body, Piece, Rolling, Show
 from .warp import warped_body
 from .warp_cams import cam_profiles, stretched_cams
 
-__all__ = ["Built", "build", "happenings", "health_of", "pieces_of", "show_of_run", "telling_frame"]
+__all__ = ["Built", "bodies_of", "build", "pieces_of", "show_of_run", "split_by_color"]
 
 Real = NDArray[np.float64]
 
-PLOTS = 3
 KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as the best one is within this of it
 
 
@@ -70,17 +65,21 @@ def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
 def build(run: Run) -> Built:
     """The solids of a run."""
     motion, solids = run.motion, solids_of(run)
-    poses = {link.name: motion.pose(link.name) for link in motion.mechanism.links}
-    bodies = {name: Body(pieces_of(s), s.spin) for name, s in solids.links.items()}
-    return Built(motion.mechanism, run.accuracy, solids, bodies, poses, cam_profiles(motion))
+    bodies = bodies_of(solid_nodes(run, solids))
+    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion))
 
 
-def pieces_of(solid: Solid) -> tuple[Piece, ...]:
+def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, Body]:
+    """The solids of links by link."""
+    return {node.parent: Body(pieces_of(node.mesh), node.poses is not None) for node in nodes}
+
+
+def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
     """A solid in pieces of one colour each: viser's meshes have a single one.
 
     The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
     """
-    return split_by_color(solid.vertices, solid.faces, solid.colors[:, :3])
+    return split_by_color(mesh.vertices, mesh.faces, mesh.colors)
 
 
 def split_by_color(vertices: NDArray[np.float32], faces: NDArray[np.uint32], colors: NDArray[np.uint8]) -> tuple[Piece, ...]:
@@ -105,84 +104,36 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
     """
     motion, mechanism, solids = run.motion, run.motion.mechanism, built.solids
     exact = built.mechanism is mechanism
-    points = {link.name: link.points for link in built.mechanism.links}
-    bodies = {
-        link.name: body if exact else warped_body(body, points[link.name], link.points)
-        for link in mechanism.links
-        if (body := built.bodies.get(link.name)) is not None
-    }
-    if not exact and built.cams:
-        bodies |= stretched_cams(bodies, built.cams, cam_profiles(motion))
-    poses = {link.name: motion.pose(link.name) for link in mechanism.links}
-    for name, pose in poses.items():
+    bodies = dict(built.bodies)
+    if not exact:
+        old, new = (points_of(m) for m in (built.mechanism, mechanism))
+        bodies = {link: warped_body(body, old[link], new.get(link, old[link])) for link, body in bodies.items()}
+        if built.cams:
+            bodies |= stretched_cams(bodies, built.cams, cam_profiles(motion))
+    for name, pose in run.numbers.poses.items():
         if not np.isfinite(pose).all():  # viser would pass it on to the browsers
             raise ValueError(f"the pose of link {name} is not finite in all frames")
-    vectors, moments = find_vectors(run), find_moments(run)
-    scales = find_scales(vectors, moments, solids.size, calm_frames(run))
+    arrows = arrows_of(run, solids.size)
     if before is not None:
-        scales = _kept(before.scales, scales)
-    known = {} if before is None or exact else before.heights
-    heights: dict[tuple[str, str], float] = {}
-    arrows: dict[str, Arrows] = {}
-    for family, items in vectors.items():
-        for item, vector in items.items():
-            key = (family, item)
-            heights[key] = known[key] if key in known else arrow_height(run, solids.heights, vector, scales.per_metre(family))
-        arrows[family] = Arrows(
-            tuple(items),
-            np.stack([v.origin for v in items.values()], axis=1),
-            np.stack([v.value for v in items.values()], axis=1),
-            np.array([heights[family, item] for item in items]),
-        )
-    arcs = []
-    for family, found in moments.items():
-        for item, moment in found.items():
-            key = (f"{family} moment", item)
-            heights[key] = known[key] if key in known else arc_height(run, solids.heights, moment, 0.085 * solids.size)
-            arcs.append(ArcTrack(family, item, moment.origin, moment.value, heights[key]))
-    paths = {}
-    for link, point in mechanism.traced:
-        key = ("path", f"{link}.{point}")
-        heights[key] = known[key] if key in known else path_height(run, solids.heights, link, point)
-        paths[f"{link}.{point}"] = np.column_stack([motion.point(link, point), np.full(motion.frames, heights[key])])
-    coils = find_coils(run, solids, {name: (z, known["coil width", name]) for (kind, name), z in known.items() if kind == "coil"})
-    for coil in coils:
-        heights |= {("coil", coil.name): coil.height, ("coil width", coil.name): coil.width}
-    quantities = tuple(find_quantities(run))
+        arrows = replace(arrows, scales=_kept(before.scales, arrows.scales))
     return Show(
         title=run.scene.title,
         teaches=run.scene.teaches,
-        time=np.asarray(motion.time, float),
-        cycle=_cycle(run),
-        drives=tuple(DriveWay(d.pair, slides(motion, d.pair), q[0]) for d, q in zip(mechanism.drives, motion.drives, strict=True)),
-        frame=mechanism.frame,
-        poses=poses,
+        picture=picture_of(run, solids, arrows, None if before is None or exact else before.picture),
         bodies=bodies,
-        size=solids.size,
-        bounds=np.asarray(solids.bounds, float),
-        z_top=solids.z_top,
-        arrows=arrows,
-        arcs=tuple(arcs),
-        scales=scales,
-        paths=paths,
-        joints={pair.name: motion.pair_position(pair.name) for pair in mechanism.pairs},
-        quantities=quantities,
-        axes=tuple(find_axes(run)),
-        first=tuple(first_choice(run, PLOTS)),
-        health=health_of(run),
-        events=happenings(run) if exact or before is None else before.events,
-        linkers=tuple(find_linkers(run, solids.size)),
-        coils=tuple(coils),
-        riders=tuple(find_riders(run, solids)),
-        opening=telling_frame(run),
+        catalogue=run.catalogue,
+        events=events_of(run) if exact or before is None else before.events,
         notes=words.plan_list(run),
         run=run,
-        kinds={j.name: (j.kind, j.links) for j in joints_of(motion)},
-        heights=heights,
         drawings=lambda: drawings_of(run, solids.size),
         charts=lambda: find_diagrams(run),
         polodes=lambda: polodes_of(run),
     )
+
+
+def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float]]]:
+    """The points of all links, those that a joint brings along among them."""
+    return {link.name: link.points for link in build_pairs(mechanism).links.values()}
 
 
 def polodes_of(run: Run) -> dict[str, Rolling]:
@@ -202,63 +153,3 @@ def _kept(old: Scales, new: Scales) -> Scales:
     names = ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre")
     kept = {n: getattr(old, n) for n in names if low <= getattr(new, n) / getattr(old, n) <= high and getattr(old, n) != 1.0}
     return replace(new, **kept)
-
-
-def _cycle(run: Run) -> float:
-    drives = run.motion.mechanism.drives
-    cycle = float(drives[0].law.duration) if drives else float(run.motion.time[-1])
-    return cycle if np.isfinite(cycle) and cycle > 0.0 else max(float(np.ptp(run.motion.time)), 1e-9)
-
-
-def health_of(run: Run) -> tuple[Health, ...]:
-    """The strips of a run's health. The limits are those of the solver: 1e-12 of the size is promised, 1e8 is singular."""
-    motion = run.motion
-    size = motion.model.size
-    found = [
-        Health("closure", "m", motion.closure, 1e-12 * size, 1e-6 * size),
-        Health("condition", "1", motion.condition, 30.0, 1e8),
-    ]
-    if run.forces is not None:
-        found.append(Health("power balance", "1", run.forces.power_balance, 1e-9, 1e-3))
-    if run.simulation is not None:
-        found.append(Health("energy drift", "1", run.simulation.drift(motion.time), 1e-7, 1e-3))
-    return tuple(found)
-
-
-def happenings(run: Run) -> tuple[Happening, ...]:
-    """Events of the run, in the order of time."""
-    found: list[Event] = list(peak_events(run))
-    if run.simulation is not None:
-        found += simulation_events(run)
-    else:
-        found += find_events(run.motion)
-        found += [] if run.forces is None else friction_events(run.forces)
-        if any(r.geometry is not None for r in run.motion.model.relations):
-            from mechcore.cams.happenings import cam_events
-
-            found += cam_events(run.motion, run.forces)
-    told = sorted((e.in_units(run.scene.units) for e in found), key=lambda e: e.time)
-    return tuple(Happening(e.time, e.level, f"{e.item}: {e.text}") for e in told)
-
-
-def telling_frame(run: Run) -> int:
-    """The frame to open at.
-
-    With forces, where reactions and driving efforts together come nearest to their peaks: at a dead centre, where all links and
-    arrows lie on one line, the effort is nothing. Else an eighth of the first drive's cycle into the run.
-    """
-    motion, forces = run.motion, run.forces
-    if forces is not None:
-        reactions = [np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in motion.mechanism.pairs]
-        efforts = [forces.effort(drive.pair) for drive in motion.mechanism.drives]
-        load = sum(_of_peak(values) for values in (*([np.max(reactions, axis=0)] if reactions else []), *efforts))
-        if np.any(load):
-            return int(np.argmax(load))
-    cycle = motion.mechanism.drives[0].law.duration if motion.mechanism.drives else float(np.ptp(motion.time))
-    return int(np.argmin(np.abs(motion.time - motion.time[0] - min(cycle, float(np.ptp(motion.time))) / 8.0)))
-
-
-def _of_peak(values: Real) -> Real:
-    """Magnitudes as parts of the largest one; nothing where they are not finite or all zero."""
-    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
-    return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ..picture import Body as BodyNode
 from ..turns import about_z
 from .poses import Posed
 from .section import sectioned
 from .show import Body, Show
-
-if TYPE_CHECKING:
-    from ..meshes.spatial import Spin
 
 __all__ = ["SolidNodes", "composed", "link_path", "quaternions"]
 
@@ -46,13 +44,6 @@ def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
         [pose[:, 0] + c * shift[:, 0] - s * shift[:, 1], pose[:, 1] + s * shift[:, 0] + c * shift[:, 1], shift[:, 2]]
     )
     return turn, place
-
-
-def _spun(pose: Real, carrier: Real, spin: Spin) -> tuple[Real, Real]:
-    """Turns (F, 4) and places (F, 3) of a solid that turns about an axis in the plane."""
-    from ..meshes.spatial import spin_transforms
-
-    return composed(pose, *spin_transforms(spin, pose[:, 2] - carrier[:, 2]))
 
 
 class SolidNodes:
@@ -86,11 +77,10 @@ class SolidNodes:
             if body is not None and self._bodies.get(link) is not body:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
-            if link in show.spatial:
-                places, turns = show.spatial[link]
-                self._moving[link] = turns, places
-            elif body is not None and body.spin is not None:
-                self._moving[link] = _spun(pose, show.poses[body.spin.carrier], body.spin)
+        for solid in show.picture.of(BodyNode, "solids"):
+            if solid.poses is not None:  # it turns about an axis in the plane
+                shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.turns))
+                self._moving[solid.parent] = composed(show.poses[solid.parent], shift, turn)
         self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
         self._bodies = show.bodies
 

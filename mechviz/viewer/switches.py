@@ -99,7 +99,7 @@ class Switches:
         self._changed()
 
     def _switch(self, family: str, _: Any) -> None:
-        self._scene.arrows.switch(family, bool(self.families[family].value))
+        self._scene.switch_family(family, bool(self.families[family].value))
         self._changed()
 
     def _enlarge(self, label: str, families: tuple[str, ...], _: Any) -> None:

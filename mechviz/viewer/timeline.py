@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import viser
 
+from mechcore.events import Event
+
 from . import words
 from .callbacks import Callback, finite
 from .health_strip import health_svg
 from .playback import NumberTrack
 from .player import Player
-from .show import Happening, Show
+from .show import Show
 
 __all__ = ["Speeds", "Timeline"]
 
@@ -72,7 +74,7 @@ class Timeline:
         self._show, self._svg = show, ""
         self._options: tuple[str, ...] = ()
         self._moved = 0.0
-        self._happenings: dict[str, Happening] = {}
+        self._happenings: dict[str, Event] = {}
         self._speeds, self._cycle = Speeds(show.cycle), float("nan")
         self.update(show)
         self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
@@ -187,8 +189,8 @@ class Timeline:
             actions[name]()
 
 
-def _event_label(k: int, event: Happening) -> str:
-    text = f"{k + 1}. {'⚠ ' if event.level == 'WARN' else ''}{event.time:.4g} s  {event.text}"
+def _event_label(k: int, event: Event) -> str:
+    text = f"{k + 1}. {'⚠ ' if event.level == 'WARN' else ''}{event.time:.4g} s  {event.item}: {event.text}"
     return text if len(text) <= LONGEST_EVENT else f"{text[: LONGEST_EVENT - 1]}…"
 
 

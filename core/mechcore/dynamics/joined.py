@@ -196,8 +196,12 @@ class JoinedForces:
 
     def powers(self) -> list[tuple[Wrench, Array]]:
         """All loads and inertia forces, each with its power (F,) [W]; those of end stops do no work and are left out."""
-        first = [w for w in self.parts[0][1].applied if w.name not in self._stops]
-        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(first)]  # type: ignore[misc]  # bound now
+        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(self.applied)]  # type: ignore[misc]  # bound now
+
+    @property
+    def applied(self) -> tuple[Wrench, ...]:
+        """All wrenches on the links but those of dry friction and of end stops."""
+        return tuple(w for w in self.parts[0][1].applied if w.name not in self._stops)
 
     @cached_property
     def loads(self) -> dict[str, LoadResult]:

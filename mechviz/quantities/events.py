@@ -1,4 +1,4 @@
-"""Peaks of drive efforts and reactions as events."""
+"""All events of a run, in the order of time."""
 
 from __future__ import annotations
 
@@ -7,14 +7,54 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.events import SINGULAR, Event
+from mechcore.events import SINGULAR, Event, find_events
+from mechcore.friction.events import friction_events
+from mechcore.loads import BeltTension
 
 from ..tables import joints_of, pair_unit, rounding_of_efforts
+from .simulated import simulation_events
 
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["peak_events"]
+__all__ = ["events_of", "line_of", "peak_events"]
+
+
+def events_of(run: Run) -> tuple[Event, ...]:
+    """All events of a run, sorted by time, in the units of its scene."""
+    found = (e.in_units(run.scene.units) for e in (*_course_events(run), *peak_events(run)))
+    return tuple(sorted(found, key=lambda e: e.time))
+
+
+def line_of(event: Event) -> str:
+    """An event in a line: what it happens to, what happens, and when."""
+    return f"{event.item}: {event.text} (t = {event.time:.6g} s)"
+
+
+def _course_events(run: Run) -> list[Event]:
+    """What happens in the course of the motion."""
+    if run.simulation is not None:
+        return simulation_events(run)
+    rubbing = [] if run.forces is None else friction_events(run.forces)
+    return [*find_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
+
+
+def _cam_events(run: Run) -> list[Event]:
+    """Events of the cams, where there are any."""
+    if not any(r.geometry is not None for r in run.motion.model.relations):
+        return []
+    from mechcore.cams.happenings import cam_events
+
+    return cam_events(run.motion, run.forces)
+
+
+def _belt_events(run: Run) -> list[Event]:
+    """Where belts slip, where one has a tension."""
+    if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
+        return []
+    from mechcore.belts import belt_events
+
+    return belt_events(run.forces)
 
 
 def peak_events(run: Run) -> list[Event]:

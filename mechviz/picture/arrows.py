@@ -1,0 +1,191 @@
+"""Which vectors and moments are drawn: a function of the numbers, the same of a run and of its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantities.numbers import Numbers
+from ..vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
+from .nodes import Arc, Arrow, Node
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["LONGEST", "SHORTEST", "Arrows", "arrows_of", "friction_circles", "key_of", "visible", "with_scales"]
+
+Real = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+T = TypeVar("T", Vector, Moment)
+
+LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
+SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
+ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Arrows:
+    """Vectors and moments by family, with their scales."""
+
+    vectors: tuple[Vector, ...]
+    moments: tuple[Moment, ...]
+    scales: Scales
+
+    def nodes(self, heights: Mapping[str, float], otherwise: float) -> Iterator[Node]:
+        """The nodes of a picture, at heights [m] by key."""
+        for vector in self.vectors:
+            key = key_of(vector)
+            yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector)
+        for moment in self.moments:
+            key = key_of(moment)
+            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment)
+
+
+def key_of(item: Vector | Moment) -> str:
+    """Its key in a picture."""
+    return f"{item.family}.{item.item}" + ("" if isinstance(item, Vector) else ".moment")
+
+
+def owner_of(item: Vector | Moment) -> tuple[str, str]:
+    """What an arrow belongs to: a joint, a load, a link or a point."""
+    kinds = {"applied": "load", "gravity": "link", "inertia": "link", "velocity": "point", "acceleration": "point"}
+    return kinds.get(item.family, "joint"), item.item
+
+
+def friction_circles(run: Run) -> frozenset[str]:
+    """Pins whose friction is drawn as a circle, which the line of action touches."""
+    friction = None if run.forces is None else run.forces.friction
+    return frozenset() if friction is None else frozenset(e.pair for e in friction.elements if e.kind == "pin")
+
+
+def arrows_of(run: Run, size: float) -> Arrows:
+    """All vectors and moments of a run with their scales; ``size`` [m] is the mechanism's."""
+    numbers, calm = run.numbers, calm_frames(run)
+    vectors = _in_order(_vectors(numbers))
+    first = find_scales(_by_family(vectors), {}, size, calm)
+    moments = _moments(numbers, vectors, first, size, friction_circles(run))
+    turning = find_scales({}, _by_family(moments), size, calm).newton_metres_per_metre
+    return Arrows(vectors, moments, replace(first, newton_metres_per_metre=turning))
+
+
+def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collection[str]) -> Arrows:
+    """The same of a recording, whose scales and friction ``circles`` are known."""
+    vectors = _in_order(_vectors(numbers))
+    return Arrows(vectors, _moments(numbers, vectors, scales, size, circles), scales)
+
+
+def visible(vectors: Real, scale: float, size: float) -> Flags:
+    """Which vectors (F, 2) are finite, long enough to be seen and short enough to make sense (F,)."""
+    length = np.hypot(vectors[:, 0], vectors[:, 1]) / (size * scale)
+    return np.isfinite(length) & (length > SHORTEST) & (length < LONGEST)
+
+
+def _vectors(n: Numbers) -> Iterator[Vector]:
+    places = {j: n.values("data", "joints", j, "position") for j in n.joints} if n.has_forces else {}
+    for name in n.points:
+        at = n.values("data", "points", name, "position")
+        for family in ("velocity", "acceleration"):
+            value = n.values("data", "points", name, family)
+            if at is not None and value is not None:
+                yield Vector(family, name, at, value)
+    for name, at in places.items():
+        for family in ("reaction", "friction"):
+            value = n.values("data", "joints", name, family)
+            if at is not None and value is not None and (family == "reaction" or np.any(np.nan_to_num(value[:, :2]))):
+                yield Vector(family, name, at, value[:, :2])
+    for name, load in n.loads.items():
+        gravity = load.kind == "gravity"
+        value = n.values("data", "loads", "gravity", load.links[0]) if gravity else n.values("data", "loads", name)
+        if value is not None and np.any(np.nan_to_num(value[:, :2])):
+            yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), value[:, 3:], value[:, :2])
+    for name in n.links:
+        value, at = n.values("data", "links", name, "inertia"), n.values("data", "points", centre_name(name), "position")
+        if value is not None and at is not None:
+            yield _inertia_resultant(name, at, value)
+    for name in n.drives:
+        value, at = n.values("data", "drive", name, "wrench"), places.get(name)
+        if value is not None and at is not None and np.any(value[:, :2]):
+            yield Vector("drive", name, at, value[:, :2])
+
+
+def _inertia_resultant(link: str, centre: Real, values: Real) -> Vector:
+    """The inertia force of a link on its line of action: moved from the centre of mass by moment over force."""
+    force, moment = values[:, :2], values[:, 2]
+    square = (force**2).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # the arm at right angles to the force for which arm x force = moment
+        arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
+    arm[square == 0.0] = 0.0
+    return Vector("inertia", link, centre + arm, force)
+
+
+def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float, circles: Collection[str]) -> tuple[Moment, ...]:
+    """Drive torques, moments of loads, friction and couples in joints, as far as they are more than rounding; inertia moments
+    where no force carries them."""
+    if not n.has_forces:
+        return ()
+    found: list[Moment] = []
+    places = {j: n.tables["data", "joints", j, "position"].values for j in n.joints}
+    for name in n.drives:
+        found.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].values[:, 2]))
+    for name, load in n.loads.items():
+        value = None if load.kind == "gravity" else n.values("data", "loads", name)
+        if value is not None and np.any(np.nan_to_num(value[:, 2])):
+            free = not np.any(np.nan_to_num(value[:, :2]))
+            at = _middle_of_joints(n, load.links[0], places) if free else value[:, 3:]
+            found.append(Moment("applied", name, at, value[:, 2]))
+    for name, at in places.items():
+        couple, friction = n.tables["data", "joints", name, "reaction"].values[:, 2], n.values("data", "joints", name, "friction")
+        if friction is not None and name not in circles:
+            found.append(Moment("friction", name, at, friction[:, 2]))
+        found.append(Moment("reaction", name, at, couple if friction is None else _apart(couple, friction[:, 2])))
+    largest = max((_largest(m.value) for m in found), default=0.0)
+    pull = max((_largest(v.value) for v in vectors if v.family == "reaction"), default=0.0)
+    largest = max(largest, pull * n.length_scale)  # where forces balance, all moments may be nothing
+    found = [m for m in found if _largest(m.value) > ROUND_OFF * largest]
+    return _in_order([*found, *_inertia_moments(n, vectors, scales, size)])
+
+
+def _apart(couple: Real, friction: Real) -> Real:
+    """The couple of a joint; nothing where it is all friction, as of a pin."""
+    same = np.abs(np.nan_to_num(couple - friction)) <= ROUND_OFF * max(_largest(couple), _largest(friction))
+    return np.zeros_like(couple) if same.all() else couple
+
+
+def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float) -> Iterator[Moment]:
+    """Inertia moments of links at frames where no inertia force is there to carry them, about the centre of mass."""
+    for link in n.links:
+        values, centre = n.values("data", "links", link, "inertia"), n.values("data", "points", centre_name(link), "position")
+        if values is None or centre is None:
+            continue
+        alone = ~visible(values[:, :2], scales.newtons_per_metre, size)
+        moment = np.where(alone, values[:, 2], 0.0)
+        if np.any(moment):
+            yield Moment("inertia", link, centre, moment, alone)
+
+
+def _middle_of_joints(n: Numbers, link: str, places: dict[str, Real]) -> Real:
+    """Where a free moment on a link is drawn: at its joint on the frame if it has one, else in the middle of its joints."""
+    joints = [j for j in n.joints.values() if link in j.links]
+    grounded = [j for j in joints if n.frame in j.links]
+    return np.asarray(np.mean([places[j.name] for j in grounded[:1] or joints], axis=0))
+
+
+def _in_order(found: Collection[T] | Iterator[T]) -> tuple[T, ...]:
+    families = list(FAMILIES)
+    return tuple(sorted(found, key=lambda item: families.index(item.family)))
+
+
+def _by_family(found: tuple[T, ...]) -> dict[str, dict[str, T]]:
+    grouped: dict[str, dict[str, T]] = {}
+    for item in found:
+        grouped.setdefault(item.family, {})[item.item] = item
+    return grouped
+
+
+def _largest(values: Real) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))

@@ -1,0 +1,255 @@
+"""The picture of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..coils import COLOR as COIL
+from ..coils import Coil, find_coils
+from ..heights import arc_height, arrow_height, path_height
+from ..linkers import find_linkers
+from ..proportions import ARC_RADIUS
+from ..riders import find_riders
+from ..scene.bodies import lumps_of
+from ..scene.convert import Converter
+from ..turns import about_z
+from ..vectors import point_name
+from .arrows import Arrows, arrows_of, key_of
+from .nodes import Body, Lines, Mesh, Picture, Points, Poses
+
+if TYPE_CHECKING:
+    from ..meshes import Solids
+    from ..run import Run
+
+__all__ = ["bare_picture", "joint_nodes", "picture_of", "solid_nodes"]
+
+Real = NDArray[np.float64]
+Single = NDArray[np.float32]
+Heights = Mapping[str, float]
+
+LINES = {
+    "torsion spring": (196, 214, 236),
+    "damper": (168, 176, 188),
+    "gas spring": (176, 190, 200),
+    "actuator": (150, 170, 196),
+    "bushing": (176, 150, 130),
+}
+LINE = 0.0042  # radius of the lines of dampers and gas springs, in sizes of the mechanism
+PATH = 0.0025
+FRICTION = (255, 214, 92)
+CIRCLE_POINTS = 48
+ACTION = 0.12  # half of a drawn line of action, in sizes of the mechanism
+THIN = 0.0018  # radius of friction circles and lines of action
+BALL = (228, 196, 96)
+LARGEST_BALL = 0.045  # radius of the heaviest point mass, in sizes of the mechanism
+DOT, DOT_COLOR = 0.0045, (250, 250, 250)
+
+
+def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Picture | None = None) -> Picture:
+    """Everything that is seen of a run with its solids.
+
+    ``arrows``: where they have been found before; ``known``: the picture of a run of the same scene, of which heights are kept.
+    """
+    heights = {} if known is None else {node.key: node.height for node in known.nodes}
+    arrows = arrows or arrows_of(run, solids.size)
+    widths = {} if known is None else known.widths
+    coils = find_coils(run, solids, {name: (heights[f"spring.{name}"], width) for name, width in widths.items()})
+    nodes = [
+        *solid_nodes(run, solids),
+        *_springs(coils),
+        *_marks(run, solids),
+        *_struts(run, solids),
+        *_friction(run, solids),
+        *_masses(run, solids),
+        *_paths(run, solids, heights),
+        *joint_nodes(run, solids),
+        *arrows.nodes(_arrow_heights(run, solids, arrows, heights), solids.z_top),
+    ]
+    numbers = run.numbers
+    bounds = np.asarray(solids.bounds, float)
+    return Picture(
+        numbers.time,
+        numbers.frame,
+        numbers.poses,
+        tuple(nodes),
+        arrows.scales,
+        solids.size,
+        bounds,
+        solids.z_top,
+        widths={coil.name: coil.width for coil in coils},
+    )
+
+
+def bare_picture(run: Run, solids: Solids) -> Picture:
+    """Solids and joints alone: of a run of which the rest is not known yet."""
+    n, nodes = run.numbers, (*solid_nodes(run, solids), *joint_nodes(run, solids))
+    scales = arrows_of(run, solids.size).scales
+    return Picture(n.time, n.frame, n.poses, nodes, scales, solids.size, np.asarray(solids.bounds, float), solids.z_top)
+
+
+def solid_nodes(run: Run, solids: Solids) -> Iterator[Body]:
+    """The solids of the links; one that turns about an axis of its own in the plane has poses in the axes of its link."""
+    for name, solid in solids.links.items():
+        if not len(solid.faces):
+            continue
+        mesh = Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3])
+        poses = None
+        if solid.spin is not None:
+            from ..meshes.spatial import spin_transforms
+
+            turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
+            places, turns = spin_transforms(solid.spin, turned)
+            poses = Poses(_single(places), _single(turns))
+        yield Body(f"link.{name}", ("link", name), "solids", ("mechanism", "links", name, "mesh"), 0.0, name, mesh, poses)
+
+
+def _springs(coils: list[Coil]) -> Iterator[Body]:
+    """Springs between two points, stretched along their axes."""
+    for coil in coils:
+        mesh = Mesh(coil.vertices, coil.faces, coil.normals, _one_color(COIL, len(coil.vertices)))
+        poses = Poses(_single(coil.places()), _single(about_z(coil.pose[:, 2])), _single(coil.scales()))
+        entity = ("mechanism", "springs", coil.name)
+        yield Body(f"spring.{coil.name}", ("load", coil.name), "springs", entity, coil.height, "", mesh, poses)
+
+
+def _marks(run: Run, solids: Solids) -> Iterator[Body]:
+    """Marks on rollers and belts, which ride on their links."""
+    for mark in find_riders(run, solids):
+        mesh = Mesh(mark.vertices, mark.faces, mark.normals, _one_color(mark.color, len(mark.vertices)))
+        poses = Poses(_single(mark.places()), _single(mark.turns()))
+        height = mark.centre[2] if mark.axis is None else 0.0
+        key, entity = f"{mark.kind}.{mark.name}", ("mechanism", "links", mark.link, mark.title)
+        yield Body(key, ("link", mark.link), mark.kind, entity, height, mark.link, mesh, poses)
+
+
+def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
+    """Dampers, gas springs and torsion springs."""
+    height = solids.z_top + 0.004 * solids.size
+    frames = np.arange(run.motion.frames)
+    for strut in find_linkers(run, solids.size):
+        strips = tuple(_in_space(strip, height) for strip in strut.strips(frames))
+        entity = ("mechanism", "springs", strut.name)
+        owner = ("load", strut.name)
+        yield Lines(f"spring.{strut.name}", owner, "springs", entity, height, strips, LINES[strut.kind], LINE * solids.size)
+
+
+def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
+    """The friction circle of every pin, true to scale, with the line of action of its reaction, which touches it."""
+    if run.forces is None or run.forces.friction is None:
+        return
+    forces, friction = run.forces, run.forces.friction
+    height = solids.z_top + 0.012 * solids.size
+    turn = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+    around = np.column_stack([np.cos(turn), np.sin(turn)])
+    for e in friction.elements:
+        if e.kind != "pin":
+            continue
+        place, reaction = forces.position(e.pair), forces.reaction(e.pair)
+        size = np.hypot(reaction[:, 0], reaction[:, 1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = reaction[:, :2] / size[:, None]
+            arm = friction.wrench(e.pair)[:, 2] / size  # the moment about the pin is that of the force on its line of action
+        touch = place + arm[:, None] * np.column_stack([along[:, 1], -along[:, 0]])
+        half = ACTION * solids.size * along
+        circle = place[:, None] + e.factor * around
+        line = np.stack([touch - half, touch + half], axis=1)
+        for name, strip in (("circle", circle), ("line", line)):
+            there = np.asarray(np.isfinite(strip).all(axis=(1, 2)))
+            yield Lines(
+                f"friction.{e.pair}.{name}",
+                ("joint", e.pair),
+                "friction",
+                ("vectors", "friction", e.pair, name),
+                height,
+                (np.where(there[:, None, None], _in_space(strip, height), np.float32(np.nan)),),
+                FRICTION,
+                THIN * solids.size,
+                None if there.all() else there,
+            )
+
+
+def _masses(run: Run, solids: Solids) -> Iterator[Points]:
+    """Point masses that a scene fixes to its links, as balls with their volumes in the ratio of the masses."""
+    document = run.scene.document
+    points = {link.name: link.points for link in run.motion.mechanism.links}
+    convert = Converter.of(document.units, run.scene.folder)
+    found = {name: lumps_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
+    heaviest = max((b.mass for bodies in found.values() for b in bodies), default=0.0)
+    for name, bodies in found.items() if heaviest > 0.0 else ():
+        yield Points(
+            f"masses.{name}",
+            ("link", name),
+            "masses",
+            ("mechanism", "links", name, "lumps"),
+            solids.z_top,
+            name,
+            np.array([[(*b.centre, solids.z_top) for b in bodies]], np.float32),
+            BALL,
+            tuple(LARGEST_BALL * solids.size * (b.mass / heaviest) ** (1.0 / 3.0) for b in bodies),
+            tuple(f"{b.mass:.4g} kg" for b in bodies),
+        )
+
+
+def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
+    """Paths of traced points over the run, on the fronts of their links."""
+    for link, point in run.motion.mechanism.traced:
+        name = point_name(link, point)
+        key = f"path.{name}"
+        height = heights[key] if key in heights else path_height(run, solids.heights, link, point)
+        strip = _in_space(run.motion.point(link, point)[None], height)
+        r, g, b = (int(0.5 * c + 127) for c in solids.links[link].color[:3])
+        entity = ("mechanism", "paths", name)
+        yield Lines(key, ("point", name), "paths", entity, height, (strip,), (r, g, b), PATH * solids.size)
+
+
+def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
+    """A dot at every joint with its name, or all names at the first of those that lie at the same place all the time."""
+    places = {name: run.motion.pair_position(name) for name in run.numbers.joints}
+    near = 1e-6 * run.motion.model.size
+    heaps: list[tuple[Real, list[str]]] = []
+    for name, place in places.items():
+        known = next((names for other, names in heaps if np.abs(other - place).max(initial=0.0) < near), None)
+        if known is None:
+            heaps.append((place, [name]))
+        else:
+            known.append(name)
+    labels = {names[0]: ", ".join(names) for _, names in heaps}
+    for name, place in places.items():
+        height = solids.heights.of_joint(name)
+        spots = _in_space(place[:, None], height)
+        entity = ("mechanism", "joints", name)
+        label = (labels.get(name, ""),)
+        yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, DOT_COLOR, (DOT * solids.size,), label)
+
+
+def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, known: Heights) -> Heights:
+    """Heights [m] of arrows and arcs by key."""
+    found = {}
+    for vector in arrows.vectors:
+        key = key_of(vector)
+        if key not in known:
+            found[key] = arrow_height(run, solids.heights, vector, arrows.scales.per_metre(vector.family))
+    for moment in arrows.moments:
+        key = key_of(moment)
+        if key not in known:
+            found[key] = arc_height(run, solids.heights, moment, ARC_RADIUS * solids.size)
+    return {**known, **found}
+
+
+def _one_color(color: tuple[int, int, int], count: int) -> NDArray[np.uint8]:
+    return np.tile(np.array(color, np.uint8), (count, 1))
+
+
+def _single(values: Real) -> Single:
+    return np.asarray(values, np.float32)
+
+
+def _in_space(xy: Real, height: float) -> Single:
+    """Places (..., 2) of the plane at a height (..., 3)."""
+    out = np.full((*xy.shape[:-1], 3), height, np.float32)
+    out[..., :2] = xy
+    return out

@@ -1,0 +1,137 @@
+"""What a picture consists of: a flat list of nodes, each with a key, an owner, the group that switches it, and a track."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..vectors import Moment, Scales, Vector
+
+__all__ = ["Arc", "Arrow", "Body", "Lines", "Mesh", "Node", "Picture", "Points", "Poses"]
+
+Real = NDArray[np.float64]
+Single = NDArray[np.float32]
+Color = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A solid: ``vertices`` (V, 3) [m], ``faces`` (N, 3), unit ``normals`` (V, 3), ``colors`` (V, 3) from 0 to 255."""
+
+    vertices: Single
+    faces: NDArray[np.uint32]
+    normals: Single
+    colors: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Where a body is at every frame: ``places`` (F, 3) [m], ``turns`` (F, 4) as quaternions x, y, z, w, ``scales`` (F, 3)."""
+
+    places: Single
+    turns: Single
+    scales: Single | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """Something that is drawn. ``key`` is unique in its picture; ``owner``: a kind (link, joint, load, point) and a name;
+    ``group``: what it is shown and hidden with; ``entity``: parts of its path in a recording; ``height`` z [m] at which it lies."""
+
+    key: str
+    owner: tuple[str, str]
+    group: str
+    entity: tuple[str, ...]
+    height: float
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Node):
+    """A solid in the axes of the link ``parent``, or in the world where that is empty; at rest there without ``poses``."""
+
+    parent: str
+    mesh: Mesh
+    poses: Poses | None = None
+
+    def reach(self) -> Real:
+        """The box (2, 2) [m] around a body that is stretched along its axis in the plane, over the run."""
+        assert self.poses is not None and self.poses.scales is not None
+        places, (z, w) = self.poses.places[:, :2], self.poses.turns[:, 2:].T
+        long, wide = self.poses.scales[:, 0] * self.mesh.vertices[:, 0].max(), float(self.mesh.vertices[:, 1].max())
+        spots = np.concatenate([places, places + long[:, None] * np.column_stack([w * w - z * z, 2.0 * w * z])]).astype(float)
+        return np.array([np.nanmin(spots, axis=0) - wide, np.nanmax(spots, axis=0) + wide])
+
+
+@dataclass(frozen=True, eq=False)
+class Lines(Node):
+    """Strips (F, n, 3) [m] in the world at every frame, or (1, n, 3) where they stand still; ``shown`` (F,): at which frames."""
+
+    strips: tuple[Single, ...]
+    color: Color
+    radius: float
+    shown: NDArray[np.bool_] | None = None
+
+    @property
+    def moves(self) -> bool:
+        return len(self.strips[0]) > 1
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Node):
+    """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``."""
+
+    parent: str
+    places: Single
+    color: Color
+    radii: tuple[float, ...]
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow(Node):
+    """A vector over the frames."""
+
+    vector: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Arc(Node):
+    """A moment over the frames, drawn as an arc."""
+
+    moment: Moment
+
+
+N = TypeVar("N", bound=Node)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What is seen over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the nodes.
+
+    ``frame`` is the fixed link, ``size`` [m] the mechanism's, ``bounds`` (2, 3) [m] the box around all solids over the run, ``top``
+    [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn; ``widths`` of springs by name, over
+    that of one around a stem only, where they are known.
+    """
+
+    time: Real
+    frame: str
+    poses: Mapping[str, Real]
+    nodes: tuple[Node, ...]
+    scales: Scales
+    size: float
+    bounds: Real
+    top: float
+    widths: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def by_key(self) -> Mapping[str, Node]:
+        return {node.key: node for node in self.nodes}
+
+    def of(self, kind: type[N], *groups: str) -> Iterator[N]:
+        """The nodes of a kind, of some groups or of all."""
+        return (node for node in self.nodes if isinstance(node, kind) and (not groups or node.group in groups))

@@ -1,0 +1,220 @@
+"""The catalogue: every quantity that can be plotted, exported or looked up, with its key, unit, label and values.
+
+It follows from the tables of a run or of a recording, so that both have the same one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables import Table
+from .entries import UNITS, Entry, Names, entries
+from .numbers import Numbers
+
+__all__ = ["Axis", "Catalogue", "Health", "Quantity"]
+
+Real = NDArray[np.float64]
+
+MOST_FIRST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """Something to plot: ``values()`` gives (F, n), one column for each name in ``curves``, in ``unit``.
+
+    ``key``: such as ``joint.B.reaction``; ``item``: what it is of, such as ``joint B``; empty of the whole mechanism.
+    ``path`` of the table that holds it, in SI units.
+    """
+
+    entry: Entry
+    table: Table
+
+    @property
+    def key(self) -> str:
+        return self.entry.key
+
+    @property
+    def item(self) -> str:
+        return self.entry.item
+
+    @property
+    def name(self) -> str:
+        return self.entry.name
+
+    @property
+    def unit(self) -> str:
+        return self.entry.unit
+
+    @property
+    def curves(self) -> tuple[str, ...]:
+        return self.entry.curves
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        return self.entry.path
+
+    @property
+    def label(self) -> str:
+        return f"{self.item}: {self.name}" if self.item else self.name
+
+    @property
+    def title(self) -> str:
+        return f"{self.label} [{self.unit}]"
+
+    def values(self) -> Real:
+        return self.entry.read(self.table.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """What a plot runs against: ``values`` (F,) never decrease or never increase."""
+
+    label: str
+    unit: str
+    values: Real
+
+    @property
+    def title(self) -> str:
+        return f"{self.label} [{self.unit}]"
+
+
+@dataclass(frozen=True, eq=False)
+class Health:
+    """A residual or condition number ``values`` (F,). ``good``: up to here all is well; ``bad``: from here on nothing is."""
+
+    name: str
+    unit: str
+    values: Real
+    good: float
+    bad: float
+
+    @property
+    def trouble(self) -> Real:
+        """0 (well) to 1 (bad), on a logarithmic scale (F,); what is not a number is bad."""
+        size = np.abs(self.values)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.log(size / self.good) / np.log(self.bad / self.good)
+        return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Catalogue:
+    """All quantities of a run or of a recording, in the order in which they are offered."""
+
+    numbers: Numbers
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        n = self.numbers
+        found = entries(tuple((path, table.columns) for path, table in n.tables.items()), names_of(n))
+        every = (Quantity(entry, n.tables[entry.path]) for entry in found)
+        return tuple(q for q in every if not q.entry.sparse or np.isfinite(q.values()).any())
+
+    @cached_property
+    def by_key(self) -> dict[str, Quantity]:
+        return {q.key: q for q in self.quantities}
+
+    def __getitem__(self, key: str) -> Quantity:
+        return self.by_key[key]
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """Drive positions that run one way only, then time. A plot needs ordered values, so an oscillating drive gives none."""
+        found = []
+        for name in self.numbers.drives:
+            position = self.coordinate(name)
+            steps = np.diff(position)
+            if len(steps) and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+                what, unit = ("displacement", "m") if self.numbers.slides(name) else ("angle", "rad")
+                shown, factor = UNITS[unit]
+                found.append(Axis(f"{what} of drive {name}", shown, position * factor))
+        return (*found, Axis("time", "s", self.numbers.time))
+
+    def coordinate(self, drive: str) -> Real:
+        """Position (F,) of a drive [rad or m]."""
+        return self.numbers.tables["data", "joints", drive, "motion"].values[:, 0]
+
+    @cached_property
+    def first(self) -> tuple[Quantity, ...]:
+        """What is plotted at the start: driving efforts, then the motion of the output or of a traced point."""
+        n = self.numbers
+        wanted = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
+        output = self.output
+        if output is not None and n.slides(output):
+            wanted += [f"joint.{output}.{what}" for what in ("displacement", "velocity", "acceleration")]
+        elif output is not None:
+            link = next((name for name in n.joints[output].links if name != n.frame), "")
+            # of a link on a pin its own angle, which counts from the world's x axis whichever way round the joint is written
+            wanted += [f"link.{link}.{what}" for what in ("angle", "angular_velocity", "angular_acceleration")]
+        wanted += [f"point.{name}.{what}" for name in n.traced for what in ("position", "velocity", "acceleration")]
+        passive = [name for name in n.joints if name not in n.drives]
+        wanted += [q.key for name in passive[-1:] for q in self.quantities if q.item == f"joint {name}"]
+        keys = [key for key in dict.fromkeys([*wanted, *self.by_key]) if key in self.by_key]
+        return tuple(self.by_key[key] for key in keys[:MOST_FIRST])
+
+    @property
+    def output(self) -> str | None:
+        """The joint whose motion a mechanism is for: the slide on the frame, or else the pin on the frame, that no drive moves.
+
+        None if there are several or none.
+        """
+        n = self.numbers
+        grounded = [name for name, joint in n.joints.items() if name not in n.drives and n.frame in joint.links]
+        candidates = [name for name in grounded if n.slides(name)] or grounded
+        return candidates[0] if len(candidates) == 1 else None
+
+    @cached_property
+    def health(self) -> tuple[Health, ...]:
+        """The strips of health. The limits are those of the solver: a closure of 1e-12 sizes is promised, 1e8 is singular."""
+        tolerance = self.numbers.tolerance
+        limits = {
+            "closure": ("m", tolerance, 1e6 * tolerance),
+            "condition": ("1", 30.0, 1e8),
+            "power_balance": ("1", 1e-9, 1e-3),
+            "energy_drift": ("1", 1e-7, 1e-3),
+        }
+        rows = ((name, self.numbers.values("health", name), limit) for name, limit in limits.items())
+        return tuple(Health(name.replace("_", " "), limit[0], v[:, 0], *limit[1:]) for name, v, limit in rows if v is not None)
+
+    @cached_property
+    def opening(self) -> int:
+        """The frame to open at.
+
+        With forces, where reactions and driving efforts together come nearest to their peaks: at a dead centre, where all links
+        and arrows lie on one line, the effort is nothing. Else an eighth of the first drive's cycle into the run.
+        """
+        n = self.numbers
+        if n.has_forces:
+            reactions = [np.hypot(*v[:, :2].T) for j in n.joints if (v := n.values("data", "joints", j, "reaction")) is not None]
+            efforts = [v[:, 3] for d in n.drives if (v := n.values("data", "drive", d)) is not None]
+            peaks = [np.max(reactions, axis=0), *efforts] if reactions else efforts
+            load = sum((_of_peak(values) for values in peaks), np.zeros(len(n.time)))
+            if np.any(load):
+                return int(np.argmax(load))
+        passed = n.time - n.time[0]
+        cycle = min(n.cycle, float(passed[-1])) or 1.0
+        return int(np.argmin(np.round(np.abs(passed / cycle - 0.125), 6)))  # of two as near the first
+
+    def peak(self, key: str) -> float:
+        """The largest size of a quantity over the run, NaN where there is none of that key."""
+        if key not in self.by_key:
+            return float("nan")
+        values = np.abs(self.by_key[key].values())
+        return float(np.max(values, initial=0.0, where=np.isfinite(values)))
+
+
+def names_of(n: Numbers) -> Names:
+    """What the entries of the catalogue depend on beside the tables."""
+    pins = frozenset(name for name in n.joints if n.is_pin(name))
+    rubbing = frozenset(name for name in n.joints if n.rubs(name))
+    return Names(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces)
+
+
+def _of_peak(values: Real) -> Real:
+    """Magnitudes as parts of the largest one; nothing where they are not finite or all zero."""
+    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
+    return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

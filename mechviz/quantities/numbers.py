@@ -1,0 +1,119 @@
+"""The numbers of a run or of a recording: the same tables, with what connects the links. All that is drawn or plotted follows
+from them, whichever they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables import JointInfo, Table, joints_of, links_of, tables
+from ..vectors import centre_name, point_name
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["LoadInfo", "Numbers", "closure_tolerance", "cycle_of", "numbers_of"]
+
+Real = NDArray[np.float64]
+
+TOLERANCE = 1e-12
+"""Contour residual that the solver promises, in sizes of the mechanism."""
+
+
+@dataclass(frozen=True)
+class LoadInfo:
+    """A load: what it is, and the links that it acts on; the stated values act on the first."""
+
+    kind: str
+    links: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Tables by the parts of their paths, over the frames at ``time`` (F,) [s], and the connectivity: the ``frame`` is the fixed
+    link, ``drives`` are names of joints, ``traced`` names of points.
+
+    ``cycle``: how long a cycle of the first drive takes [s]; ``length_scale`` of the equations [m]; ``tolerance``: closure that
+    the solver promises [m].
+    """
+
+    time: Real
+    frame: str
+    links: tuple[str, ...]
+    joints: Mapping[str, JointInfo]
+    drives: tuple[str, ...]
+    loads: Mapping[str, LoadInfo]
+    traced: tuple[str, ...]
+    tables: Mapping[tuple[str, ...], Table]
+    cycle: float
+    length_scale: float
+    tolerance: float
+
+    def values(self, *path: str) -> Real | None:
+        """Values (F, n) of a table; None where it is not there."""
+        table = self.tables.get(path)
+        return None if table is None else table.values
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether reactions were computed."""
+        return ("data", "energy") in self.tables
+
+    def rubs(self, joint: str) -> bool:
+        """Whether there is friction in a joint."""
+        return ("data", "joints", joint, "friction") in self.tables
+
+    def is_pin(self, joint: str) -> bool:
+        """Whether a joint is a pin, whose couple is friction alone."""
+        return self.joints[joint].kind.startswith("revolute")
+
+    def slides(self, joint: str) -> bool:
+        """Whether a joint's coordinate is a displacement; else it is an angle."""
+        return self.joints[joint].unit == "m"
+
+    @cached_property
+    def points(self) -> tuple[str, ...]:
+        """Names of the traced points and of the centres of mass that count."""
+        centres = [centre_name(link) for link in self.links]
+        return (*self.traced, *(c for c in centres if ("data", "points", c, "position") in self.tables))
+
+    @cached_property
+    def poses(self) -> Mapping[str, Real]:
+        """x, y [m] and angle [rad] (F, 3) of all links."""
+        return {link: self.tables["data", "links", link, "pose"].values for link in self.links}
+
+
+def numbers_of(run: Run) -> Numbers:
+    """The numbers of a run; each table is computed when it is asked for."""
+    motion, mechanism = run.motion, run.motion.mechanism
+    loads = {} if run.forces is None else run.forces.loads
+    return Numbers(
+        time=np.asarray(motion.time, float),
+        frame=mechanism.frame,
+        links=tuple(links_of(motion)),
+        joints={j.name: j for j in joints_of(motion)},
+        drives=tuple(d.pair for d in mechanism.drives),
+        loads={name: LoadInfo(load.kind, tuple(load.links)) for name, load in loads.items()},
+        traced=tuple(point_name(*key) for key in mechanism.traced),
+        tables={table.path: table for table in tables(run)},
+        cycle=cycle_of(run),
+        length_scale=motion.model.size,
+        tolerance=closure_tolerance(run),
+    )
+
+
+def closure_tolerance(run: Run) -> float:
+    """Closure [m] up to which all is well."""
+    return max(TOLERANCE, run.accuracy.position) * run.motion.model.size
+
+
+def cycle_of(run: Run) -> float:
+    """How long a cycle of the first drive takes [s]; the whole run where that is unknown."""
+    drives = run.motion.mechanism.drives
+    cycle = float(drives[0].law.duration) if drives else float(run.motion.time[-1])
+    return cycle if np.isfinite(cycle) and cycle > 0.0 else max(float(np.ptp(run.motion.time)), 1e-9)
