@@ -14,6 +14,7 @@ from .blocks import State
 from .errors import Fault, MechanismError
 from .model import Block, Model
 from .positions import initial_state
+from .sketch import sketched_angle, sketched_slide
 from .texts import Text, as_angle, as_length
 
 __all__ = ["Assembly", "all_modes", "assemble", "group_modes"]
@@ -295,7 +296,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
     total = float(known)
     faults: list[Fault] = []
     for (what, i), c in unknown.items():
-        start = _sketched_angle(model, i, state) if what == "angle" else _sketched_slide(model, i)
+        start = sketched_angle(model, i, state) if what == "angle" else sketched_slide(model, i)
         if start is None and what == "angle":
             start = 0.0
             for k in model.angles.links_of[i]:
@@ -315,34 +316,6 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
     return faults
 
 
-def _sketched_angle(model: Model, group: int, state: State) -> float | None:
-    """A group's sketched angle [rad], from any of its links in the sketch."""
-    turning = model.angles
-    for k in turning.links_of[group]:
-        name = model.links[k]
-        if name in model.mechanism.sketch:
-            extra = cmath.phase(complex(state.delta[turning.spin[k]]))
-            return model.mechanism.sketch[name][2] - turning.offset[k] - extra
-    return None
-
-
-def _sketched_slide(model: Model, j: int) -> float | None:
-    """A sliding pair's sketched displacement [m], where both links are in the sketch (the frame always is)."""
-    joint = model.joints[j]
-    sketch = {k: v for k, v in model.mechanism.sketch.items() if k in joint.links}
-    if model.links[0] in joint.links:
-        sketch.setdefault(model.links[0], (0.0, 0.0, 0.0))
-    if any(k not in sketch for k in joint.links):
-        return None
-    at = []
-    for link, local in zip(joint.links, (joint.a, joint.b), strict=True):
-        x, y, angle = sketch[link]
-        at.append(x + 1j * y + local * cmath.exp(1j * angle))
-    d = (joint.slide or 0j) * cmath.exp(1j * sketch[joint.links[joint.guide]][2])
-    way = (at[1] - at[0]) if joint.guide == 0 else (at[0] - at[1])
-    return (way * d.conjugate()).real
-
-
 def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
     """The mode nearest to the sketch, None where the sketch does not tell."""
     errors = []
@@ -350,11 +323,11 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
         error, told = 0.0, False
         for (what, i), value in _solution(model, block, state, mode).items():
             if what == "angle":
-                angle = _sketched_angle(model, i, state)
+                angle = sketched_angle(model, i, state)
                 if angle is not None:
                     error, told = error + abs(value - cmath.exp(1j * angle)), True
             else:
-                slide = _sketched_slide(model, i)
+                slide = sketched_slide(model, i)
                 if slide is not None:
                     error, told = error + abs(value - slide) / model.size, True
         if not told:
@@ -367,8 +340,8 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
 
 def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array | None, list[Fault]]:
     """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
-    angles = [_sketched_angle(model, g, state) for g in block.angles]
-    slides = [_sketched_slide(model, j) for j in block.slides]
+    angles = [sketched_angle(model, g, state) for g in block.angles]
+    slides = [sketched_slide(model, j) for j in block.slides]
     if block.relations:
         faults = _fix_relations_of_group(model, block, state, angles, slides)
         if faults:

@@ -22,6 +22,7 @@ from .model import Block, Model, build_model
 from .motion import Motion
 from .patching import make_patches
 from .positions import initial_state, place_all
+from .sketch import at_sketch, sketched_drives
 from .spec import Mechanism
 from .start_pose import start_pose
 from .structure import gruebler
@@ -83,11 +84,44 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
-    assembly = assemble(model, start)
+    assembly = _assembled(model, start, accuracy)
     changes = find_changes(model, assembly.modes, assembly.starts)
     spins = raw_angles(model, start, assembly.state, ())
     angles = UnwrappedAngles(model, start_pose(model, spins), Waypoint(-np.inf, np.array(start), spins))
     return Compiled(model=model, assembly=assembly, start=start, angles=angles, changes=changes, accuracy=accuracy)
+
+
+def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> Assembly:
+    """How a mechanism is put together at the start. Where its sketch is drawn at other positions of the drives, it is put together
+    there and followed to the start; a rough sketch of the start need not be one that can be assembled."""
+    drawn = sketched_drives(model, start)
+    if drawn is None:
+        return assemble(model, start)
+    mechanism = model.mechanism
+    faults: Sequence[Fault] = ()
+    for other in (start, *_round_the_other_way(model, drawn, start)):
+        try:
+            led = compile_mechanism(at_sketch(mechanism, drawn, other), accuracy)
+            motion = solve_motion(led, np.array([0.0, 1.0]))
+        except MechanismError as error:
+            faults = faults or error.faults
+            continue
+        x, y, angle = range(3)
+        poses = {link.name: motion.pose(link.name)[1] for link in mechanism.links if link.name != mechanism.frame}
+        sketch = {name: (float(p[x]), float(p[y]), float(p[angle])) for name, p in poses.items()}
+        return assemble(replace(model, mechanism=replace(mechanism, sketch=sketch)), start)
+    led_by = zip(mechanism.drives, drawn, strict=True)
+    places = ", ".join(f"{d.pair} = {as_coordinate(q, rotary=model.rotary(d.pair), digits=4)}" for d, q in led_by)
+    why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start: it"
+    remedy = "Sketch the mechanism where its drives start"
+    raise MechanismError([Fault(f.path, f"{why} {f.message}", f"{remedy}, or: {f.remedy}") for f in faults])
+
+
+def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:
+    """The start a turn on, so that the only drive comes to it from the other side, where that drive turns."""
+    if len(start) != 1 or not model.rotary(model.mechanism.drives[0].pair):
+        return []
+    return [(start[0] - float(np.copysign(TURN, start[0] - drawn[0])),)]
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
