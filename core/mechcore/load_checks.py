@@ -25,7 +25,7 @@ from .loads import (
     Spring,
     Viscous,
 )
-from .spec import EFFECTS, Belt, Cylinder, Mechanism, PinSlot, Prismatic, Revolute, Weld
+from .spec import EFFECTS, Belt, Cylinder, Mechanism, PinSlot, Planar, Prismatic, Revolute, Weld
 from .texts import as_torque
 
 __all__ = ["load_faults"]
@@ -95,7 +95,7 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
         gas = isinstance(load, GasPressure)
         if load.pair not in pairs:
             yield f"there is no pair '{load.pair}'.", ""
-        elif isinstance(pairs[load.pair], Weld) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
+        elif isinstance(pairs[load.pair], Weld | Planar) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
             what = "sliding pair" if gas else "pair that moves"
             yield f"'{load.pair}' is no {what}.", f"Name a {what}."
     if isinstance(load, Actuator):

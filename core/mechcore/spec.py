@@ -133,7 +133,9 @@ class Friction:
     along the guide from the point of the link that carries it: the sliding link, or, with ``bearing`` "guide", the guide's.
     ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
     with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
-    ``lever * |N|`` against the relative rotation, N the force across the contact. Cylinder: ``coefficient * |F|`` along it, F the
+    ``lever * |N|`` against the relative rotation, N the force across the contact. With a ``stribeck`` speed vs of revolute,
+    prismatic and slot pairs the coefficient at a speed v of the sliding surfaces is
+    ``coefficient + (static - coefficient) exp(-(v / vs)^2)``. Cylinder: ``coefficient * |F|`` along it, F the
     force that drives it (its mechanical losses), and ``brake``, the friction of its seals.
     """
 
@@ -147,6 +149,7 @@ class Friction:
     exact: bool = False
     brake: float = 0.0  # revolute, prismatic, cylinder: friction that does not depend on what presses [N m or N], as of a brake
     static: float = 0.0  # coefficient of sticking, in forward dynamics; 0: the same as that of sliding
+    stribeck: float = 0.0  # speed at which 1/e of the difference of the two is left [m/s]; 0: it is gone as soon as it slides
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -138,7 +138,9 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
 
 
 def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
-    """The friction circle of every pin, true to scale, with the line of action of its reaction, which touches it."""
+    """The friction circle of every pin, true to scale, with the line of action of its reaction, which touches it.
+
+    Where friction falls with the speed it is the circle of sticking, through which the line goes."""
     if run.forces is None or run.forces.friction is None:
         return
     forces, friction = run.forces, run.forces.friction
@@ -155,7 +157,7 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
             arm = friction.wrench(e.pair)[:, 2] / size  # the moment about the pin is that of the force on its line of action
         touch = place + arm[:, None] * np.column_stack([along[:, 1], -along[:, 0]])
         half = ACTION * solids.size * along
-        circle = place[:, None] + e.factor * around
+        circle = place[:, None] + (e.limit if e.friction.stribeck else e.factor) * around
         line = np.stack([touch - half, touch + half], axis=1)
         for name, strip in (("circle", circle), ("line", line)):
             there = np.asarray(np.isfinite(strip).all(axis=(1, 2)))

@@ -28,6 +28,7 @@ __all__ = ["SCHEMA", "accuracy_words", "model_json", "notes", "package_version",
 SCHEMA = 2
 """Version of the recording contract; a change of meaning raises it."""
 
+
 @cache
 def package_version() -> str:
     """The version of mechviz."""

@@ -27,6 +27,7 @@ STATES = {
 }
 """States of the lanes, with their labels and colours."""
 
+
 def friction_styles(run: Run) -> Iterator[Static]:
     """How lanes look; those of a motion under forces know sticking and contact."""
     if run.forces is None or run.forces.friction is None or run.simulation is not None:

@@ -25,9 +25,7 @@ ROW = 0.9  # of all labels together, where the least allows it
 ASPECT = 1.5  # width of the picture over its height, about
 
 
-def legend_shapes(
-    picture: Picture, around: NDArray[np.float64]
-) -> Iterator[Static]:
+def legend_shapes(picture: Picture, around: NDArray[np.float64]) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
     A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.

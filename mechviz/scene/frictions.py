@@ -9,7 +9,7 @@ from pydantic import PlainValidator, WithJsonSchema
 
 from mechcore.spec import Friction
 
-from .fields import Effort, Flag, Length, Size, describe, fault
+from .fields import Effort, Flag, Length, Quantity, Size, describe, fault
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def _coefficient(value: Any) -> float:
     return float(value)
 
 
+StribeckSpeed = Annotated[float | str, Quantity(("linear speed",), "above zero")]
 Coefficient = Annotated[float, PlainValidator(_coefficient), WithJsonSchema({"type": "number", "minimum": 0})]
 
 
@@ -43,6 +44,9 @@ class FrictionDocument(Table):
     """Coefficient of friction. Default: the scene's. Cylinder: friction over the force that drives it, without a default."""
     static: Coefficient | None = None
     """Coefficient of sticking, where forces decide the motion: at least that of sliding. Default: the same."""
+    stribeck: StribeckSpeed | None = None
+    """Stribeck speed s: at a speed v of the sliding surfaces the coefficient is coefficient + (static - coefficient) exp(-(v/s)^2).
+    Default: it is that of sliding as soon as it slides."""
     radius: Size | None = None
     """Revolute, pin in slot, roller of a cam: radius of the pin. Default of a revolute pair: the scene's."""
     exact: Flag | None = None
@@ -75,9 +79,9 @@ class FrictionDefaults(Table):
 
 
 FRICTION_KEYS: Mapping[str, tuple[str, ...]] = {
-    "revolute": ("coefficient", "static", "radius", "exact", "brake"),
-    "prismatic": ("coefficient", "static", "length", "bearing", "offset", "height", "brake"),
-    "pin_slot": ("coefficient", "static", "radius"),
+    "revolute": ("coefficient", "static", "stribeck", "radius", "exact", "brake"),
+    "prismatic": ("coefficient", "static", "stribeck", "length", "bearing", "offset", "height", "brake"),
+    "pin_slot": ("coefficient", "static", "stribeck", "radius"),
     "cylinder": ("coefficient", "brake"),
     "cam": ("coefficient", "radius"),
     "rolling": ("lever",),
@@ -136,6 +140,10 @@ def friction_spec(
     coefficient = own.coefficient if own.coefficient is not None else default.coefficient
     effort = "torque" if kind == "revolute" else "force"
     brake = 0.0 if own.brake is None else convert.si(own.brake, effort, f"{path}.friction.brake")
+    if own.stribeck is not None and coefficient is None and own.sound("coefficient") and default.sound("coefficient"):
+        convert.note(
+            f"{path}.friction.stribeck", "there is no coefficient of sliding to which the curve falls.", "Add coefficient = 0.1."
+        )
     if brake and (coefficient is None or (kind == "revolute" and own.radius is None and default.radius is None)):
         return Friction(brake=brake)
     if coefficient is None:
@@ -147,6 +155,11 @@ def friction_spec(
     if static and static < coefficient and own.sound("static", "coefficient"):
         why = f"{static:g} is less than the coefficient of sliding, {coefficient:g}."
         convert.note(f"{path}.friction.static", why, "Give at least as much, or leave it out.")
+    stribeck = 0.0 if own.stribeck is None else convert.si(own.stribeck, "linear speed", f"{path}.friction.stribeck")
+    if own.stribeck is not None and not static > coefficient and own.sound("static", "coefficient", "stribeck"):
+        why = f"the curve falls from static to {coefficient:g}, and static is {'no greater' if static else 'missing'}."
+        convert.note(f"{path}.friction.stribeck", why, f"Add static = {1.5 * coefficient:g}, or leave stribeck out.")
+    common: dict[str, Any] = {"coefficient": coefficient, "static": static, "stribeck": stribeck}
     if kind == "revolute":
         radius = length("radius", default.radius)
         if not radius:
@@ -155,17 +168,16 @@ def friction_spec(
                 convert.note(f"{path}.friction", "'radius' is missing: friction in a pin acts at its radius.", remedy)
             return None
         exact = default.exact if own.exact is None else own.exact
-        return Friction(coefficient=coefficient, static=static, radius=radius, exact=exact, brake=brake)
+        return Friction(**common, radius=radius, exact=exact, brake=brake)
     if kind == "pin_slot":
-        return Friction(coefficient=coefficient, static=static, radius=length("radius"))
+        return Friction(**common, radius=length("radius"))
     bearing = length("length", default.length)
     for key in ("offset", "height", "bearing"):
         if not bearing and getattr(own, key) is not None and own.sound("length") and default.sound("length"):
             remedy = 'Add length = "60 mm", the length of the bearing.'
             convert.note(f"{path}.friction.{key}", "without a length of the bearing it has no meaning.", remedy)
     return Friction(
-        coefficient=coefficient,
-        static=static,
+        **common,
         length=bearing,
         bearing=own.bearing or "slider",
         offset=length("offset"),

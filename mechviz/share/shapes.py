@@ -304,4 +304,3 @@ def _corners(xy: Real) -> NDArray[np.int64]:
 
 def _hex(color: Any) -> str:
     return f"#{int(color) >> 8:06x}"
-

@@ -70,7 +70,7 @@ class GivenFriction(FrictionResult):
     def normal_load(self, pair: str) -> Array:
         i = self._elements_of(pair)[0]
         e = self.elements[i]
-        return np.asarray(self._found.limit[:, i] / (e.factor * _sticking(e)) if e.factor else np.full(self.motion.frames, np.nan))
+        return np.asarray(self._found.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
 
     def losses(self, pair: str) -> Array:
         return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
@@ -130,7 +130,7 @@ class DrySystem:
         loaded = with_rates(motion, [d[1] for d in motion.drives], second)
         elements = [replace(e, sign=np.full(n, s)) for e, s in zip(elements_of(loaded), self.signs, strict=True)]
         if self.breaking:
-            elements = [replace(e, factor=e.factor * _sticking(e)) for e in elements]
+            elements = [replace(e, factor=e.limit) for e in elements]
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
         answers, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
         response = _respond(loaded, units, elements, answers)
@@ -144,13 +144,13 @@ class DrySystem:
         rate = np.stack([e.rate for e in elements], axis=1)
         value = np.zeros((n, len(elements)))
         slide = np.flatnonzero(self.signs != 0.0)
-        braking = np.array([-s * e.factor for s, e in zip(self.signs, elements, strict=True)])
+        braking = np.stack([-s * e.factor * np.ones(n) for s, e in zip(self.signs, elements, strict=True)], axis=1)
         coupling = np.einsum("nif,njf->nij", tau, answers)  # relative acceleration at i per unit of friction at j
         if len(stuck):
             inner = coupling[:, stuck[:, None], stuck]
             need = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
             alpha = -np.einsum("nij,nj->ni", need, bias[:, stuck])
-            beta = -np.einsum("nij,njk->nik", need, coupling[:, stuck[:, None], slide] * braking[slide])
+            beta = -np.einsum("nij,njk->nik", need, coupling[:, stuck[:, None], slide] * braking[:, None, slide])
             sub_a = a[:, slide] + np.einsum("nixs,ns->nix", k[:, slide][..., stuck], alpha)
             sub_k = k[:, slide][..., slide] + np.einsum("nixs,nsj->nixj", k[:, slide][..., stuck], beta)
         else:
@@ -159,7 +159,7 @@ class DrySystem:
             solution = solve_normal_loads(sub_a, sub_k, norms[slide])
             if solution.jammed.any():
                 self._refuse(elements, slide, solution.share[solution.jammed][0], float(t[np.argmax(solution.jammed)]))
-            value[:, slide] = braking[slide] * solution.loads
+            value[:, slide] = braking[:, slide] * solution.loads
         if len(stuck):
             value[:, stuck] = alpha + np.einsum("nij,nj->ni", beta, solution.loads) if len(slide) else alpha
         parts = a + np.einsum(
@@ -168,7 +168,7 @@ class DrySystem:
             np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))),
         )
         size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
-        limit = size * np.array([e.factor * (1.0 if self.breaking else _sticking(e)) for e in elements])
+        limit = size * np.array([e.limit for e in elements])
         acceleration = first + np.einsum("njf,nj->nf", answers, value)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
 
@@ -181,12 +181,6 @@ class DrySystem:
                 "Lower the coefficient, or lengthen the bearing.",
             )
         )
-
-
-def _sticking(e: Element) -> float:
-    """Limit of sticking friction over that of sliding friction."""
-    f = e.friction
-    return max(1.0, f.static / f.coefficient) if f.static and f.coefficient and e.kind != "brake" else 1.0
 
 
 def rates_of(units: Sequence[Motion], e: Element) -> Array:

@@ -47,7 +47,9 @@ class Element:
     what: Literal["turn", "slide"]
     kind: Kind  # how the normal load follows from what the pair transmits
     friction: Friction
-    factor: Any  # moment or force per normal load [m or 1], a number or (F,)
+    factor: Any  # moment or force per normal load [m or 1] where it slides, a number or (F,)
+    limit: Any  # the same up to which it sticks
+    coefficient: Any  # of sliding, a number or (F,)
     links: tuple[int, int]  # first and second
     joint: int  # -1 for a relation
     along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
@@ -102,7 +104,7 @@ class Element:
         if self.kind == "normal" or not f.length:
             return n, 0.0 * n
         middle = motion.state.slide[self.joint] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
-        c = couple + middle * n + sign * f.coefficient * 0.5 * f.height * n
+        c = couple + middle * n + sign * self.coefficient * 0.5 * f.height * n
         return n, c * (2.0 / f.length)
 
 
@@ -124,35 +126,46 @@ def two_sided(motion: Motion) -> bool:
     return any(isinstance(p, CamPair) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.pairs)
 
 
-def _parts(
-    pair: Pair,
-) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
-    """What friction brakes in a pair, by which normal load, with which factor."""
+def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
+    """What friction brakes in a pair, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
     f = friction_of(pair)
     if f is None:
         return []
-    mu = f.coefficient
-    if isinstance(pair, Revolute | Prismatic):
+    found: list[Any] = []
+    if isinstance(pair, Revolute | Prismatic | Cylinder):
         what: Literal["turn", "slide"] = "turn" if isinstance(pair, Revolute) else "slide"
-        arm = f.radius * (mu / np.sqrt(1.0 + mu * mu) if f.exact else mu) if what == "turn" else mu
-        found: list[Any] = [(what, "pin" if what == "turn" else "guide", arm)] if arm else []
+        kind = "pin" if what == "turn" else "guide" if isinstance(pair, Prismatic) else "drive"
+        arm = f.radius if what == "turn" else 1.0
+        found = [(what, kind, arm)] if f.coefficient and arm else []
         return [*found, (what, "brake", f.brake)] if f.brake else found
-    if isinstance(pair, Cylinder):
-        pushed: list[Any] = [("slide", "drive", mu)] if mu else []
-        return [*pushed, ("slide", "brake", f.brake)] if f.brake else pushed
     if isinstance(pair, CamPair):
         roller = getattr(pair.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
         share = f.radius / roller if roller else 1.0
-        rolls: list[Any] = [("slide", "contact", mu * share)]
-        return rolls if pair.spatial is None else [*rolls, ("slide", "contact", mu * np.sqrt(1.0 - share * share))]
+        found = [("slide", "contact", share)]
+        return found if pair.spatial is None else [*found, ("slide", "contact", np.sqrt(1.0 - share * share))]
     if isinstance(pair, PinSlot):
-        turn: list[Any] = [("turn", "normal", mu * f.radius)] if f.radius else []
-        return [("slide", "normal", mu), *turn]
+        found = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
+        return found if f.radius else found[:1]
     return [("turn", "normal" if isinstance(pair, Rolling) else "contact", f.lever)]
 
 
+def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Array) -> Array:
+    """Moment or force per normal load at a coefficient of friction."""
+    if kind == "brake" or friction.lever:
+        return arm
+    return arm * (coefficient / np.sqrt(1.0 + coefficient * coefficient) if friction.exact else coefficient)
+
+
+def _coefficient(friction: Friction, speed: Array) -> Array:
+    """Coefficient of friction at speeds (F,) [m/s] at which the surfaces slide."""
+    f = friction
+    if not f.stribeck:
+        return f.coefficient
+    return f.coefficient + (f.static - f.coefficient) * np.exp(-((speed / f.stribeck) ** 2))
+
+
 def _element(
-    motion: Motion, pair: Pair, what: Any, kind: Any, factor: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
+    motion: Motion, pair: Pair, what: Any, kind: Any, arm: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
 ) -> Element:
     model = motion.model
     friction = friction_of(pair)
@@ -160,17 +173,20 @@ def _element(
     j = model.joint_index.get(pair.name, -1)
     first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
     if isinstance(pair, CamPair):
-        return _of_cam(motion, pair, friction, factor, (first, second), least["slide"], flanks, nth)
+        return _of_cam(motion, pair, friction, arm, (first, second), least["slide"], flanks, nth)
     rate = relative_rate(motion, motion.speeds, what, j, (first, second))
     along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
-    return Element(pair.name, what, kind, friction, factor, (first, second), j, along, rate, _sign(rate, least[what]))
+    mu = _coefficient(friction, rate * friction.radius if what == "turn" else rate)
+    factor, limit = (_factor(friction, kind, arm, c) for c in (mu, max(friction.static, friction.coefficient)))
+    sign = _sign(rate, least[what])
+    return Element(pair.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
 
 
 def _of_cam(
     motion: Motion,
     pair: CamPair,
     friction: Friction,
-    factor: Any,
+    arm: float,
     links: tuple[int, int],
     least: float,
     flanks: Mapping[int, Array],
@@ -182,12 +198,15 @@ def _of_cam(
     """
     index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == pair.name)
     geometry, flank = relation.geometry, flanks.get(index, np.ones(motion.frames))
+    mu = friction.coefficient
+    factor: Any = mu * arm
     if relation.bearing is not None:
         *rubbing, seen = geometry.rubbing(motion, flank)
         r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
         sign = _sign(r.rate, least)
         return Element(
-            pair.name, "slide", "contact", friction, factor, links, -1, r.along, r.rate, sign, r.place, r.twist, carrier, seen
+            pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, r.along, r.rate, sign, r.place, r.twist,
+            carrier, seen,
         )  # fmt: skip
     if pair.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
         factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
@@ -197,7 +216,8 @@ def _of_cam(
     spin = motion.model.angles.spin
     speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
     rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
-    return Element(pair.name, "slide", "contact", friction, factor, links, -1, along, rate, _sign(rate, least), place)
+    sign = _sign(rate, least)
+    return Element(pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
 
 
 def _sign(rate: Real, least: float) -> Real:

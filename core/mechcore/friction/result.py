@@ -93,7 +93,7 @@ class FrictionResult:
             e = self.elements[i]
             if e.kind == "guide" and e.friction.height:  # it acts on the two faces: N1 + N2 = N makes the couple
                 n = e.normal(self.motion, self._transmitted[0], self._transmitted[1], e.sign)[0]
-                out[:, 2] -= e.sign * e.friction.coefficient * 0.5 * e.friction.height * n
+                out[:, 2] -= e.sign * e.coefficient * 0.5 * e.friction.height * n
         return out
 
     def state(self, pair: str) -> list[str]:
