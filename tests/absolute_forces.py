@@ -100,9 +100,7 @@ class Loaded(Constraints):
             a, b = (self.body[k] for k in x.links)
             if isinstance(x, sp.TorsionDamper):
                 return Wrench(a, 0j, x.coefficient * (spin[b] - spin[a]), self.point(q, a, 0j), b)
-            began = self.turned(self.q0, a, b)
-            began_at = began - TURN * np.round((began - x.free_angle) / TURN)  # nearest to where it is slack
-            return Wrench(a, 0j, x.stiffness * (began_at + self.turned(q, a, b) - began - x.free_angle), self.point(q, a, 0j), b)
+            return Wrench(a, 0j, x.stiffness * self.deflection(x, q), self.point(q, a, 0j), b)
         if isinstance(x, sp.Drag):
             b = self.body[x.link]
             if x.point is None:
@@ -150,6 +148,21 @@ class Loaded(Constraints):
             for b in range(1, len(self.names) + 1):
                 found.append(Wrench(b, self.mass[b] * g, 0.0, self.point(q, b, self.centre[b])))
         return found
+
+    def deflection(self, spring: sp.TorsionSpring, q: Array) -> float:
+        """Angle by which a torsion spring is wound; it starts nearest to where it is slack."""
+        a, b = (self.body[k] for k in spring.links)
+        began = self.turned(self.q0, a, b) - spring.free_angle
+        return float(self.turned(q, a, b) - spring.free_angle - TURN * np.round(began / TURN))
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Kinetic energy, and potential energy of gravity and torsion springs."""
+        big, _ = self.masses(q, v)
+        total = 0.5 * float(v @ big @ v)
+        if "gravity" in self.m.effects:
+            places = (self.point(q, b, self.centre[b]) for b in range(1, len(self.names) + 1))
+            total -= sum(m * (np.conj(z) * complex(*self.m.gravity)).real for m, z in zip(self.mass[1:], places, strict=True))
+        return total + sum(0.5 * s.stiffness * self.deflection(s, q) ** 2 for s in self.m.loads if isinstance(s, sp.TorsionSpring))
 
     def generalised(self, wrenches: list[Wrench], q: Array) -> Array:
         """The forces on the coordinates (n,)."""

@@ -1,16 +1,16 @@
 """Relative angles have one branch at the start pose and are continuous from there; nothing depends on the world's x axis.
 
 What is compared with is computed apart: the geometry of the four-bar and the slider-crank by triangles, motions under forces in
-absolute coordinates with multipliers (`multibody`), where every angle is a state of its own.
+absolute coordinates with multipliers (`second_formulation`), where every angle is a state of its own.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from multibody import Multibody
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from second_formulation import Second
 
 from mechviz.run import run_scene
 from mechviz.scene import loads
@@ -180,8 +180,9 @@ def simulated(text: str):
     """A run, and the same motion in absolute coordinates: states at the frames."""
     run = run_scene(loads(text))
     first = run.simulation.view([0.0])
-    links = [k for k in first.model.links if k != run.scene.mechanism.frame]
-    body = Multibody(run.scene.mechanism, {k: first.pose(k)[0] for k in links}, {k: first.velocity(k)[0] for k in links})
+    mechanism = run.scene.mechanism
+    poses = {k: tuple(map(float, first.pose(k)[0])) for k in first.model.links}
+    body = Second(mechanism, poses, {d.pair: float(d.law(0.0)[0]) for d in mechanism.drives})
     return run, body, body.run(run.motion.time)
 
 
@@ -189,11 +190,11 @@ def simulated(text: str):
 def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(text):
     run, body, states = simulated(text)
     scale = run.motion.model.size
-    for link, k in body.place.items():
-        pose = run.motion.pose(link)
-        assert pose[:, :2] == pytest.approx(states[:, k : k + 2], abs=1e-7 * scale), link
-        assert pose[:, 2] == pytest.approx(states[:, k + 2], abs=1e-7), link
-    energy = np.array([body.energy(y) for y in states])
+    for k, link in enumerate(body.names):
+        pose, want = run.motion.pose(link), states["q"][:, 3 * k : 3 * k + 3]
+        assert pose[:, :2] == pytest.approx(want[:, :2], abs=1e-7 * scale), link
+        assert pose[:, 2] == pytest.approx(want[:, 2], abs=1e-7), link
+    energy = np.array([body.energy(q, v) for q, v in zip(states["q"], states["v"], strict=True)])
     assert np.ptp(energy) <= 1e-8 * max(np.abs(energy).max(), 1.0)
     assert run.forces.energy[:, :2].sum(axis=1) == pytest.approx(energy, abs=1e-7 * np.abs(energy).max())
     assert np.abs(run.simulation.drift(run.motion.time)).max() < 1e-8
