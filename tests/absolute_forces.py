@@ -302,9 +302,10 @@ class Loaded(Constraints):
         efforts = {name: float(p[row + i]) for i, name in enumerate(drives)}
         row += len(drives)
         held = {name: float(p[row + i]) for i, name in enumerate(more)}
-        for name in efforts:
-            if isinstance(self.pair[name], sp.Cylinder):
-                out[name + ".eye"] = -self.effort(name, q, efforts[name]).force, 0.0
+        for cylinder in self.cylinders:  # its rod carries what drives it and what brakes it
+            total = self.effort(cylinder.name, q, efforts.get(cylinder.name, 0.0)).force
+            total += sum(w.force for x, w in zip(self.m.loads, loads, strict=False) if getattr(x, "pair", None) == cylinder.name)
+            out[cylinder.name + ".eye"] = -total, 0.0
         miss = np.abs(j.T @ p - demand).max() if not ties and rubs is None else 0.0
         return {"reactions": out, "efforts": efforts, "held": held, "loads": loads, "miss": miss}
 

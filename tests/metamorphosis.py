@@ -158,11 +158,15 @@ class Change:
             loads=tuple(loads),
             drives=tuple(drives),
             gravity=(g.real, g.imag),
-            sketch={self.names[k]: v for k, v in sketch.items() if k != FRAME},
+            sketch={self.names[k]: v for k, v in sketch.items() if k != FRAME} if m.sketch else {},
+            modes={self.names[p]: self.mode(p, x) for p, x in m.modes.items()},
         )
         time = self.time * (c.time if self.back is None else c.time[-1] - c.time[::-1])
         stops, watches = tuple(map(self.stop, c.stops)), tuple(map(self.watch, c.watches))
         return replace(c, mechanism=made, time=time, stops=stops, watches=watches)
+
+    def mode(self, pair: str, mode: str) -> str:
+        return {"left": "right", "right": "left"}.get(mode, mode) if self.mirrored != (pair in self.swapped) else mode
 
     def link(self, k: sp.Link) -> sp.Link:
         return replace(

@@ -135,6 +135,8 @@ class Draft:
         self.massless: set[str] = set()
         self.fixed: set[str] = set()  # links that cannot turn against the frame
         self.cams: list[str] = []
+        self.modes: dict[str, str] = {}
+        self.said = True  # whether the modes say all that the sketch would
 
     # -- parts --------------------------------------------------------------------------------------------------------
     def uniform(self, low: float, high: float) -> float:
@@ -244,7 +246,9 @@ class Draft:
         bar, rocker = self.body(b), self.body(e)
         self.pin(first, bar, b)
         self.pin(second, rocker, e)
-        self.pin(bar, rocker, d)
+        joint = self.pin(bar, rocker, d)
+        left = ((e - b) * (d - b).conjugate()).imag < 0.0  # of the line from the bar's other pin to the rocker's
+        self.modes[joint] = "left" if left == (self.pairs[-1].links[0] == bar) else "right"
         return self.among([bar, rocker])
 
     def rrp(self, first: str, b: complex, second: str = FRAME) -> str:
@@ -254,7 +258,9 @@ class Draft:
         c = b + self.uniform(0.6, 1.4) * unit(turn)
         self.pin(first, rod, b)
         self.pin(rod, block, c)
-        self.slider(second, block, c, unit(turn + self.uniform(-0.7, 0.7) + np.pi * self.either()))
+        direction = unit(turn + self.uniform(-0.7, 0.7) + np.pi * self.either())
+        guide = self.slider(second, block, c, direction)
+        self.modes[guide] = "ahead" if ((c - b) / direction).real > 0.0 else "behind"
         return self.among([rod, block])
 
     def rpr(self, first: str, b: complex, second: str = FRAME) -> str:
@@ -267,9 +273,11 @@ class Draft:
         self.pin(second, lever, e)
         self.pin(first, block, b)
         if self.either():
-            self.slider(lever, block, b, direction)
+            guide = self.slider(lever, block, b, direction)
         else:
-            self.slider(block, lever, e, direction)
+            guide = self.slider(block, lever, e, direction)
+            direction = -direction
+        self.modes[guide] = "ahead" if ((b - e) / direction).real > 0.0 else "behind"
         return lever
 
     def slot(self, first: str, b: complex, second: str = FRAME) -> str:
@@ -279,7 +287,9 @@ class Draft:
             e = b + 0.7 * unit(self.uniform(-np.pi, np.pi))
         lever = self.body(e)
         self.pin(second, lever, e)
-        self.slider(lever, first, b, (b - e) / abs(b - e) * unit(self.uniform(-0.6, 0.6)), PinSlot)
+        direction = (b - e) / abs(b - e) * unit(self.uniform(-0.6, 0.6))
+        guide = self.slider(lever, first, b, direction, PinSlot)
+        self.modes[guide] = "ahead"
         return lever
 
     def yoke(self, first: str, b: complex, second: str = FRAME) -> str:
@@ -581,6 +591,7 @@ GROUPS: dict[str, str] = {
     "cylinder": "cylinder",
 }
 KINDS = (*GROUPS, "six-bar", "several drives")
+STATED = ("four-bar", "slider-crank", "inverted slider-crank", "scotch yoke", "pin in slot")  # modes can say how they stand
 SIMPLE = ("rrr", "rrp", "rpr", "slot", "yoke")
 ROTARY = ("gear", "planetary gear", "rack", "belt", "cam")  # need a link that is pinned to the frame
 
@@ -618,6 +629,7 @@ def draw(kind: str, seed: int, *, travel: float = TURN, forces: bool | None = No
         made.append(getattr(d, d.among(SIMPLE))(on, d.near(on)))
     else:
         made.append(getattr(d, GROUPS[kind])(first, b))
+        d.said = kind in STATED
         if kind == "cylinder":  # the crank that was drawn first is not part of it
             return _finished(_without(d, first), kind, seed, rng, lot, travel, forces, friction)
     if lot[2] < 0.35:  # a further group anywhere
@@ -671,16 +683,18 @@ def _finished(
             part = size * min(travel, 3.0) * np.array([0.3, 0.4, 0.3])
             law = zones(start=q, speed=speed, run_up=part[0], steady=part[1], braking=part[2])
         drives.append(Drive(pair=name, law=law))
+    told = d.said and bool(rng.uniform() < 0.5)
     mechanism = Mechanism(
         name=f"{kind} {seed}",
         frame=FRAME,
         links=d.links(),
         pairs=tuple(d.pairs),
         drives=tuple(drives),
+        modes=d.modes if told else {},
         loads=loads,
         effects=effects,
         gravity=(d.uniform(-10, 10), d.uniform(-10, 10)),
-        sketch={k: (z.real, z.imag, a) for k, (z, a) in d.poses.items() if k != FRAME},
+        sketch={} if told else {k: (z.real, z.imag, a) for k, (z, a) in d.poses.items() if k != FRAME},
     )
     duration = min(float(x.law.duration) for x in drives) if not free else d.uniform(0.2, 0.6)
     time = np.linspace(0.0, duration * (1.0 - 1e-12), 25)
