@@ -42,6 +42,8 @@ MOST_HAPPENINGS = 100_000
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
 LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
+TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
+HALVINGS = 10  # of a window, to find where that is
 LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
 PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
@@ -183,8 +185,9 @@ class Progress:
                 at = first_beyond(gauge, window, t, limit, self._samples(window), again=name in self.lifted)
                 if at is not None:
                     first.append((at, ("cam", name)))
-            if self.charted and not first and self._strained(window):
-                first.append((window.start + window.length, ("chart", 0)))
+            strained = self._strained(window) if self.charted and not first else None
+            if strained is not None:
+                first.append((strained, ("chart", 0)))
             first.sort(key=lambda e: e[0])
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             self._check(window, until)
@@ -276,16 +279,27 @@ class Progress:
         self._lead(lead.compiled, lead.curve, lead.well)
         return np.array([place]), np.array([rate])
 
-    def _strained(self, window: Window) -> bool:
-        """Whether other coordinates had better lead after a window."""
+    def _strained(self, window: Window) -> float | None:
+        """The time from which other coordinates had better lead [s]: the end of a window, or where it comes too near a dead
+        point of these; None where they lead well."""
         t = window.start + window.length
         self.unwatched -= 1
         if self.unwatched >= 0 or t >= self.duration * (1.0 - 1e-9):
-            return False
-        q, v, _ = window(np.array([t]))
-        found = strain(self.compiled, q[0], v[0], t)
+            return None
+
+        def at(t: float) -> float:
+            q, v, _ = window(np.array([t]))
+            return strain(self.compiled, q[0], v[0], t)
+
+        found = at(t)
         self.unwatched = 2 if found < 0.4 * STRAINED else 0
-        return found > STRAINED
+        if found <= TOO_STRAINED or at(window.start) > STRAINED:
+            return t if found > STRAINED else None
+        low, high = window.start, t
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if at(middle) <= TOO_STRAINED else (low, middle)
+        return low if low > window.start else t
 
     def _change_chart(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
