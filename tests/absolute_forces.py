@@ -126,7 +126,7 @@ class Loaded(Constraints):
         if not 0.0 <= depth <= x.cycle.stroke:
             raise Lost(f"{x.name} leaves its stroke")
         away = -rate if ahead else rate
-        outward = away >= -1e-12 * float(np.abs(v).max())  # a piston at rest counts as one that moves away
+        outward = away >= -1e-10  # a piston at rest counts as one that moves away
         c: Any = x.cycle
         if isinstance(c, Compressor):
             room = c.clearance + depth / c.stroke

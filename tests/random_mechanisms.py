@@ -490,7 +490,7 @@ class Draft:
         if pick == 6:
             return Factor(function=Polynomial((0.5, 0.1, -0.02), per=self.uniform(1.0, 2.0)), of="velocity", pair=pair)
         if pick == 7:
-            return Factor(function=Wave(1.0, 0.5, 0.4, 0.3), of="speed", point=self.any_point(self.among(self.moving())))
+            return Factor(function=Wave(1.0, 0.5, 0.4, np.pi / 2), of="speed", point=self.any_point(self.among(self.moving())))
         of = self.among(["x", "y", "vx", "vy"])
         return Factor(function=Wave(1.0, 0.5, 0.8, 0.3), of=of, point=self.any_point(self.among(self.moving())))
 

@@ -6,6 +6,7 @@ impacts and rests on stops between: `Second.run`. Of `mechcore` only the specs a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,9 @@ from scipy.integrate import solve_ivp
 from mechcore.dynamics import Stop
 
 __all__ = ["Lost", "Second"]
+
+
+SHORTEST = 1e-6  # of the duration: bounces that are over sooner end in rest
 
 
 class Second(Loaded):
@@ -58,7 +62,7 @@ class Second(Loaded):
         v, _ = self.rates(0.0, q, "all")
         out: dict[str, Any] = {"q": [], "v": [], "a": [], "events": [], "resting": [], "condition": 1.0}
         resting: list[Stop] = []
-        left: dict[str, float] = {}
+        longest = np.inf
         wanted = list(time)
 
         def states(more: tuple[str, ...], upto: float, dense: Any) -> None:
@@ -102,7 +106,8 @@ class Second(Loaded):
                 events.append(event)
             started = np.concatenate([q, v])
             exact = {"method": "DOP853", "rtol": tolerance, "atol": 1e-13, "dense_output": True}
-            found = solve_ivp(slope, (t, end), started, events=events, **exact)
+            found = solve_ivp(slope, (t, end), started, events=events, max_step=longest, **exact)
+            longest = np.inf
             if found.status < 0:
                 raise Lost(found.message)
             states(more, found.t[-1] if found.status == 1 else end, found.sol)
@@ -117,7 +122,6 @@ class Second(Loaded):
             if s in resting:
                 resting.remove(s)
                 out["events"].append((t, "release", s.name))
-                left[s.name] = t
                 continue
             before = float(self.measured(s.pair, q, v)[1] @ v)
             out["events"].append((t, "impact", s.name))
@@ -126,8 +130,9 @@ class Second(Loaded):
             self.held[s.pair] = s.at
             pressing = self.accelerations(t, q, v, more)[0]
             gaining = sign * float(self.measured(s.pair, q, v)[1] @ pressing + self.measured(s.pair, q, v)[2])
-            if after < 1e-9 * max(1.0, abs(before)) and gaining > 0.0:
+            if gaining > 0.0 and 2.0 * after < SHORTEST * end * gaining:
                 resting.append(s)
-            elif after < 1e-6:
-                raise Lost("bounces that do not end")
+                v = self.strike(t, q, v, replace(s, restitution=0.0), more)
+            elif gaining > 0.0:
+                longest = 0.5 * after / gaining  # a step must not reach over a whole bounce
         raise Lost("too many events")
