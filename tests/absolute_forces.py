@@ -126,7 +126,7 @@ class Loaded(Constraints):
         if not 0.0 <= depth <= x.cycle.stroke:
             raise Lost(f"{x.name} leaves its stroke")
         away = -rate if ahead else rate
-        outward = away >= -1e-10  # a piston at rest counts as one that moves away
+        outward = away >= -1e-13  # a piston at rest counts as one that moves away
         c: Any = x.cycle
         if isinstance(c, Compressor):
             room = c.clearance + depth / c.stroke
@@ -264,11 +264,17 @@ class Loaded(Constraints):
                 wanted, _ = solved(demand - self.generalised([w for _, w in rubs(p)], q))
                 return wanted - p
 
-            found = root(residual, p, tol=1e-13)
-            p = found.x
-            for _ in range(3):
-                p = p + residual(p)
-            if np.abs(residual(p)).max() > 1e-10 * (1.0 + np.abs(p).max()):
+            found = root(residual, p, tol=1e-13).x
+            for start in (found, p):  # its law has corners, next to which Newton's method may stand: mild friction contracts
+                p = start
+                for _ in range(300):
+                    left = residual(p)
+                    if np.abs(left).max() <= 1e-13 * (1.0 + np.abs(p).max()):
+                        break
+                    p = p + left
+                if np.abs(left).max() <= 1e-11 * (1.0 + np.abs(p).max()):
+                    break
+            else:
                 raise Lost("friction")
             drag = {name: (w.force if name in self.slide else w.moment) for name, w in rubs(p)}
             p, teeth = solved(demand - self.generalised([w for _, w in rubs(p)], q))
