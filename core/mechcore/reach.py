@@ -10,6 +10,7 @@ import numpy as np
 from .changes import TWO_MODES, flat_instants, rounding_of
 from .laws import ConstantSpeed
 from .motion import Motion
+from .slots import has_ends, within_slots
 from .solve import TURN, Compiled, solve_motion
 from .tracking import STEP, walk
 
@@ -37,7 +38,11 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
         low, high = course.track.ends
         low = max([low, *(end for _, end, _ in course.gaps if end < q0)])
         high = min([high, *(start for start, _, _ in course.gaps if start > q0)])
-        return [(q0 - half, q0 + half)] if rotary and high - low >= 2.0 * half else [(low, high)]
+        low, high = (q0 - half, q0 + half) if rotary and high - low >= 2.0 * half else (low, high)
+        if not has_ends(model.mechanism):
+            return [(low, high)]
+    else:
+        low, high = q0 - half, q0 + half
 
     def solved(q: Array) -> Motion:
         given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
@@ -47,16 +52,17 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
 
     def assembled(q: Array) -> Array:
         motion = solved(q)
-        return np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
+        fits = np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
             np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
         )
+        return fits & within_slots(motion)
 
-    grid = q0 + np.linspace(-half, half, samples)
+    grid = np.linspace(low, high, samples)
     state, gaps = solved(grid).state, [grid]
     for block in model.blocks:
         if block.kind in TWO_MODES:  # gaps that are narrower than the grid
             for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
-                gaps.append(np.clip([start, 0.5 * (start + end), end], q0 - half, q0 + half))
+                gaps.append(np.clip([start, 0.5 * (start + end), end], low, high))
     grid = np.unique(np.concatenate(gaps))
     ok = assembled(grid)
     edges = np.flatnonzero(ok[1:] != ok[:-1])

@@ -16,6 +16,7 @@ from .accuracy import DEFAULT, Accuracy
 from .assembly import Assembly, assemble
 from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
 from .errors import Fault, MechanismError
+from .events import at_drive
 from .laws import ConstantSpeed
 from .memory import keep_freed_memory
 from .model import Block, Model, build_model
@@ -23,6 +24,7 @@ from .motion import Motion
 from .patching import make_patches
 from .positions import initial_state, place_all
 from .sketch import at_sketch, sketched_drives
+from .slots import Escape, escapes, has_ends
 from .spec import Mechanism
 from .start_pose import start_pose
 from .structure import gruebler
@@ -196,6 +198,10 @@ def solve_motion(
         _check_gaps_on(compiled, course, time, parameter)
     if strict and drives is None and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
+    if strict and len(time) and has_ends(model.mechanism):
+        out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
+        if out:
+            raise MechanismError(out)
     return motion
 
 
@@ -376,17 +382,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     model = compiled.model
     drive = model.mechanism.drives[0]
     pair = drive.pair
-    shown = partial(as_coordinate, rotary=model.rotary(pair))
-    q = motion.drives[0][0]
-    ranges = []
-    for start, end in _runs(bad):
-        way = q[start : end + 1]  # the drive may turn back in it
-        low, high = float(way.min()), float(way.max())
-        digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
-        ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
-    where = ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
     worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
-    words = f"cannot be assembled for positions of drive {pair} {where}"
+    words = f"cannot be assembled for positions of drive {pair} {_ranges(motion, bad)}"
     if worst > 0:
         words += f": its links miss each other by up to {as_length(worst)}."
     elif loose:
@@ -404,13 +401,39 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         else:
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
-    if not block.redundant:
-        from .reach import reachable_ranges  # here: only failures need it, and it needs this module
+    return Fault(f"pairs.{block.name}", words, remedy + ("" if block.redundant else _within_reach(compiled)) + ".")
 
-        reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
-        if reach:
-            remedy += f", or keep the drive within [{shown(reach[0][0], digits=7)}, {shown(reach[0][1], digits=7)}]"
-    return Fault(f"pairs.{block.name}", words, remedy + ".")
+
+def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
+    """Words for a pin that would leave its slot."""
+    drive = compiled.mechanism.drives[0].pair
+    frames = f"for positions of drive {drive} {_ranges(motion, escape.frames)}"  # none where it is between two of them
+    where = frames if escape.frames.any() else f"({at_drive(motion, escape.time)})"
+    far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
+    words = f"the pin leaves its slot {where}: it would go {far}."
+    return Fault(f"pairs.{escape.joint}", words, f"Give the slot a greater length{_within_reach(compiled)}.")
+
+
+def _ranges(motion: Motion, bad: Array) -> str:
+    """Positions of the first drive at frames (F,), in words."""
+    shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].pair))
+    q = motion.drives[0][0]
+    ranges = []
+    for start, end in _runs(bad):
+        way = q[start : end + 1]  # the drive may turn back in it
+        low, high = float(way.min()), float(way.max())
+        digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
+        ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
+    return ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
+
+
+def _within_reach(compiled: Compiled) -> str:
+    """The rest of a remedy: the range of the drive around its start that can be assembled, where there is one."""
+    from .reach import reachable_ranges  # here: only failures need it, and it needs this module
+
+    shown = partial(as_coordinate, rotary=compiled.model.rotary(compiled.mechanism.drives[0].pair), digits=7)
+    reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
+    return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]" if reach else ""
 
 
 def _runs(flags: Array) -> list[tuple[int, int]]:

@@ -198,7 +198,8 @@ class Weld:
 class PinSlot:
     """A pin in a straight slot: the pin's point slides along the slot and its link turns freely. ``guide`` carries the slot.
 
-    Its coordinate is the signed distance along the slot from the slot's point to the pin [m].
+    Its coordinate is the signed distance along the slot from the slot's point to the pin [m]. ``ends`` are the least and greatest
+    coordinates that the slot allows: prescribed motion beyond them is refused, free motion meets them as end stops. None: no ends.
     """
 
     name: str
@@ -206,6 +207,7 @@ class PinSlot:
     points: tuple[str, str]
     along: Vec2 = (1.0, 0.0)
     guide: Literal[0, 1] = 0
+    ends: Vec2 | None = None  # [m]
     friction: Friction | None = None
 
 

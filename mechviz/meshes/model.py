@@ -186,6 +186,8 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
     axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, mechanism.frame, proportions.r) for c in clusters)
     axles = tuple(replace(axle, play=_play(axle, scaled)) for axle in axles)
     guides = [j for j in others if j.name not in {t.pair for t in telescopes}]
+    slots = [pair for pair in mechanism.pairs if isinstance(pair, PinSlot)]
+    ends = {pair.name: (pair.ends[0] / size, pair.ends[1] / size) for pair in slots if pair.ends is not None}
     return Model(
         frame=mechanism.frame,
         links=tuple(link.name for link in links),
@@ -194,7 +196,7 @@ def build_model(mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, se
         frames=frames,
         axles=axles,
         guides=tuple(_guide(mechanism, joint, scaled, clusters, marks, proportions) for joint in guides),
-        slots=tuple(_slot(joint, scaled) for joint in joints if joint.kind == "pin_slot"),
+        slots=tuple(_slot(joint, scaled, ends.get(joint.name)) for joint in joints if joint.kind == "pin_slot"),
         welds=tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld"),
         telescopes=telescopes,
         wheels=wheels,
@@ -399,7 +401,8 @@ def _travel(joint: Joint, poses: Mapping[str, np.ndarray]) -> tuple[float, float
     return (float(moved.min()), float(moved.max()))
 
 
-def _slot(joint: Joint, poses: Mapping[str, np.ndarray]) -> Slot:
+def _slot(joint: Joint, poses: Mapping[str, np.ndarray], ends: Vec2 | None) -> Slot:
+    """A slot as long as it is stated (``ends``), else as the run needs it."""
     origin, point = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
     return Slot(
         pair=joint.name,
@@ -408,7 +411,7 @@ def _slot(joint: Joint, poses: Mapping[str, np.ndarray]) -> Slot:
         origin=_xy(origin),
         along=_xy(joint.slide or 1.0 + 0j),
         point=_xy(point),
-        travel=_travel(joint, poses),
+        travel=_travel(joint, poses) if ends is None else ends,
     )
 
 

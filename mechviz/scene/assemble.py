@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from mechcore.errors import Fault
 from mechcore.laws import Law
 from mechcore.laws.free import Free
 from mechcore.reduction import Body
+from mechcore.slots import has_ends
 from mechcore.spec import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 
 from .accuracies import accuracy_faults
@@ -146,6 +148,10 @@ def assemble(
         from mechcore.clearance import with_clearances
 
         mechanism = with_clearances(mechanism, clearances)
+    if simulation is not None and has_ends(mechanism):
+        from mechcore.dynamics.happenings import with_slot_ends  # motion under forces is loaded by the scenes that have it
+
+        simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return mechanism, simulation, []
 
 

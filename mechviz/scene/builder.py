@@ -149,18 +149,20 @@ class SceneBuilder:
         at: str | Sequence[str] | None = None,
         along: Sequence[float] | Sequence[str] | None = None,
         guide: str | None = None,
+        length: Value | Sequence[Value] | None = None,
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
         free: Mapping[str, Any] | None = None,
         stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
-        """A pin of one link in a straight slot of the other; ``guide`` names the link with the slot."""
+        """A pin of one link in a straight slot of the other; ``guide`` is the link with the slot, ``length`` its length or ends."""
         entry = {
             "pin_slot": [first, second],
             "at": at,
             "along": along,
             "guide": guide,
+            "length": length,
             "branch": branch,
             "friction": friction,
             "drive": drive,

@@ -125,7 +125,15 @@ def _weld(m: _Maker) -> Pair:
 
 
 def _pin_slot(m: _Maker) -> Pair:
-    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, friction=m.friction)
+    given, path, ends = m.pair.length, f"{m.path}.length", None
+    if isinstance(given, list):
+        low, high = m.convert.row(given, "length", path)
+        ends = (low, high)
+        if low >= high and m.convert.certain("length"):
+            m.convert.note(path, "the slot ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
+    elif given is not None:
+        ends = (0.0, m.convert.si(given, "length", path))
+    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, ends=ends, friction=m.friction)
 
 
 def _rolling(m: _Maker) -> Pair:

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .cam_ratings import GraphicalDocument, RatingDocument
 from .cams import FollowerDocument, ProfileDocument
 from .clearances import ClearanceDocument
-from .fields import Angle, Direction, Flag, OneOrTwoNames, Size, Text, TwoNames
+from .fields import Angle, Direction, Flag, Length, OneOrTwoNames, Size, Text, TwoNames, value_or_list
 from .free_motion import FreeDocument, LiftoffDocument, StopDocument
 from .frictions import FrictionDocument, friction_faults
 from .motions import DriveDocument
@@ -23,6 +23,8 @@ from .tables import Table, one_of, refuse
 __all__ = ["KINDS", "Kind", "PairDocument"]
 
 
+TwoEnds = Annotated[list[Length], Field(min_length=2, max_length=2)]
+SlotLength = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list>")], Discriminator(value_or_list)]
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
 
@@ -53,7 +55,9 @@ KINDS: Mapping[str, Kind] = {
         "a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive", "free", "stops"), driven="length"
     ),
     "weld": Kind("a weld", ("at", "angle"), undriven="A weld does not move: leave it out."),
-    "pin_slot": Kind("a pin in a slot", ("at", "along", "guide", "branch", "friction", "drive", "free", "stops"), driven="length"),
+    "pin_slot": Kind(
+        "a pin in a slot", ("at", "along", "guide", "length", "branch", "friction", "drive", "free", "stops"), driven="length"
+    ),
     "rolling": Kind(
         "a rolling pair",
         ("at", "along", "radius", "side", "branch", "friction", "drive", "free", "stops"),
@@ -149,6 +153,9 @@ class PairDocument(Table):
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
     guide: Text | None = None
     """Prismatic, pin in slot: the link that carries the guide or slot. Default: the first."""
+    length: SlotLength | None = None
+    """Pin in slot: how far the pin can go along the slot from the slot's point, or [from, to]. Motion beyond is refused; where
+    forces decide the motion, the pin meets an end stop there. Default: the slot has no ends."""
     angle: Angle | None = None
     """Prismatic, weld: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
     carrier: Text | None = None

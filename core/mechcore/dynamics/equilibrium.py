@@ -23,7 +23,7 @@ from ..spec import Mechanism
 from ..texts import as_coordinate, as_quantity
 from .charts import best_chart
 from .free import Free
-from .happenings import Stop
+from .happenings import Stop, with_slot_ends
 from .reduced import free_of, motion_at, tangents
 
 __all__ = ["Equilibrium", "Seek", "find_equilibrium", "force_at_rest", "scale_of", "slopes_at_rest"]
@@ -164,7 +164,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
             found = Equilibrium(compiled, q, -by_q, left, count)
             for effect in found.motion.model.applied:
                 effect.check(found.motion)
-            _within(found, stops)
+            _within(found, with_slot_ends(compiled.mechanism, stops))
             return found
         q = _step(compiled, q, force, step, seek, largest)
     pair, k = _worst(compiled, force * scale)

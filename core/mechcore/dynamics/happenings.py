@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,10 +11,11 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ..motion import Motion
+from ..spec import Mechanism, PinSlot
 from ..texts import Text
 from .collocation import Window
 
-__all__ = ["Gauge", "Happening", "Stop", "Watch", "first_zero", "gauge_of"]
+__all__ = ["Gauge", "Happening", "Stop", "Watch", "first_zero", "gauge_of", "with_slot_ends"]
 
 Array = NDArray[np.float64]
 SAMPLES = 25  # of a window, in which a gauge is a polynomial to rounding or nearly so
@@ -39,6 +40,21 @@ class Stop:
     at: float
     side: Literal["upper", "lower"] = "upper"
     restitution: float = 0.0
+
+
+def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
+    """Stops of a mechanism with the ends of its slots, but for those that a stated stop comes before."""
+    found = list(stops)
+    for pair in mechanism.pairs:
+        if not isinstance(pair, PinSlot) or pair.ends is None:
+            continue
+        own = [s for s in stops if s.pair == pair.name]
+        low, high = pair.ends
+        if not any(s.side == "lower" and s.at >= low for s in own):
+            found.append(Stop(name=f"{pair.name} lower end", pair=pair.name, at=low, side="lower"))
+        if not any(s.side == "upper" and s.at <= high for s in own):
+            found.append(Stop(name=f"{pair.name} upper end", pair=pair.name, at=high))
+    return tuple(found)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ from .curve import Curve
 from .energy import by_energy
 from .fastest import Fastest, check_periods, fastest_vibration
 from .free import Free
-from .happenings import Happening, Stop, Watch
+from .happenings import Happening, Stop, Watch, with_slot_ends
 from .integrate import Solution
 from .liftoff import Liftoff
 from .phases import braking_elements
@@ -66,6 +66,7 @@ def simulate(
     before it does. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    stops = with_slot_ends(compiled.mechanism, stops)
     _validate(compiled, duration, tolerance, liftoffs)
     compiled = replace(compiled, angles=compiled.angles.fresh(compiled.angles.start.with_stops(stops)))
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]

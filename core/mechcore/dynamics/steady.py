@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..effects import effects_of
 from ..errors import Fault, MechanismError
-from ..solve import Compiled, compile_mechanism
+from ..slots import has_ends
+from ..solve import Compiled, compile_mechanism, solve_motion
 from ..spec import Link, Mechanism
 from ..texts import as_angle, as_quantity, as_torque
 from .chart import Chart
@@ -94,8 +95,11 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     pair, start, speed = _validated(compiled, turns)
     sense = -1.0 if speed < 0.0 else 1.0
-    machine = _Machine(compiled, start, sense)
     span = turns * TURN
+    if has_ends(compiled.mechanism):  # a turn that goes beyond them is refused
+        x = np.linspace(0.0, span, 720 * turns + 1)
+        solve_motion(compiled, x, drives={pair: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
+    machine = _Machine(compiled, start, sense)
     level = _balance(machine, span, abs(speed))
     edges = _cut(np.linspace(0.0, span, FIRST * turns + 1), machine, lambda x: np.full(len(x), level))
     w: Array = np.full((len(edges) - 1, NODES), 0.5 * level**2)
