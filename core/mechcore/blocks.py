@@ -38,6 +38,7 @@ __all__ = [
     "span",
     "transposed",
     "vectors",
+    "wrapped_angle",
 ]
 
 Array = Any
@@ -215,23 +216,22 @@ def _argument(model: Model, curve: CurveSum, state: State) -> Array:
     for d, c in curve.drives:
         total = total + c * state.drives[d]
     for g, c in curve.groups:
-        total = total + c * (state.angle[g] if g in state.angle else _wrapped(model, state, g))
+        total = total + c * (state.angle[g] if g in state.angle else wrapped_angle(model, state, g))
     for j, c in curve.slides:
         total = total + c * state.slide[j]
     return total
 
 
-def _wrapped(model: Model, state: State, group: int) -> Array:
+def wrapped_angle(model: Model, state: State, group: int) -> Array:
     """A group's angle within one turn."""
     spin = model.angles.spins_of[group][0]
-    e = state.rot[spin] * np.conj(state.delta[spin])
-    return np.arctan2(np.imag(e), np.real(e))
+    return np.angle(state.rot[spin] * np.conj(state.delta[spin]))
 
 
 def real_angle(model: Model, state: State, group: int) -> Array:
     """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
     if group not in state.angle:
-        angle = _wrapped(model, state, group)
+        angle = wrapped_angle(model, state, group)
         near = state.near.get(f"angle {group}")
         if near is not None:
             angle = angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi))

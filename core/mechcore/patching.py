@@ -38,10 +38,7 @@ TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is roun
 
 def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = []
-    for g in block.angles:
-        spin = model.angles.spins_of[g][0]
-        rows.append(np.unwrap(np.angle((state.rot[spin] * np.conj(state.delta[spin]))[at])))
+    rows = [np.unwrap(bl.wrapped_angle(model, state, g)[at]) for g in block.angles]
     return np.array([*rows, *(state.slide[j][at] for j in block.slides)]).T
 
 

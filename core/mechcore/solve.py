@@ -30,7 +30,8 @@ from .start_pose import start_pose
 from .structure import gruebler
 from .texts import as_coordinate, as_length
 from .tracking import Course, course_of, way_of
-from .unwrapped import Frames, LinkAngles, UnwrappedAngles, Waypoint, raw_angles
+from .unwrapped import Frames, LinkAngles, UnwrappedAngles, raw_angles
+from .waypoints import Waypoint
 
 __all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
 
@@ -89,7 +90,7 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
     assembly = _assembled(model, start, accuracy)
     changes = find_changes(model, assembly.modes, assembly.starts)
     spins = raw_angles(model, start, assembly.state, ())
-    angles = UnwrappedAngles(model, start_pose(model, spins), Waypoint(-np.inf, np.array(start), spins))
+    angles = UnwrappedAngles(model, start_pose(model, spins), Waypoint(-np.inf, np.array(start), spins, assembly.starts))
     return Compiled(model=model, assembly=assembly, start=start, angles=angles, changes=changes, accuracy=accuracy)
 
 
@@ -167,7 +168,9 @@ def solve_motion(
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
-    if compiled.followed and model.mechanism.drives and len(time):
+    if compiled.followed and drives is not None and len(positions) > 1 and len(time):
+        starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
+    elif compiled.followed and model.mechanism.drives and len(time):
         course = _course(compiled, time, positions, given=drives is not None)
         solved, changes = course.model, course.changes
         parameter = time if course.by_time else positions[0]

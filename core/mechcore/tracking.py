@@ -288,11 +288,8 @@ def _followed(model: Model, assembly: Assembly, flat: set[int]) -> tuple[Model, 
     for i in flat:
         block = blocks[i]
         blocks[i] = replace(block, kind="general")
-        at = []
-        for g in block.angles:
-            spin = model.angles.spins_of[g][0]
-            wrapped = float(np.angle(complex(assembly.state.rot[spin]) * np.conj(complex(assembly.state.delta[spin]))))
-            at.append(float(starts.get(f"angle {g}", wrapped)))
+        known = [(g, starts.get(f"angle {g}")) for g in block.angles]
+        at = [float(bl.wrapped_angle(model, assembly.state, g) if x is None else x) for g, x in known]
         starts[block.name] = np.array([*at, *(float(assembly.state.slide[j]) for j in block.slides)])
     return replace(model, blocks=tuple(blocks)), replace(assembly, starts=starts)
 

@@ -9,25 +9,24 @@ integration leaves. Only whole turns come from the path: all other digits are th
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import State
+from .blocks import State, wrapped_angle
 from .frames import lazy
 from .laws import Law
 from .model import Model
 from .start_pose import TURN, Range, StartPose, start_pose
+from .waypoints import Way, Waypoint, steps_of
 
 __all__ = [
     "LinkAngles",
     "UnwrappedAngles",
-    "Waypoint",
     "along_designs",
     "raw_angles",
 ]
@@ -37,19 +36,12 @@ Real = NDArray[np.float64]
 Frames = tuple[Sequence[Array], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
 Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
 
-STEP = {"angle": 0.2, "slide": 0.1}  # of a drive, between two places on a way: [rad], or part of the mechanism's size
 LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
 ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
 CHUNK = 100_000  # places looked at together
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns of the drive after which the mechanism may be back where it was
 SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
 SAMPLES = 256  # of a law's cycle, for its largest speed
-
-
-def steps_of(model: Model) -> Real:
-    """Steps of the drives (d,) [rad or m] that are short enough to follow angles."""
-    joints = [model.joints[model.joint_index[d.pair]] for d in model.mechanism.drives]
-    return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.size for j in joints])
 
 
 def raw_angles(model: Model, drives: Sequence[Array], state: State, shape: tuple[int, ...]) -> Real:
@@ -61,8 +53,7 @@ def raw_angles(model: Model, drives: Sequence[Array], state: State, shape: tuple
         if group in state.angle:
             angle = state.angle[group]
         elif group:
-            e = state.rot[spins[0]] * np.conj(state.delta[spins[0]])
-            angle = np.arctan2(np.imag(e), np.real(e))
+            angle = wrapped_angle(model, state, group)
         for spin in spins:
             out[spin] = angle
             for d, sign in turning.spin_drives[spin]:
@@ -127,8 +118,8 @@ class LinkAngles:
     def spins(self) -> Real:
         """Angles of the spins (s, ...) [rad]."""
         raw = self._raw()
-        with np.errstate(invalid="ignore"):
-            return np.asarray(raw + TURN * np.round((self._near(raw) - raw) / TURN))
+        near = self._near(raw)
+        return raw if near is raw else np.asarray(raw + TURN * np.round((near - raw) / TURN))
 
     def link(self, k: int) -> Real:
         """Angle of a link's frame in the world [rad]."""
@@ -147,15 +138,6 @@ class LinkAngles:
         return self.relative(p, q, self.start.ranges.get(name))
 
 
-@dataclass(frozen=True, eq=False)
-class Waypoint:
-    """A place on the way of a motion: time [s], positions of the drives (d,), and angles of the spins (s,) there, once known."""
-
-    time: float
-    drives: Real
-    spins: Real | None = None
-
-
 class UnwrappedAngles:
     """Angles of the spins of a compiled mechanism along its motion, from a place where they are known."""
 
@@ -163,21 +145,11 @@ class UnwrappedAngles:
         self.model, self.start, self.at, self.exact = model, start, at, exact
         self.steps = steps_of(model)
         self._tables: dict[Any, _Table] = {}
-        self._way: tuple[list[float], list[Waypoint]] = [at.time], [at]
+        self.way = Way(at)
 
     def fresh(self, start: StartPose | None = None) -> UnwrappedAngles:
         """The same for another motion, which leaves its own waypoints."""
         return UnwrappedAngles(self.model, start or self.start, self.at, self.exact)
-
-    def leave(self, waypoints: Sequence[Waypoint]) -> None:
-        """Go on through waypoints; those of a later time than the first of them are given up."""
-        times, way = self._way
-        keep = max(bisect_right(times, waypoints[0].time), 1)
-        if keep < len(times):
-            times, way = times[:keep], way[:keep]
-            self._way = times, way
-        way.extend(waypoints)
-        times.extend(w.time for w in waypoints)
 
     # -- along one parameter ------------------------------------------------------------------------------------------
     def along(self, frames: Frames, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> LinkAngles:
@@ -214,13 +186,10 @@ class UnwrappedAngles:
         order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
 
         def near(raw: Real) -> Real:
-            times, way = self._way
             order = np.argsort(time, kind="stable")
             x = np.column_stack([time, *frames[0]])[order]
-            first = max(bisect_left(times, x[0, 0]) - 1, 0)
-            later = np.array(times[first : bisect_left(times, x[-1, 0])] or times[:1])
-            before = np.maximum(np.searchsorted(later, x[:, 0], side="left") - 1, 0)
-            used, which = np.unique(first + before, return_inverse=True)
+            way, before = self.way.before(x[:, 0])
+            used, which = np.unique(before, return_inverse=True)
             known = self._known(way, used, place)
             at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
             places = np.insert(x, at, [_row(way[k]) for k in used], axis=0)
@@ -278,20 +247,21 @@ class _Table:
         self.tried = 0  # turns after which it has been looked whether the mechanism is back
 
     def near(self, parameter: Real, raw: Real, place: Place) -> Real:
-        """Angles (s, n) at parameters (n,), to within half a turn; frames that are a way from the start are followed themselves."""
-        x = np.append(self.at, np.broadcast_to(parameter, raw.shape[-1:]))
-        if np.abs(np.diff(x)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
-            *_, found, own = self._follow(x, np.concatenate([self.spins[:, None], raw], axis=-1), place)
-            return np.asarray(found[:, own[1:]])
-        known = x[1:][np.isfinite(x[1:])]
-        low, high = float(known.min(initial=self.at)), float(known.max(initial=self.at))
+        """Angles (s, n) at parameters (n,), to within half a turn; frames that are a path from the start need no others."""
+        x = parameter
+        if np.abs(np.diff(x, prepend=self.at)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
+            turned = np.diff(raw, prepend=self.spins[:, None])
+            turns = np.round(turned / TURN)
+            if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST:
+                return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw
+        low, high = float(x.min(initial=self.at)), float(x.max(initial=self.at))
         self._look_for_period(high - low, place)
         if self.period is None:
             self._cover(low, high, place)
-            return self._read(x[1:])
-        turns = np.floor((x[1:] - self.at) / self.period)
+            return self._read(x)
+        turns = np.floor((x - self.at) / self.period)
         gain = self._read(np.array([self.at, self.at + self.period]))
-        return self._read(x[1:] - turns * self.period) + turns * TURN * np.round(np.diff(gain) / TURN)
+        return self._read(x - turns * self.period) + turns * TURN * np.round(np.diff(gain) / TURN)
 
     def _read(self, parameter: Real) -> Real:
         p, angles = self.known

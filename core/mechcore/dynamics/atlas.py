@@ -24,7 +24,8 @@ from ..solve import Compiled, compile_mechanism
 from ..spec import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from .accounts import kinetic_energy_of
 from .free import Free
-from .reduced import carried_on, free_of, motion_at, moving
+from .handover import carried_on, enter
+from .reduced import free_of, motion_at, moving
 
 __all__ = ["STRAINED", "named", "strain", "take_over"]
 
@@ -87,7 +88,10 @@ def take_over(compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[
     place, speeds = found[:, 0], found[:, 1]
     candidates = [c for c in known if [c.mechanism.drives[i].pair for i in free_of(c)] == pairs]
     for candidate in (*candidates, None):
-        other = carried_on(candidate or _compiled(compiled, motion, pairs, found), place, t, motion)
+        if candidate is None:
+            other = carried_on(_compiled(compiled, motion, pairs, found), place, t, motion)
+        else:
+            other = enter(candidate, place, t, motion)
         if _same(motion, other, place, speeds, t):
             return other, place, speeds
     return None

@@ -23,7 +23,8 @@ from .atlas import named
 from .chart import Chart
 from .curve import TURN, Curve, tabulate, whole_turn
 from .free import Free
-from .reduced import carried_on, motion_at
+from .handover import carried_on
+from .reduced import motion_at
 
 __all__ = ["Lead", "best_chart", "curve_around"]
 

@@ -24,9 +24,10 @@ from ..texts import as_coordinate
 from .chart import Chart
 from .collocation import Window
 from .free import Free
+from .handover import carried_on, enter
 from .impacts import newton_impact
 from .integrate import Solution
-from .reduced import carried_on, enter, free_of, motion_at, reduce, tangents
+from .reduced import free_of, motion_at, reduce, tangents
 
 __all__ = ["Lifting", "Liftoff", "driven_windows", "first_beyond", "pressing"]
 

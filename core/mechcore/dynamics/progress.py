@@ -23,6 +23,7 @@ from .curve import Curve
 from .dry import DrySystem
 from .free import Free
 from .friction_state import FrictionState
+from .handover import enter, waypoints
 from .happenings import Gauge, Happening, Stop, Watch, first_zero, gauge_of
 from .impacts import impact, jacobian_at, rates_at
 from .integrate import Solution, integrate
@@ -30,7 +31,7 @@ from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_bey
 from .log import Happened, Log
 from .pieces import Piece
 from .reactions import piece_forces
-from .reduced import enter, motion_at, reduce, waypoints
+from .reduced import motion_at, reduce
 from .retrace import Known, retrace
 from .simulation import Simulation
 
@@ -249,7 +250,7 @@ class Progress:
     def _leave_waypoints(self, t: Array, way: Callable[[Array], Any]) -> None:
         """Keep places of the motion at times (n,), from which the angles of the links are followed."""
         if len(self.compiled.mechanism.drives) > 1:
-            self.compiled.angles.leave(waypoints(self.compiled, way(t)[0], t))
+            self.compiled.angles.way.leave(waypoints(self.compiled, way(t)[0], t))
 
     def _check(self, window: Window, until: float) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""

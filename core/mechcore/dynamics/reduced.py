@@ -18,15 +18,11 @@ from numpy.typing import NDArray
 from ..effects import effects_of, power_of
 from ..motion import Motion
 from ..solve import Compiled, solve_motion
-from ..start_pose import TURN
-from ..unwrapped import UnwrappedAngles, Waypoint, raw_angles
 from .free import Free
 
 __all__ = [
     "ReducedEquations",
-    "carried_on",
     "constrained",
-    "enter",
     "free_of",
     "motion_at",
     "moving",
@@ -34,7 +30,6 @@ __all__ = [
     "reduced_equations",
     "solved",
     "tangents",
-    "waypoints",
     "with_rates",
 ]
 
@@ -109,45 +104,6 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
         else:
             drives[d.pair] = d.law(t)
     return solve_motion(compiled, t, drives=drives, strict=False)
-
-
-def waypoints(compiled: Compiled, q: Real, t: Real) -> list[Waypoint]:
-    """Waypoints at free coordinates (n, f) and times (n,) of a motion, through which the angles of its links are followed."""
-    columns = iter(q.T)
-    drives = [next(columns) if isinstance(d.law, Free) else np.asarray(d.law(t)[0], float) for d in compiled.mechanism.drives]
-    return [Waypoint(float(time), row) for time, row in zip(t, np.column_stack([np.zeros((len(t), 0)), *drives]), strict=True)]
-
-
-def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
-    """A mechanism in a chart, from its free coordinates q (f,) and the time t [s] on: the angles of its links go on from those of a
-    ``motion`` (one frame) of the same mechanism there, in another chart."""
-    at = _entered(compiled, q, t, motion)
-    found = replace(compiled, angles=UnwrappedAngles(compiled.model, motion.angles.start, at, exact=False))
-    model, angles = compiled.model, motion_at(found, q[None], np.zeros_like(q)[None], np.array([t])).angles
-    turning = [j for j in model.driven if model.joints[j].coordinate == "angle"]
-    gone = (angles.joint(model.joints[j].name)[0] - at.drives[model.driven[j]] for j in turning)
-    found.angles.exact = all(abs(float(x)) < 1.0 for x in gone)
-    return found
-
-
-def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> None:
-    """Come back to a chart that led the motion before, as `carried_on`."""
-    if len(compiled.mechanism.drives) > 1:
-        compiled.angles.leave([_entered(compiled, q, t, motion)])
-
-
-def _entered(compiled: Compiled, q: Real, t: float, motion: Motion) -> Waypoint:
-    """The waypoint at which a chart takes the motion over from another one."""
-    model, old = compiled.model, motion.model
-    placed = motion_at(compiled, q[None], np.zeros_like(q)[None], np.array([t]))
-    spins = raw_angles(model, [d[0] for d in placed.drives], placed.state, (1,))[:, 0]
-    for k, link in enumerate(model.links):
-        if link in old.index:
-            spin = model.angles.spin[k]
-            there = float(motion.angle(old.index[link])[0]) - model.angles.offset[k]
-            spins[spin] += TURN * np.round((there - spins[spin]) / TURN)
-    (at,) = waypoints(compiled, q[None], np.array([t]))
-    return replace(at, spins=spins)
 
 
 def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] | None = None) -> Motion:
