@@ -230,7 +230,7 @@ def simulated(text: str):
 
 @pytest.mark.parametrize("name", MOVING)
 def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(name):
-    """Of one freedom and of several, through changes of the leading pairs, with gears and with a group that Newton's method solves."""
+    """Of one freedom and of several, through changes of the leading pairs, with gears and with a group without a closed form."""
     run, body, states = simulated(MOVING[name])
     scale = run.motion.model.size
     for k, link in enumerate(body.names):

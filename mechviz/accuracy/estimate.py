@@ -11,6 +11,8 @@
   looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
   the same solution, and then tells how wrong the false one was. What both share is what no tolerance mends: the model, and the
   rounding of the same formulas. A vibration that was stepped over, because it is smaller than the tolerance, counts in full.
+- Discontinuities: an angle that goes on by a turn more or less than its rates say is counted in full. Half of what is missing in
+  the balance of energies is an error of the rates, and so of the positions.
 - Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
   error at twice and four times the distance shows around there, at most that of the interpolation: where frames lie next to a
   singular position, what is left of their digits does not get better with their number. Values that have a pole between two frames
@@ -37,7 +39,15 @@ if TYPE_CHECKING:
 
     from ..run import Run
 
-__all__ = ["COLUMNS", "ErrorEstimate", "estimate_errors", "integration_error", "interpolation_error", "poses_apart"]
+__all__ = [
+    "COLUMNS",
+    "ErrorEstimate",
+    "estimate_errors",
+    "integration_error",
+    "interpolation_error",
+    "lost_turns",
+    "poses_apart",
+]
 
 Real = NDArray[np.float64]
 
@@ -51,6 +61,9 @@ LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
 TIGHTER = 0.01  # tolerance of the companion of a motion under forces
 TIGHTEST = 1e-13
 SAMPLED = 257  # frames at which a companion is compared
+TURN = 2.0 * np.pi
+QUADRATURE = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
+UNSURE = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be told from a motion
 AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
 
 
@@ -92,7 +105,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         if run.forces.friction is not None:
             reaction = reaction + np.nan_to_num(_friction_residual(run))
     if run.simulation is not None and run.again is not None:
-        error = integration_error(run.simulation, motion.time, run.again)
+        error = np.maximum(integration_error(run.simulation, motion.time, run.again), _unbalanced(run))
         position, velocity = position + error, velocity + error
         acceleration, reaction = acceleration + error, reaction + error
         amplitude, frequency = run.simulation.unseen
@@ -100,9 +113,39 @@ def estimate_errors(run: Run) -> ErrorEstimate:
             omega = 2.0 * np.pi * frequency
             fast = [amplitude * omega**k / max(peak, 1e-300) for k, peak in enumerate(_peaks(motion), 1)]
             velocity, acceleration, reaction = velocity + fast[0], acceleration + fast[1], reaction + fast[1]
+    lost = lost_turns(motion)
+    position, reaction = position + lost, reaction + lost
     order = run.accuracy.interpolation
     apart = interpolation_error(found, motion.time, order, passages_of(motion))
     return ErrorEstimate(position, velocity, acceleration, reaction, apart, order)
+
+
+def lost_turns(motion: Any) -> Real:
+    """Whole turns [rad] by which angles of links and coordinates of pairs have jumped until each frame (F,), the largest of all:
+    where one goes on by a turn more or less than its rates at both frames say. Loads by such an angle are wrong from there on."""
+    worst, step = np.zeros(motion.frames), np.diff(motion.time)
+    rows = [motion.coordinate(c.name).T for c in motion.model.connections]
+    rows += [np.stack([x(k)[:, 2] for x in (motion.pose, motion.velocity, motion.acceleration)]) for k in motion.model.links[1:]]
+    for q, v, a in rows:
+        with np.errstate(invalid="ignore"):
+            gone = step * (0.5 * (v[1:] + v[:-1]) - step / 12.0 * np.diff(a))
+            missing = np.diff(q) - gone
+            turns = np.round(missing / TURN)
+            unsure = np.abs(missing - TURN * turns) + step * (np.abs(v[1:]) + np.abs(v[:-1])) > UNSURE
+        jumps = np.nan_to_num(np.where(unsure, 0.0, turns))
+        worst[1:] = np.maximum(worst[1:], TURN * np.abs(np.cumsum(jumps)))
+    return worst
+
+
+def _unbalanced(run: Run) -> Real:
+    """What the balance of energies says of the error of a motion under forces (F,), largest so far: rates are off by at least half
+    of what is missing, relative to the largest change of an energy. A force that jumps without a reason shows here."""
+    assert run.simulation is not None
+    kinetic, potential, work, lost = run.simulation.energies(np.append(run.simulation.start, run.motion.time)).T
+    total = kinetic + potential - work + lost
+    size = max(float(np.abs(x).max()) for x in (kinetic, potential - potential[0], work, lost))
+    missing = np.nan_to_num(np.abs(total[1:] - total[0])) / max(size, 1e-300)
+    return np.asarray(0.5 * np.maximum.accumulate(np.where(missing > QUADRATURE, missing, 0.0)))
 
 
 def _travel(motion: Any, size: float) -> Real:
@@ -274,7 +317,6 @@ def poses_apart(one: Any, other: Any) -> Real:
     """Largest distance (F,) of the links in two motions at the same times, lengths in sizes of the mechanism, angles in radians."""
     worst = np.zeros(one.frames)
     for link in one.model.links[1:]:
-        miss = one.pose(link) - other.pose(link)
-        angle = np.abs((miss[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
-        worst = np.maximum(worst, np.maximum(np.abs(miss[:, :2]).max(axis=1) / one.model.size, angle))
+        miss = np.abs(one.pose(link) - other.pose(link))
+        worst = np.maximum(worst, np.maximum(miss[:, :2].max(axis=1) / one.model.size, miss[:, 2]))
     return worst

@@ -34,7 +34,7 @@ class Quantity:
     scale: float
     rate: Real | None = None
     second: Real | None = None
-    turns: bool = False  # an angle, known up to whole turns
+    turns: bool = False  # an angle of a link
 
     def between(self, time: Real, t: Real, order: int) -> Real:
         """Interpolated values (n, ...) at times between the frames."""
@@ -113,10 +113,7 @@ def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: 
     """Relative errors (n,) of what is interpolated from frames at ``time`` at the times ``t`` of a finer run, by quantity."""
     out = {}
     for a, b in zip(coarse, fine, strict=True):
-        miss = a.between(time, t, order) - b.values
-        if a.turns:
-            miss = miss - 2.0 * np.pi * np.round(np.median(miss) / (2.0 * np.pi))
-        miss = np.abs(miss)
+        miss = np.abs(a.between(time, t, order) - b.values)
         out[a.name] = np.max(miss, axis=1) / a.scale
     return out
 
