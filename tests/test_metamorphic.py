@@ -194,6 +194,8 @@ def search(kind: str, seed: int) -> tuple[str, str, float, float]:
         try:
             found = differences(change, start, Result(change.made()))
         except MechanismError as error:
+            if how == "backwards" and "dead point" in str(error):  # where it ends no motion can start by that coordinate
+                continue
             return how, f"refused: {error}", np.inf, condition
         name, deviation = max(found.items(), key=lambda x: x[1])
         if deviation / allowed > worst[2]:
