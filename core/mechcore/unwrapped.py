@@ -37,6 +37,7 @@ Frames = tuple[Sequence[Array], State, tuple[int, ...]]  # positions of the driv
 Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
 
 LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
+FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
 ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
 CHUNK = 100_000  # places looked at together
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns of the drive after which the mechanism may be back where it was
@@ -85,7 +86,7 @@ def _follow(
     for k in range(ROUNDS):
         if k == 0:
             far = np.nan_to_num(np.abs(np.diff(x, axis=0)) / steps).max(axis=1, initial=0.0)
-            parts = np.maximum(np.ceil(far - 1e-9), 1.0).astype(int)
+            parts = np.where(far > FARTHEST, 1.0, np.maximum(np.ceil(far - 1e-9), 1.0)).astype(int)
         else:
             turned = np.diff(raw)
             turned = np.nan_to_num(np.abs(turned - TURN * np.round(turned / TURN)))
