@@ -23,6 +23,7 @@ from mechcore.clearance import Clearance, with_clearances
 from mechcore.effects import EFFECTS
 from mechcore.effects import LOADS as REGISTRY
 from mechcore.indicator import Compressor
+from mechcore.laws import ConstantSpeed
 from mechcore.loads import JournalContact, JournalLoss
 from mechcore.plan import make_plan
 from mechcore.spec import (
@@ -46,6 +47,7 @@ from mechcore.spec import (
     Polynomial,
     Prismatic,
     Revolute,
+    Servo,
     Spring,
     Torque,
     TorsionDamper,
@@ -82,6 +84,7 @@ LOADS: dict[str, Load] = {
     "DC motor": DcMotor(name="motor", link="crank", stall_torque=50.0, no_load_speed=170.0),
     "induction motor": InductionMotor(name="motor", pair="A", breakdown_torque=50.0, breakdown_slip=0.2, synchronous_speed=160.0),
     "machine of constant power": ConstantPower(name="motor", link="crank", power=2e3, torque_limit=50.0),
+    "servo": Servo(name="servo", pair="A", target=ConstantSpeed(0.0, 160.0), proportional=10.0, derivative=1.0),
     "governor": Governor(name="governor", link="crank", set_speed=160.0, gain=1.0, least=0.0, most=50.0),
 }
 ON_BELT: dict[str, Load] = {

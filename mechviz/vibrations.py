@@ -117,6 +117,10 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
         faults.append(Fault("mode", f"there is no mode {number}.", f"Give a number from 1 to {len(found.modes)}."))
     if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
+    for name, entry in scene.document.pairs.items():
+        if entry.kind == "planar":
+            remedy = "Hold it by two sliding pairs and a pin in a row instead, to see its modes move."
+            faults.append(Fault(f"pairs.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
     if faults:
         raise SceneError(scene.name, faults)
     mode, eq = found.modes[number - 1], found.equilibrium
@@ -176,11 +180,12 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
     changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
     for name, pair in document.pairs.items():
         changes |= {("pairs", name, key): None for key in ("free", "stops") if getattr(pair, key)}
-        if pair.friction is not None and pair.friction.static is not None:
-            changes["pairs", name, "friction", "static"] = None
+        for key in ("static", "stribeck") if pair.friction is not None else ():
+            if getattr(pair.friction, key) is not None:
+                changes["pairs", name, "friction", key] = None
     for name, load in document.loads.items():
         timed = "time" in (load.table and load.table.of, load.polynomial and load.polynomial.of)
-        if timed or any(getattr(load, key) is not None for key in SIGNALS):
+        if timed or any(getattr(load, key) is not None for key in (*SIGNALS, "servo")):
             changes["loads", name] = None
     return changes
 

@@ -151,6 +151,8 @@ def random_loads(rng: np.random.Generator) -> dict[str, str]:
         "jack": f"actuator = ['frame.H', 'coupler.E'], thrust = '{some(-9, 9)} N', sine = {{ frequency = '{some(2, 9)} Hz' }}",
         "step": f"torque = '{some(-1, 1)} N m', on = 'coupler', step = {{ at = '{some(0.02, 0.1)} s' }}",
         "chirp": f"force = [{some(-9, 9)}, 2], on = 'coupler', at = 'C', chirp = {{ frequencies = [1, 40], duration = 0.1 }}",
+        "servo": f"servo = 'B', target = {{ oscillation = {{ amplitude = {some(5, 30)}, frequency = '3 Hz' }} }}, "
+        f"proportional = '{some(0.1, 0.4)} N m/rad', derivative = '0.01 N m s/rad', integral = '{some(0.2, 2)} N m/(rad s)'",
         "rubber": f"bushing = ['crank.A', 'coupler.E'], stiffness = ['{some(2, 5)} N/m', '3 N/m', '0.05 N m/rad'], "
         f"free_angle = {some(-40, 40)}, linear = ['{some(0.1, 1)} N s/m', '1 N s/m', '0.01 N m s/rad']",
     }

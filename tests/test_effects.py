@@ -17,7 +17,7 @@ from mechcore import MechanismError, compile_mechanism, default_times, solve_for
 from mechcore.clearance import Clearance, with_clearances
 from mechcore.effects import CAUSES, EFFECTS, LOADS, NEEDS, effects_of, potential, power_of
 from mechcore.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
-from mechcore.laws import Chirp, ConstantSpeed, Oscillation, Ramp, Sine, Step, Table
+from mechcore.laws import Chirp, ConstantSpeed, Oscillation, Ramp, SignalPosition, Sine, Step, Table
 from mechcore.loads import ConstantPower, DcMotor, Governor, InductionMotor, JournalContact, JournalLoss
 from mechcore.spec import (
     Actuator,
@@ -37,6 +37,7 @@ from mechcore.spec import (
     Polynomial,
     Prismatic,
     Revolute,
+    Servo,
     Spring,
     Torque,
     TorsionDamper,
@@ -110,6 +111,13 @@ def loads(draw, mechanism):
             synchronous_speed=draw(st.sampled_from([-1.0, 1.0])) * draw(positive),
         ),
         ConstantPower(name="constant power", link=last, power=draw(positive), torque_limit=draw(positive)),
+        Servo(
+            name="servo",
+            pair=draw(st.sampled_from(turning_pairs)),
+            target=draw(st.sampled_from([Oscillation(0.0, 1.0, 0.3), SignalPosition(0.4, Ramp(begin=0.1, end=0.9))])),
+            proportional=draw(positive),
+            derivative=draw(positive),
+        ),
         Governor(name="governor", link=first, set_speed=draw(number), gain=draw(positive), least=-5.0, most=draw(positive)),
     ]
     sliding = [p.name for p in mechanism.pairs if isinstance(p, Prismatic)]
@@ -244,6 +252,8 @@ def every_load() -> Mechanism:
         DcMotor(name="dc", link="rocker", stall_torque=2.0, no_load_speed=30.0),
         InductionMotor(name="induction", pair="D", breakdown_torque=2.0, breakdown_slip=0.2, synchronous_speed=30.0),
         ConstantPower(name="constant power", link="rocker", power=3.0, torque_limit=5.0),
+        Servo(name="servo", pair="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0, derivative=1.0),
+        Servo(name="spring servo", pair="D", target=Oscillation(0.0, 1.0, 1.0), proportional=3.0),
         Governor(name="governor", link="rocker", set_speed=2.0, gain=1.0, least=-3.0, most=3.0),
     )
     return replace(m, loads=loads, effects=("inertia", "gravity"))
@@ -546,6 +556,8 @@ FAULTY = [
     (Actuator(name="F", force=1.0), "between two points or along a pair"),
     (Actuator(name="F", **BETWEEN, pair="A", force=1.0), "between two points or along a pair"),
     (Actuator(name="F", pair="A", force=1.0), "'A' is no sliding pair"),
+    (Servo(name="F", pair="X", target=Oscillation(0.0, 1.0, 1.0), proportional=1.0), "'X' is no revolute or sliding pair"),
+    (Servo(name="F", pair="A", target=Oscillation(0.0, 1.0, 1.0), proportional=-1.0), "proportional of -1 is negative"),
     (Bushing(name="F", **BETWEEN, stiffness=(1.0, -2.0, 1.0)), "stiffness of -2 is negative"),
     (BushingDamper(name="F", **BETWEEN, damping=(1.0, np.nan, 1.0)), "damping is nan"),
     (Damper(name="F", **BETWEEN), "neither a linear nor a quadratic"),

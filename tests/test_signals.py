@@ -37,6 +37,7 @@ def test_integral_and_rate_are_those_of_the_value(signal):
         assert signal(t, -1) == pytest.approx(area, abs=2e-13)
         if all(abs(t - b) > 1e-4 for b in signal.breaks):
             assert signal(t, 1) == pytest.approx((signal(t + 1e-5) - signal(t - 1e-5)) / 2e-5, abs=2e-5)
+            assert signal(t, 2) == pytest.approx((signal(t + 1e-5, 1) - signal(t - 1e-5, 1)) / 2e-5, abs=2e-3)
 
 
 @pytest.mark.parametrize(("sweep", "method"), [("linear", "linear"), ("exponential", "logarithmic")])

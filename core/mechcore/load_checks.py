@@ -22,6 +22,7 @@ from .loads import (
     Load,
     Machine,
     Prescribed,
+    Servo,
     Spring,
     Viscous,
 )
@@ -32,7 +33,8 @@ __all__ = ["load_faults"]
 
 _POSITIVE = ("radial", "gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
 _NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
-_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "damping", "back", "slack")
+_NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "damping", "back", "slack",
+                 "proportional", "derivative", "integral")  # fmt: skip
 
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
@@ -98,6 +100,8 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
         elif isinstance(pairs[load.pair], Weld | Planar) or (gas and not isinstance(pairs[load.pair], Prismatic | Cylinder)):
             what = "sliding pair" if gas else "pair that moves"
             yield f"'{load.pair}' is no {what}.", f"Name a {what}."
+    if isinstance(load, Servo) and not isinstance(pairs.get(load.pair), Revolute | Prismatic | PinSlot | Cylinder):
+        yield f"'{load.pair}' is no revolute or sliding pair.", "Name a revolute or sliding pair."
     if isinstance(load, Actuator):
         if (load.pair is None) != (len(load.links) == len(load.points) == 2):
             yield "it has to act between two points or along a pair.", "Give one of them."

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .indicator import Cycle
+from .laws import Law
 
 __all__ = [
     "Actuator",
@@ -35,6 +36,7 @@ __all__ = [
     "Load",
     "Machine",
     "Polynomial",
+    "Servo",
     "Spring",
     "Torque",
     "TorsionDamper",
@@ -305,6 +307,21 @@ class Governor(_Machine):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Servo(_Load):
+    """A position servo between the links of a revolute or sliding ``pair``, in a motion under forces.
+
+    With the error e, by which the pair's coordinate is behind its ``target``, the torque or force is
+    ``proportional e + derivative e' + integral z``, z the integral of e since the start.
+    """
+
+    pair: str
+    target: Law
+    proportional: float  # [N m/rad or N/m]
+    derivative: float = 0.0  # [N m s/rad or N s/m]
+    integral: float = 0.0  # [N m/(rad s) or N/(m s)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class JournalContact(_Load):
     """What presses between bearing and journal of a revolute ``pair`` with clearance; `mechcore.clearance` makes it.
 
@@ -334,4 +351,4 @@ class JournalLoss(JournalContact):
 Machine = DcMotor | InductionMotor | ConstantPower | Governor
 Prescribed = Force | Torque | Actuator
 Between = Spring | Damper | GasSpring | TorsionSpring | TorsionDamper | Bushing | BushingDamper
-Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | JournalContact | Machine
+Load = Prescribed | Between | Drag | Viscous | BeltTension | GasPressure | JournalContact | Machine | Servo

@@ -52,6 +52,7 @@ class Motion:
         self._drives = drives  # rates that do not change are single numbers
         self.state = state
         self.angles = angles  # of the links, continuous from the start pose
+        self.states: dict[str, Real] = {}  # of effects that integrate over the time of a motion under forces
         self.patches = patches
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy

@@ -26,14 +26,11 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from .units import KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
 
 __all__ = [
-    "Angle", "AngularSpeed", "Argument", "Coefficients", "Condition", "Coordinate", "Density", "Direction", "Distance", "Duration",
-    "Effort", "Extent",
-    "Flag", "Force",
-    "ForceVector", "Frequency", "Gravity", "GravityVector", "Inertia", "Length", "Mass", "Name", "Number", "OneOrTwoNames",
-    "Period", "Point",
-    "Power", "Pressure", "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffnesses", "Text",
-    "Time", "Torque", "TorsionalGain", "TwoNames",
-    "UnitName", "describe", "fault", "faults", "value_or_list",
+    "Angle", "AngularSpeed", "Argument", "Coefficient", "Coefficients", "Condition", "Coordinate", "Density", "Direction",
+    "Distance", "Duration", "Effort", "Extent", "Flag", "Force", "ForceVector", "Frequency", "Gravity", "GravityVector",
+    "Inertia", "IntegralGain", "Length", "Mass", "Name", "Number", "OneOrTwoNames", "Period", "Point", "Power", "Pressure",
+    "QuadraticCoefficient", "Quantity", "Range", "Rate", "SignedMass", "Size", "Speed", "Stiffness", "Stiffnesses", "Text",
+    "Time", "Torque", "TorsionalGain", "TwoNames", "UnitName", "describe", "fault", "faults", "value_or_list",
 ]  # fmt: skip
 
 
@@ -174,6 +171,7 @@ Coefficients = Annotated[
     Annotated[Coefficient, Tag("<value>")] | Annotated[Annotated[list[Coefficient], _Three], Tag("<list>")],
     Discriminator(value_or_list),
 ]
+IntegralGain = Annotated[float | str, Quantity(("integral gain", "torsional integral gain"), "zero")]
 QuadraticCoefficient = Annotated[float | str, Quantity(("quadratic damping", "quadratic torsional damping"), "zero")]
 Condition = Annotated[
     float | str,

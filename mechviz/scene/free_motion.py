@@ -287,6 +287,9 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
     for name, pair in document.pairs.items():
         if pair.stops:
             yield Fault(f"pairs.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
+    for name, load in document.loads.items():
+        if load.servo is not None:
+            yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a pair under forces.", _ADD_FREE)
     for name in document.watch:
         yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
 

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from .factors import FactorPolynomial, FactorTable
 from .fields import (
     Angle,
     AngularSpeed,
+    Coefficient,
     Coefficients,
     Coordinate,
     Extent,
     Force,
     ForceVector,
+    IntegralGain,
     Length,
     Number,
     OneOrTwoNames,
@@ -28,6 +30,7 @@ from .fields import (
     Pressure,
     QuadraticCoefficient,
     Size,
+    Stiffness,
     Stiffnesses,
     Text,
     Torque,
@@ -35,6 +38,7 @@ from .fields import (
     TwoNames,
     fault,
 )
+from .motions import DriveDocument
 from .signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
 from .tables import Table, one_of, refuse
 
@@ -62,6 +66,13 @@ def _not_negative(value: float) -> float:
 Positive = Annotated[Number, AfterValidator(_positive)]
 AtLeastOne = Annotated[Number, AfterValidator(_at_least_one)]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+
+
+def _value_or_table(value: Any) -> str:
+    return "<table>" if isinstance(value, dict | DriveDocument) else "<value>"
+
+
+Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(_value_or_table)]
 
 
 class CompressorDocument(Table):
@@ -175,6 +186,7 @@ KINDS: Mapping[str, Kind] = {
     "dc_motor": Kind("a DC motor", _DC, _DC),
     "induction_motor": Kind("an induction motor", _INDUCTION, _INDUCTION),
     "constant_power": Kind("a machine of constant power", ("power", "torque_limit"), ("power", "torque_limit")),
+    "servo": Kind("a servo", ("target", "proportional", "derivative", "integral", *SIGNALS), ("target", "proportional")),
     "governor": Kind("a speed governor", ("set_speed", "gain", "limits"), ("set_speed", "gain", "limits")),
 }
 MACHINES = ("dc_motor", "induction_motor", "constant_power", "governor")
@@ -197,6 +209,8 @@ _EXAMPLES = {
     "breakdown_torque": '"60 N m", the greatest one',
     "breakdown_slip": "0.2, the slip at the breakdown torque",
     "synchronous_speed": '"1500 rpm"',
+    "target": '"30 deg", or the keys of a drive',
+    "proportional": '"200 N m/rad" (or "5 N/mm" for a sliding pair)',
     "power": '"2 kW"',
     "torque_limit": '"50 N m"; its sign is the direction',
     "set_speed": '"300 rpm"',
@@ -244,6 +258,8 @@ class LoadDocument(Table):
     """The revolute pair or the link that a machine of constant power drives."""
     governor: Text | None = None
     """The revolute pair or the link that a machine with a proportional speed governor drives."""
+    servo: Text | None = None
+    """The revolute or sliding pair whose coordinate a servo leads to a target, in a motion under forces."""
     on: Text | None = None
     """Force, torque: the link that it acts on."""
     at: Text | None = None
@@ -330,6 +346,14 @@ class LoadDocument(Table):
     """Governor: torque per speed that is missing."""
     limits: Annotated[list[Torque], Field(min_length=2, max_length=2)] | None = None
     """Governor: least and greatest torque."""
+    target: Target | None = None
+    """Servo: the wanted coordinate, times a signal if one is given; or a law of motion, by the keys of a drive."""
+    proportional: Stiffness | None = None
+    """Servo: torque per angle, or force per length, that the pair is behind its target."""
+    derivative: Coefficient | None = None
+    """Servo: torque per angular speed, or force per speed, that it is slower than its target. Default 0."""
+    integral: IntegralGain | None = None
+    """Servo: torque per angle and time, or force per length and time: of what it was behind since the start. Default 0."""
     use: Literal["useful", "harmful"] | None = None
     """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
 
@@ -367,6 +391,10 @@ class LoadDocument(Table):
         if self.kind == "gas":
             found += one_of(self, _CYCLES, "the gas")
         factors = [key for key in FACTORS if getattr(self, key) is not None]
+        if isinstance(self.target, DriveDocument) and factors:
+            found.append(
+                (factors[0], f"{factors[0]} beside a target that is a law of motion.", "Give one value as target, or leave it out.")
+            )
         if len(factors) > 1:
             found.append((factors[1], f"{' and '.join(factors)} at once.", "Keep one of them."))
         between = ("spring", "damper", "gas_spring", "torsion_spring", "torsion_damper", "actuator", "bushing")

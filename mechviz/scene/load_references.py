@@ -51,6 +51,11 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         if load.drag == reading.document.frame:
             yield Fault(f"{path}.drag", f"'{load.drag}' is the fixed link: it does not move.", "Name a moving link.")
         yield from _pair(reading, f"{path}.viscous", load.viscous, _MOVES, "pair that moves")
+        yield from _pair(reading, f"{path}.servo", load.servo, ("revolute", *_PUSHED), "revolute or sliding pair")
+        servo = reading.document.pairs.get(load.servo or "")
+        if servo is not None and servo.drive is not None:
+            why = f"the drive of '{load.servo}' decides its motion, whatever a servo does."
+            yield Fault(f"{path}.servo", why, "Let the pair be free, and make its drive the target of the servo.")
         yield from _pair(reading, f"{path}.belt_tension", load.belt_tension, ("belt", "chain"), "belt or chain")
         yield from _pair(reading, f"{path}.gas", load.gas, _SLIDES, "sliding pair")
         for key in MACHINES:

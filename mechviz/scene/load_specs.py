@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mechcore.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
-from mechcore.laws import Table
+from mechcore.laws import ConstantSpeed, Law, SignalPosition, Table
 from mechcore.laws.timed import Smoothness
 from mechcore.spec import (
     Actuator,
@@ -26,6 +26,7 @@ from mechcore.spec import (
     InductionMotor,
     Load,
     Polynomial,
+    Servo,
     Spring,
     Torque,
     TorsionDamper,
@@ -35,9 +36,11 @@ from mechcore.spec import (
 
 from .convert import LARGEST, Converter
 from .document import LoadDocument, SceneDocument
+from .drives import law_of
 from .factors import FactorPolynomial, FactorTable
 from .load_references import split_point
 from .meant import likely_sort
+from .motions import DriveDocument
 from .signals import SIGNALS, signal_of
 from .validate import Reading
 
@@ -368,6 +371,35 @@ class _Maker:
             most=most,
         )
 
+    def servo(self) -> Load | None:
+        load = self.load
+        assert load.servo is not None
+        pair = self.document.pairs.get(load.servo)
+        if pair is None or len(pair.kinds) > 1:
+            return None
+        torsional = "torsional " if pair.coordinate == "angle" else ""
+        gains: dict[str, Any] = {
+            "proportional": self.si("proportional", f"{torsional}stiffness"),
+            "derivative": self.si("derivative", f"{torsional}damping"),
+            "integral": self.si("integral", f"{torsional}integral gain"),
+        }
+        if load.proportional is not None and not any(gains.values()):
+            self.convert.note(f"{self.path}.proportional", "all gains are zero: it does nothing.", "Give one of them a value.")
+        target = self.target(pair.coordinate)
+        return None if target is None else Servo(**self.common, pair=load.servo, target=target, **gains)
+
+    def target(self, sort: str) -> Law | None:
+        """The law that a servo follows, None where a fault was noted."""
+        given, path = self.load.target, f"{self.path}.target"
+        if given is None or isinstance(given, DriveDocument):
+            return None if given is None else law_of(given, sort, self.convert, path)
+        value = self.convert.si(given, sort, path)
+        key = next((key for key in SIGNALS if getattr(self.load, key) is not None), None)
+        if key is None:
+            return ConstantSpeed(start=value, speed=0.0)
+        signal = signal_of(key, getattr(self.load, key), self.convert, f"{self.path}.{key}")
+        return None if signal is None else SignalPosition(value, signal)
+
     # -- gas ----------------------------------------------------------------------------------------------------------
     def gas(self) -> Load | None:
         load = self.load
@@ -466,4 +498,5 @@ _MAKERS: dict[str, Callable[[_Maker], Load | tuple[Load, ...] | None]] = {
     "induction_motor": _Maker.induction_motor,
     "constant_power": _Maker.constant_power,
     "governor": _Maker.governor,
+    "servo": _Maker.servo,
 }

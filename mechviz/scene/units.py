@@ -111,6 +111,10 @@ KINDS: Mapping[str, Kind] = {
         "({torque})*({time})**2/({angle})**2",
         "0.01 N m s^2/rad^2",
     ),
+    "integral gain": Kind("an integral gain", "N/(m*s)", "({force})/(({length})*({time}))", "50 N/(m s)"),
+    "torsional integral gain": Kind(
+        "a torsional integral gain", "N*m/(rad*s)", "({torque})/(({angle})*({time}))", "20 N m/(rad s)"
+    ),
     "power": Kind("a power", "W", "W", "2 kW"),
     "gravity": Kind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
 }
@@ -211,7 +215,7 @@ def parse(text: str, kind: str) -> float:
 
 def symbol_of(unit: str) -> str:
     """A unit of a scene, or a formula of such units, as it is written for people: "mm/s", "°", "kg m²"."""
-    text = re.sub(r"\(([^()/]*)\)", r"\1", unit)
+    text = re.sub(r"(?<!/)\(([^()/]*)\)", r"\1", re.sub(r"/\(([^()/ *]*)\)", r"/\1", unit))  # not of N m/(rad s)
     text = re.sub(r"\bdeg(rees?)?\b", "°", text).replace("**", "^").replace("*", " ")
     return text.replace("^2", "²").replace("^3", "³")
 

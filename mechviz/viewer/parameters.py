@@ -276,10 +276,12 @@ def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
                 turning = pair.follower.groove is not None and guide.coordinate == "angle"  # else a radius
     elif path[0] == "loads":
         load = document.loads[str(path[1])]
-        if {"table", "polynomial", "fires"} & set(path):
+        if {"table", "polynomial", "fires"} & set(path) and load.servo is None:
             led = next((pair for pair in document.pairs.values() if pair.led), None)
             return next(k for k in quantity.kinds if (k == "angle") == (led is None or led.coordinate == "angle") and k != "time")
         turning = load.kind.startswith("torsion") or (load.drag is not None and "." not in load.drag)
+        if load.servo is not None and load.servo in document.pairs:
+            turning = document.pairs[load.servo].coordinate == "angle"
         if load.bushing is not None:
             turning = path[-1] == 2
         if load.viscous is not None:

@@ -29,6 +29,7 @@ def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] |
     none does. None at once where nothing in the mechanism has several forms. Switching points in time that loads and the laws of
     drives state are taken as they are; all else is looked for."""
     laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
+    laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
     laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
     breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
     effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
@@ -70,6 +71,6 @@ def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] |
 
 def _next_break(law: Law, after: float) -> float:
     """The first time [s] later than ``after`` at which a prescribed drive's acceleration may jump, within cycles or between."""
-    begun = np.floor(after / law.duration) * law.duration
+    begun = np.floor(after / law.duration) * law.duration if np.isfinite(law.duration) else 0.0
     times = begun + np.array([0.0, law.duration])[:, None] + np.array([0.0, *law.breaks])
     return float(times[times > after].min(initial=np.inf))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..motion import Motion
 from ..solve import Compiled
 from .free import Free
-from .reduced import constrained, free_of, moving, reduced_equations
+from .reduced import constrained, free_of, moving, reduced_equations, with_states
 
 __all__ = ["Chart", "differences", "jacobian_of"]
 
@@ -54,15 +54,18 @@ class Chart:
         return self._solve(q, v, t)[0]
 
     def _solve(self, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
-        """Accelerations (n, f), and what holds the pairs at rest (n, p), from M q'' + h = Q + G' p, G q'' + b = 0."""
+        """Accelerations (n, f + s), see `with_states`, and what holds the pairs at rest (n, p).
+
+        From M q'' + h = Q + G' p, G q'' + b = 0.
+        """
         motion, units = moving(self.compiled, q, v, t)
         r = reduced_equations(motion, units)
         if not self.rests:
-            return r.acceleration(), np.zeros((len(t), 0))
+            return with_states(r.acceleration(), motion), np.zeros((len(t), 0))
         rows, second = jacobian_of(motion, units, self.rests)
         found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
         found[:, self.held] = 0.0
-        return found, holding
+        return with_states(found, motion), holding
 
     def holding(self, q: Array, v: Array, t: Array) -> Array:
         """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""

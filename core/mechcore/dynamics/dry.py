@@ -27,7 +27,7 @@ from ..kinetostatics import Forces, transmit
 from ..motion import Motion
 from ..solve import Compiled
 from .chart import differences, jacobian_of
-from .reduced import constrained, free_of, moving, reduced_equations, with_rates
+from .reduced import constrained, free_of, moving, reduced_equations, with_rates, with_states
 
 __all__ = ["Dry", "DrySystem", "forces_with", "rates_of"]
 
@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Dry:
-    """What friction does: accelerations (n, f); friction ``value``, the ``limit`` up to which it sticks, relative ``rate`` and
-    ``second`` rate of every element (n, e)."""
+    """What friction does: accelerations (n, f + s), see `with_states`; friction ``value``, the ``limit`` up to which it sticks,
+    relative ``rate`` and ``second`` rate of every element (n, e)."""
 
     acceleration: Array
     value: Array
@@ -106,7 +106,12 @@ class DrySystem:
         motion, units = moving(self.compiled, q, v, t)
         r, found = reduced_equations(motion, units), self.solve(q, v, t)
         tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
-        missing = (r.inertia @ found.acceleration[..., None])[..., 0] + r.bias - r.force - np.einsum("nef,ne->nf", tau, found.value)
+        missing = (
+            (r.inertia @ found.acceleration[:, : len(units), None])[..., 0]
+            + r.bias
+            - r.force
+            - np.einsum("nef,ne->nf", tau, found.value)
+        )
         rows, _ = jacobian_of(motion, units, self.rests)
         return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])
 
@@ -169,7 +174,7 @@ class DrySystem:
         )
         size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
         limit = size * np.array([e.limit for e in elements])
-        acceleration = first + np.einsum("njf,nj->nf", answers, value)
+        acceleration = with_states(first + np.einsum("njf,nj->nf", answers, value), motion)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
 
     def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import Fault, MechanismError
 from ..solve import Compiled
 from .chart import jacobian_of
-from .reduced import free_of, motion_at, moving, reduce
+from .reduced import free_of, motion_at, moving, reduce, shifted
 
 __all__ = ["impact", "jacobian_at", "newton_impact", "rates_at"]
 
@@ -52,7 +52,7 @@ def impact(
         why = f"at t = {t:.6g} s {pair} strikes its {side} stop, but prescribed drives or other stops lead it: no impulse stops it."
         raise MechanismError(Fault(f"pairs.{pair}.stops", why, "Move the stop beyond the motion, or leave it out."))
     change, lost = newton_impact(inertia, jacobian, hit, restitution)
-    return v + change, lost
+    return shifted(v, change), lost
 
 
 def newton_impact(inertia: Array, jacobian: Array, hit: float, restitution: float) -> tuple[Array, float]:

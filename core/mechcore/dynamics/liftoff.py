@@ -27,7 +27,7 @@ from .free import Free
 from .handover import carried_on, enter
 from .impacts import newton_impact
 from .integrate import Solution
-from .reduced import free_of, motion_at, reduce, tangents
+from .reduced import free_of, motion_at, reduce, shifted, tangents
 
 __all__ = ["Lifting", "Liftoff", "driven_windows", "first_beyond", "pressing"]
 
@@ -192,7 +192,7 @@ class Lifting:
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
         inertia = reduce(compiled, q[None], v[None], row).inertia[0]
         change, lost = newton_impact(inertia, gradient[None], hit, restitution)
-        return v + change, -hit, lost
+        return shifted(v, change), -hit, lost
 
     def followed(self, name: str, motion: Motion) -> Array:
         """The guide's coordinate (F,) at which the follower would touch its cam."""

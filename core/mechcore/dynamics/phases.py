@@ -14,7 +14,7 @@ from ..motion import Motion
 from ..solve import Compiled
 from .chart import jacobian_of
 from .dry import DrySystem, rates_of
-from .reduced import constrained, free_of, moving, reduced_equations
+from .reduced import constrained, free_of, moving, reduced_equations, shifted
 
 __all__ = ["WORDS", "Key", "Phases", "braking_elements", "keys_of", "rubbing", "senses"]
 
@@ -99,13 +99,13 @@ class Phases:
         if not len(stuck):
             return v
         if self.alone:
-            return np.zeros(1)
+            return np.append(0.0, v[1:])
         motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
         elements = elements_of(motion)
         tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
         inertia = reduced_equations(motion, units).inertia
         answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
-        return np.asarray(v - answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+        return shifted(v, -answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
 
     def _led(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
@@ -170,7 +170,7 @@ class Phases:
         """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
         the motion (gas in a cylinder) are those of that sense."""
         signs = self.directions((q, v, t), way)
-        begun = np.full_like(v, way * BEGUN)
+        begun = np.column_stack([np.full(len(v), way * BEGUN), v[:, 1:]])
         return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 

@@ -31,7 +31,7 @@ from .liftoff import SAMPLES, SHARE, Lifting, Liftoff, driven_windows, first_bey
 from .log import Happened, Log
 from .pieces import Piece
 from .reactions import piece_forces
-from .reduced import motion_at, reduce
+from .reduced import integrating, motion_at, reduce, shifted
 from .retrace import Known, retrace
 from .simulation import Simulation
 
@@ -102,7 +102,7 @@ class Progress:
         model = compiled.model
         self.coordinates = {d.pair: i for i, d in enumerate(drives)}
         angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
-        self.scale = np.array([1.0 if a else model.size for a in angle])
+        self.scale = np.array([*(1.0 if a else model.size for a in angle), *(1.0 for _ in integrating(compiled))])
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
         self.limits = [(s, gauge_of(s, read, at), s.side == "upper") for s in self.stops]
@@ -113,7 +113,8 @@ class Progress:
             self.borders = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
 
     def go(self, q: Array, v: Array) -> Simulation:
-        """Run from q, v to the end."""
+        """Run from q, v (f,) to the end."""
+        q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
         for s, gauge, upper in self.limits:
             beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
             if beyond > 1e-12:
@@ -311,7 +312,8 @@ class Progress:
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
                 raise MechanismError(Fault("dynamics", why, "Give the free start at other pairs."))
             return q, v
-        compiled, q, v = found
+        f, (compiled, *fresh) = len(self.coordinates), found
+        q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))
         if all(compiled.model is not c.model for c in self.charted):
             self.charted.append(compiled)
         self._lead(compiled, Chart(compiled), None)
@@ -493,7 +495,7 @@ class Progress:
         self.resting[k] = stop
         self.log.tell(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
         g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
-        return np.asarray(v - g * (left / float(g @ g)))
+        return shifted(v, -g * (left / float(g @ g)))
 
     def _leave(self, t: float, q: Array, v: Array, k: int) -> Array:
         """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
@@ -509,7 +511,7 @@ class Progress:
             a = np.asarray(system(q[None], v[None], np.array([t])))[0]
             row = np.array([q, q + soon * v]), np.array([v, v + soon * a]), np.array([t, t + soon])  # a load may begin at zero
             r = reduce(self.compiled, *row)
-            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ a))
+            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ a[: len(self.coordinates)]))
             g = float(np.linalg.norm(jacobian_at(self.compiled, [stop.pair], q, v, t)[0]))
             if g * float(self._pull(system, stop)(*row).max()) < -PULLS * size:
                 v = self._leave(t, q, v, k)
@@ -539,7 +541,7 @@ class Progress:
 
     def _push(self, t: float, lost: float, q: Array, before: Array, after: Array) -> None:
         """Account for the work that prescribed drives do in an impact, which does not slow them."""
-        if len(q) < len(self.compiled.mechanism.drives):
+        if len(self.coordinates) < len(self.compiled.mechanism.drives):
             motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
             self.log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
 

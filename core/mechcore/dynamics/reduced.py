@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import effects_of, power_of
+from ..effects import Effect, effects_of, power_of
 from ..motion import Motion
 from ..solve import Compiled, solve_motion
 from .free import Free
@@ -24,13 +24,16 @@ __all__ = [
     "ReducedEquations",
     "constrained",
     "free_of",
+    "integrating",
     "motion_at",
     "moving",
     "reduce",
     "reduced_equations",
+    "shifted",
     "solved",
     "tangents",
     "with_rates",
+    "with_states",
 ]
 
 Array = Any
@@ -93,7 +96,8 @@ def free_of(compiled: Compiled) -> list[int]:
 def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = None) -> Motion:
     """The mechanism at free coordinates (n, f) with rates (n, f), second rates (n, f) or none, at times (n,).
 
-    Drives that are prescribed follow their laws.
+    Drives that are prescribed follow their laws. Rates that come after those of the coordinates are the states of effects that
+    integrate, zero where there are none.
     """
     none = np.zeros(len(t))
     drives, k = {}, 0
@@ -103,7 +107,30 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
             k += 1
         else:
             drives[d.pair] = d.law(t)
-    return solve_motion(compiled, t, drives=drives, strict=False)
+    motion = solve_motion(compiled, t, drives=drives, strict=False)
+    for i, effect in enumerate(integrating(compiled), start=k):
+        motion.states[effect.name] = v[:, i] if i < v.shape[1] else none
+    return motion
+
+
+def integrating(compiled: Compiled) -> list[Effect]:
+    """The effects that integrate over the time, in the order of their states, see `with_states`."""
+    return [e for e in compiled.model.applied if e.integrates]
+
+
+def with_states(acceleration: Real, motion: Motion) -> Real:
+    """Accelerations (n, f), and after them the rates of the states of effects that integrate (n, f + s).
+
+    Among coordinates, rates and accelerations a state is a rate: what is integrated is its acceleration, and the coordinate that
+    belongs to it is the state's own integral, which nothing depends on.
+    """
+    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.applied if e.integrates]
+    return np.column_stack([acceleration, *rates]) if rates else acceleration
+
+
+def shifted(v: Real, change: Real) -> Real:
+    """Rates (f + s,) changed by those of the coordinates (f,); states stay."""
+    return v + np.append(change, np.zeros(len(v) - len(change)))
 
 
 def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] | None = None) -> Motion:
@@ -113,7 +140,7 @@ def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] |
     drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
     patches = motion.patches and _scaled(motion, rates)
     m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
-    m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins)
+    m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins, states=motion.states)
     return m
 
 
@@ -137,7 +164,7 @@ def moving(compiled: Compiled, q: Real, v: Real, t: Real) -> tuple[Motion, list[
     """The motion with q'' = 0, and its `tangents`."""
     free = free_of(compiled)
     if len(free) == len(compiled.mechanism.drives) == 1:  # through change points: interpolated at a unit rate, then scaled
-        unit = motion_at(compiled, q, np.ones_like(v), t)
+        unit = motion_at(compiled, q, np.column_stack([np.ones(len(v)), v[:, 1:]]), t)
         return with_rates(unit, [v[:, 0]]), [unit]
     motion = motion_at(compiled, q, v, t)
     return motion, tangents(motion, free)

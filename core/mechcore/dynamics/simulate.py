@@ -30,7 +30,7 @@ from .liftoff import Liftoff
 from .phases import braking_elements
 from .pieces import Piece
 from .progress import Method, Progress, table_tolerance
-from .reduced import free_of, reduce
+from .reduced import free_of, integrating, reduce
 from .simulation import Simulation
 
 __all__ = ["simulate"]
@@ -74,7 +74,8 @@ def simulate(
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     system: Any = Chart(compiled)
     leads: tuple[float, float] | None = None
-    if len(q) == len(compiled.mechanism.drives) == 1 and not liftoffs and not braking_elements(compiled, q, v):
+    alone = len(q) == len(compiled.mechanism.drives) == 1 and not liftoffs and not integrating(compiled)
+    if alone and not braking_elements(compiled, q, v):
         system, leads = curve_around(compiled, q[0], table_tolerance(tolerance))
     if len(q):
         _weigh(compiled, q, system)

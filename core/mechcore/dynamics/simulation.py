@@ -25,7 +25,7 @@ from .integrate import Solution
 from .joined import JoinedForces, JoinedMotion
 from .liftoff import Lifting, Liftoff
 from .pieces import Piece
-from .reduced import free_of, motion_at
+from .reduced import free_of, integrating, motion_at
 
 __all__ = ["Simulation"]
 
@@ -92,9 +92,7 @@ class Simulation:
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty((3, len(t), len(free_of(self.compiled))))
         for piece, rows in self._rows(t):
-            if piece.compiled is self.compiled:
-                out[:, rows] = piece(t[rows])
-            elif piece.lifted:
+            if piece.compiled is self.compiled or piece.lifted:
                 for found, x in zip(out, piece(t[rows]), strict=True):
                     found[rows] = x[:, : out.shape[2]]
             else:
@@ -125,7 +123,8 @@ class Simulation:
         """The mechanism's motion at times (F,) [s]: a `Motion`, or what stands for one where charts or phases change."""
         t = np.atleast_1d(np.asarray(t, float))
         parts = self._rows(t)
-        if all(p.compiled is self.compiled and not (p.resting or isinstance(p.system, DrySystem)) for p, _ in parts):
+        plain = not integrating(self.compiled)
+        if all(plain and p.compiled is self.compiled and not (p.resting or isinstance(p.system, DrySystem)) for p, _ in parts):
             return motion_at(self.compiled, *self._state(t))
         return JoinedMotion(t, [(rows, piece.motion(t[rows])) for piece, rows in parts], model=self._model)
 

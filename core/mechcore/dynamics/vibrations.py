@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..errors import Fault, MechanismError
 from ..solve import Compiled
-from ..spec import Mechanism, braked
+from ..spec import Mechanism, Servo, braked
 from .equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest, scale_of
 from .free import Free
 from .happenings import Stop
@@ -183,6 +183,9 @@ def _notes(compiled: Compiled) -> list[str]:
     timed = [load.name for load in mechanism.loads if getattr(getattr(load, "factor", None), "of", None) == "time"]
     if timed:
         notes.append(f"loads that change with time are taken as they are at the start: {', '.join(timed)}")
+    servos = [load.name for load in mechanism.loads if isinstance(load, Servo)]
+    if servos:
+        notes.append(f"servos lead to where they do at the start, and integrate nothing: {', '.join(servos)}")
     return notes
 
 

@@ -28,6 +28,7 @@ from ..loads import (
     InductionMotor,
     JournalContact,
     JournalLoss,
+    Servo,
     Spring,
     Torque,
     TorsionDamper,
@@ -48,6 +49,7 @@ from .inertia import Inertia
 from .journal import JournalFriction, JournalPressure
 from .machines import ConstantPowerMachine, DirectCurrent, Governed, Induction
 from .prescribed import AppliedForce, AppliedTorque
+from .servo import PositionServo
 from .torsion import AngleDamper, AngleSpring
 from .viscous import ViscousFriction
 from .wrench import Wrench, point_of, power_of, sum_up
@@ -95,6 +97,7 @@ LOADS: dict[type, Callable[[Any], Effect]] = {
     InductionMotor: Induction,
     ConstantPower: ConstantPowerMachine,
     Governor: Governed,
+    Servo: PositionServo,
 }
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from ..kinematics import Rates
+from ..laws import Law
 from ..model import Model
 from ..statics import Acting
 from ..unwrapped import LinkAngles
@@ -48,6 +49,8 @@ class Configuration(Protocol):
     def drives(self) -> Any: ...
     @property
     def state(self) -> Any: ...
+    @property
+    def states(self) -> Mapping[str, Array]: ...
     @property
     def angles(self) -> LinkAngles: ...
     @property
@@ -106,6 +109,21 @@ class Effect:
     def breaks(self) -> tuple[float, ...]:
         """Times [s] at which its law changes its form, whatever the mechanism does."""
         return ()
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Laws of time that it follows: it changes its form where they do."""
+        return ()
+
+    @property
+    def integrates(self) -> bool:
+        """Whether it has a state of its own in motions under forces, an integral over time that is zero at the start: a
+        configuration knows it in ``states`` by the name of the effect."""
+        return False
+
+    def state_rate(self, at: Configuration) -> Array:
+        """Rate (F,) of that state."""
+        raise TypeError(f"{type(self).__name__} has no state of its own")
 
     @property
     def counts_turns(self) -> bool:

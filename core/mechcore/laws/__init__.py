@@ -25,7 +25,7 @@ from .factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_fac
 from .harmonics import acceleration_zones, harmonic_sum, scca
 from .optimal import Optimum, least_peak
 from .program import Follow, Segment, constant_breadth, program
-from .signals import Chirp, Ramp, Signal, SignalSpeed, Sine, Step
+from .signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
 from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Table, TableLaw, polynomial_through, zones
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "Ramp",
     "Segment",
     "Signal",
+    "SignalPosition",
     "SignalSpeed",
     "Sine",
     "Smoothing",

@@ -1,6 +1,6 @@
 """Signals: functions of time that loads and speeds follow, with their derivative and their integral in closed form.
 
-A signal is called with times (...) [s] and ``derivative`` 0 (its value), 1 (its rate) or -1 (its integral from time zero).
+A signal is called with times (...) [s] and ``derivative`` 0 (its value), 1 or 2 (its rates) or -1 (its integral from time zero).
 ``breaks`` are the times at which it changes its form; at such a time the value belongs to the piece that ends there, as for all
 laws of time. ``order`` is that of the lowest derivative that jumps there.
 """
@@ -14,7 +14,7 @@ from typing import ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Chirp", "Ramp", "Signal", "SignalSpeed", "Sine", "Step"]
+__all__ = ["Chirp", "Ramp", "Signal", "SignalPosition", "SignalSpeed", "Sine", "Step"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -48,8 +48,8 @@ class Sine:
         t = np.asarray(t, float)
         w = TURN * self.frequency
         x = w * t + self.phase
-        if derivative == 1:
-            return np.asarray(self.amplitude * w * np.cos(x))
+        if derivative > 0:
+            return np.asarray(self.amplitude * w**derivative * (np.cos(x) if derivative == 1 else -np.sin(x)))
         if derivative == -1:  # cos(phase) - cos(x) without a difference of nearly equal numbers
             return np.asarray(self.mean * t + 2.0 * self.amplitude / w * np.sin(0.5 * w * t) * np.sin(0.5 * w * t + self.phase))
         return np.asarray(self.mean + self.amplitude * np.sin(x))
@@ -70,7 +70,7 @@ class Step:
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         t = np.asarray(t, float)
-        if derivative == 1:
+        if derivative > 0:
             return np.zeros_like(t)
         if derivative == -1:
             return self.before * t + (self.after - self.before) * (np.maximum(t - self.at, 0.0) - max(-self.at, 0.0))
@@ -94,6 +94,8 @@ class Ramp:
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         t = np.asarray(t, float)
         slope = (self.after - self.before) / (self.end - self.begin)
+        if derivative == 2:
+            return np.zeros_like(t)
         if derivative == 1:
             begun = t > self.begin if self.begin > 0.0 else t >= self.begin
             return np.where(begun & (t <= self.end), slope, 0.0)
@@ -134,8 +136,10 @@ class Chirp:
             last = Sine(frequency=self.frequencies[1], amplitude=self.amplitude, phase=float(self._angle(np.array(self.duration))))
             return np.asarray(self.mean * t + self.amplitude * (self._swept(swept) - self._swept(np.zeros(()))) + last(after, -1))
         x = self._angle(swept) + TURN * self.frequencies[1] * after
-        if derivative == 1:
-            return np.asarray(self.amplitude * TURN * self._frequency(swept) * np.cos(x))
+        if derivative > 0:
+            w = TURN * self._frequency(swept)
+            faster = np.where(t <= self.duration, TURN * self._frequency(swept, 1), 0.0)
+            return np.asarray(self.amplitude * (w * np.cos(x) if derivative == 1 else faster * np.cos(x) - w * w * np.sin(x)))
         return np.asarray(self.mean + self.amplitude * np.sin(x))
 
     @property
@@ -143,12 +147,13 @@ class Chirp:
         """Rate of the logarithm of the frequency [1/s]."""
         return math.log(self.frequencies[1] / self.frequencies[0]) / self.duration
 
-    def _frequency(self, t: Array) -> Array:
-        """Frequency during the sweep [Hz]."""
+    def _frequency(self, t: Array, derivative: int = 0) -> Array:
+        """Frequency during the sweep [Hz], or its rate."""
         first, last = self.frequencies
         if self.sweep == "linear":
-            return np.asarray(first + (last - first) * (t / self.duration))
-        return np.asarray(first * np.exp(self._growth * t))
+            rate = (last - first) / self.duration
+            return np.full_like(t, rate) if derivative else np.asarray(first + rate * t)
+        return np.asarray(first * np.exp(self._growth * t) * self._growth**derivative)
 
     def _angle(self, t: Array) -> Array:
         """x during the sweep [rad]."""
@@ -173,6 +178,22 @@ class Chirp:
         c = self.phase - TURN * first / self._growth
         si, ci = sici(np.abs(u))
         return np.asarray((np.sin(c) * ci + np.cos(c) * np.sign(u) * si) / self._growth)
+
+
+@dataclass(frozen=True, eq=False)
+class SignalPosition:
+    """A coordinate that is ``value`` [rad or m] times a signal of time; ``duration`` of a cycle: it has none."""
+
+    value: float
+    signal: Signal
+    duration: float = math.inf
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.signal.breaks
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        return self.value * self.signal(t), self.value * self.signal(t, 1), self.value * self.signal(t, 2)
 
 
 _JUMPS = ("the velocity jumps, infinite acceleration", "the acceleration jumps, infinite jerk")
