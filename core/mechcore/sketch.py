@@ -10,7 +10,7 @@ from dataclasses import replace
 from .blocks import State
 from .laws import Piecewise
 from .model import Model
-from .spec import Cylinder, Drive, Mechanism
+from .spec import Cylinder, Drive, Mechanism, coordinates_of
 
 __all__ = ["at_sketch", "sketched_angle", "sketched_drives", "sketched_slide"]
 
@@ -73,7 +73,7 @@ def _decides(model: Model) -> bool:
 def _sketched_drive(model: Model, name: str) -> float | None:
     """The coordinate of a driven joint as it is drawn [rad or m]; None where it is not."""
     poses = {model.mechanism.frame: (0.0, 0.0, 0.0), **model.mechanism.sketch}
-    pair = next(pair for pair in model.mechanism.pairs if pair.name == name)
+    pair = next((pair for pair in model.mechanism.pairs if name in coordinates_of(pair)), None)
     if isinstance(pair, Cylinder):
         if not poses.keys() >= set(pair.links):
             return None
