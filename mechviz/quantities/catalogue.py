@@ -20,6 +20,8 @@ __all__ = ["Axis", "Catalogue", "Health", "Quantity"]
 Real = NDArray[np.float64]
 
 MOST_FIRST = 3
+MOST_OF_IT = 0.99  # of the frames: forces at the others do not count in full
+ASIDE = 0.31  # sine of the angle of a crank from which it is away from its dead points
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +186,8 @@ class Catalogue:
     def opening(self) -> int:
         """The frame to open at.
 
-        With forces, where reactions and driving efforts together come nearest to their peaks: at a dead centre, where all links
-        and arrows lie on one line, the effort is nothing. Else an eighth of the first drive's cycle into the run.
+        With forces, where reactions and driving efforts together come nearest to their peaks, away from the dead points of a
+        crank, where all links and arrows lie on one line. Else an eighth of the first drive's cycle into the run.
         """
         n = self.numbers
         if n.has_forces:
@@ -193,8 +195,10 @@ class Catalogue:
             efforts = [v[:, 3] for d in n.drives if (v := n.values("data", "drive", d)) is not None]
             peaks = [np.max(reactions, axis=0), *efforts] if reactions else efforts
             load = sum((_of_peak(values) for values in peaks), np.zeros(len(n.time)))
-            if np.any(load):
-                return int(np.argmax(load))
+            if n.drives and not n.slides(n.drives[0]):
+                load = np.where(np.abs(np.sin(self.coordinate(n.drives[0]))) > ASIDE, load, 0.0)
+            if np.any(np.nan_to_num(load)):
+                return int(np.argmax(np.nan_to_num(load)))
         passed = n.time - n.time[0]
         cycle = min(n.cycle, float(passed[-1])) or 1.0
         return int(np.argmin(np.round(np.abs(passed / cycle - 0.125), 6)))  # of two as near the first
@@ -215,6 +219,8 @@ def names_of(n: Numbers) -> Names:
 
 
 def _of_peak(values: Real) -> Real:
-    """Magnitudes as parts of the largest one; nothing where they are not finite or all zero."""
+    """Magnitudes as parts of the largest but a few; nothing where they are not finite or all zero. Next to a jam a picture shows
+    nothing but the peak."""
     size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
+    size = np.minimum(size, np.quantile(size, MOST_OF_IT))
     return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..quantities import Catalogue
+from ..record.numbers import numbers_in
 from ..record.paths import parts_of
 from ..vectors import FAMILIES, FORCE_FAMILIES, round_value
 from .frames import MOST_FRAMES, Frames, Progress, find_frames, quiet
@@ -49,9 +51,9 @@ def show_text(
     pack = Pack()
     frames = find_frames(recording, most, keep)
     properties = recording.properties
-    before = 1 if plots else 0  # all entities are gone through for plots, and for what is drawn
-    curves = [] if not plots else find_plots(recording, frames, lambda done, total: progress(done, 2 * total))
-    drawables = find_drawables(recording, frames, pack, lambda done, total: progress(done + before * total, (1 + before) * total))
+    catalogue = Catalogue(numbers_in(recording))
+    curves = find_plots(recording, catalogue, frames) if plots else []
+    drawables = find_drawables(recording, frames, pack, progress)
     bounds = bounds_of(recording, frames)
     bodies = find_bodies(recording, frames, pack)
     header = {
@@ -64,7 +66,7 @@ def show_text(
         "time": pack.floats(frames.time),
         "axes": _axes(frames, pack),
         "pace": _pace(recording, frames),
-        "opening": len(frames.chosen) // 8 if "duration" in properties else _opening(recording, frames),
+        "opening": int(np.argmin(np.abs(frames.time - catalogue.numbers.time[catalogue.opening]))),
         "bounds": bounds.tolist(),
         "drawn": _drawn(bounds, drawables, bodies).tolist(),
         "links": find_links(recording, frames, pack),
@@ -72,7 +74,7 @@ def show_text(
         "drawables": drawables,
         "groups": _groups(recording, drawables, bodies, bounds),
         "plots": [pack_plot(p, pack) for p in curves],
-        "first": first_plots(recording, curves),
+        "first": first_plots(recording, catalogue, curves),
         "lanes": _lanes(recording),
         "events": [{"time": e.time, "level": e.level, "text": f"{e.item}: {e.text}"} for e in recording.events],
         "notes": html_of(recording.notes),
@@ -118,24 +120,6 @@ def _pace(recording: Recording, frames: Frames) -> float:
 def _turns(frames: Frames) -> float:
     ticks = frames.drives.get("drive_mdeg")
     return 1.0 if ticks is None or len(ticks) < 2 else float(np.ptp(ticks)) / 360e3
-
-
-def _opening(recording: Recording, frames: Frames) -> int:
-    """The frame at which a page opens: where large forces act away from the dead points of a crank, or else an eighth of a turn
-    from the start. Peaks do not count in full: next to a jam a picture shows nothing but them."""
-    ticks = frames.drives.get("drive_mdeg")
-    reactions = []
-    for path in recording.entities:
-        if path.startswith("/plots/reactions/") and recording.has(path):
-            ns, values = recording.scalars(path)
-            reactions.append(values[np.clip(np.searchsorted(ns, frames.ns, side="right") - 1, 0, None)])
-    if ticks is not None and reactions:
-        size = np.nan_to_num(np.column_stack(reactions), posinf=0.0).sum(axis=1)
-        size = np.minimum(size, np.quantile(size, 0.95))
-        away = np.sin(np.radians(1e-3 * ticks)) ** 2
-        if np.any(size * away > 0.0):
-            return int(np.argmax(size * away))
-    return round((len(frames.chosen) - 1) / (8.0 * max(1.0, _turns(frames))))
 
 
 def _drawn(bounds: Any, drawables: list[dict[str, Any]], bodies: list[dict[str, Any]]) -> Any:
