@@ -26,6 +26,7 @@ Real = NDArray[np.float64]
 Range = tuple[float, float]
 
 TURN = 2.0 * math.pi
+TOUCH = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
 TIE = 1e-9  # of a turn: angles so near to a border of their range are on it
 
 
@@ -61,9 +62,9 @@ class StartPose:
         ranges = dict(self.ranges)
         for joint, (low, high) in found.items():
             if high == math.inf:
-                high = low + TURN - TIE
+                high = low + TURN - TOUCH
             elif low == -math.inf:
-                low = high - TURN + TIE
+                low = high - TURN + TOUCH
             ranges[joint] = low, high
         return replace(self, ranges=ranges)
 
