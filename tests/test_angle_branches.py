@@ -14,6 +14,7 @@ from test_relative_angles import AT_REST, FIVE_BAR, FOUR_BAR, GEARED, SLIDER_CRA
 import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.dynamics import Free, Stop, Watch, simulate
+from mechcore.dynamics.reduced import motion_at
 from mechcore.laws import ConstantSpeed
 from mechcore.start_pose import StartPose
 from mechcore.sweep import sweep
@@ -265,3 +266,16 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     assert passed == [at for at in (-260.0, 100.0, 460.0, 820.0) if first < at < last] and len(passed) == 2
     for h in found.happenings:
         assert found.view([h.time]).coordinate("E")[0, 0] == pytest.approx(np.radians(float(h.item)), abs=1e-8)
+
+
+@pytest.mark.parametrize("far", [1e4, 1e9, np.inf, np.nan])
+@pytest.mark.parametrize("text", [SLIDER_CRANK + AT_REST, FIVE_BAR, GEARED], ids=["crank", "five-bar", "geared"])
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_trial_of_the_integrator_may_lie_anywhere(text, far):
+    """Angles there are not followed over millions of steps; those beside it are as they are without it."""
+    compiled = compile_mechanism(mechviz.loads(text).mechanism)
+    q = np.array(compiled.start)
+    both = np.array([q + 0.01, q + far])
+    found = motion_at(compiled, both, np.zeros_like(both), np.array([0.0, 1e-3])).angles.spins
+    alone = motion_at(compiled, both[:1], np.zeros_like(both[:1]), np.zeros(1)).angles.spins
+    assert found.shape[1] == 2 and found[:, 0] == pytest.approx(alone[:, 0], abs=1e-12)

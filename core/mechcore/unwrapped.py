@@ -38,6 +38,7 @@ Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
 
 LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
 FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
+MOST = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
 ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
 CHUNK = 100_000  # places looked at together
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns of the drive after which the mechanism may be back where it was
@@ -255,7 +256,8 @@ class _Table:
             turns = np.round(turned / TURN)
             if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST:
                 return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw
-        low, high = float(x.min(initial=self.at)), float(x.max(initial=self.at))
+        known = np.clip(x[np.isfinite(x)], self.at - MOST * self.step, self.at + MOST * self.step)
+        low, high = float(known.min(initial=self.at)), float(known.max(initial=self.at))
         self._look_for_period(high - low, place)
         if self.period is None:
             self._cover(low, high, place)

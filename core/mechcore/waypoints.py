@@ -26,7 +26,7 @@ Real = NDArray[np.float64]
 Starts = Mapping[str, Real]
 
 STEP = {"angle": 0.2, "slide": 0.1}  # of a drive, between two places on a path: [rad], or part of the mechanism's size
-MOST = 10_000  # steps from a waypoint
+MOST = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
 
 
 def steps_of(model: Model) -> Real:
