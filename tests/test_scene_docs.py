@@ -10,6 +10,7 @@ import pytest
 
 import mechviz
 from mechcore import compile_mechanism, default_times, solve_motion
+from mechcore.spec import EFFECTS
 from mechviz.scene.clearances import ClearanceDocument
 from mechviz.scene.document import LinkDocument, LoadDocument, PairDocument, SceneDocument
 from mechviz.scene.frictions import FrictionDefaults, FrictionDocument
@@ -59,6 +60,21 @@ def test_the_report_of_the_page_is_the_real_one():
     with pytest.raises(mechviz.SceneError) as error:
         mechviz.loads(text, "crank_rocker.toml")
     assert str(error.value) == report.strip()
+
+
+def test_the_rows_of_effects_name_every_effect():
+    text = PAGE.read_text(encoding="utf-8")
+    (row,) = re.findall(r"(?m)^\| `effects` \|.*$", text)
+    for effect in EFFECTS:
+        assert f'`"{effect}"`' in row
+        assert f'\n| `"{effect}"` | ' in text
+
+
+def test_every_package_of_the_wheel_tells_that_it_has_types():
+    """PEP 561: type checkers read a package's annotations only where it holds py.typed."""
+    root = PAGE.parent.parent
+    wheel = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert [package for package in wheel["packages"] if not (root / package / "py.typed").is_file()] == []
 
 
 def test_every_key_of_the_format_is_on_the_page():
