@@ -58,7 +58,7 @@ def test_scenes_read_as_they_were_written(name):
         ('guide = "S"', 'guide = "Q"', ["pairs.K.follower.guide", "no pair 'Q'"]),
         ('guide = "S"', 'guide = "O"', ["pairs.K.follower.guide", "'O' is no prismatic or revolute pair of 'follower'"]),
         ('point = "T"', 'point = "X"', ["pairs.K.follower.point", "no point 'X'"]),
-        ("over = 60 }, {", "over = 50 }, {", ["pairs.K", "350 deg", "Add a dwell of 10 deg"]),
+        ("over = 60 }, {", "over = 50 }, {", ["pairs.K", "350°", "Add a dwell of 10°"]),
         ("to = 20", 'to = "20 deg"', ["pairs.K.profile.lift[0].to"]),
         ("to = 20", 'to = 20, law = "cycloid"', ["pairs.K.profile.lift[0]", "cycloid"]),
         ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nradius = 5', ["radius does not go with a cam"]),
@@ -138,7 +138,7 @@ def test_contact_is_lost_where_the_force_changes_its_sign():
     (cam,) = placed_cams(motion)
     events = [e for e in cam_events(motion, forces) if "contact" in e.text]
     assert [e.text.split(" at ")[0] for e in events] == ["contact lost", "contact regained"] * 2  # rise, return
-    assert "deg of the cam" in events[0].text and events[0].level == "WARN"
+    assert "° of the cam" in events[0].text and events[0].level == "WARN"
     again = motion.again
     for event in events:  # the acceleration may jump there: force on both sides
         n = contact_force(solve_forces(again(np.array([event.time - 2e-6, event.time + 2e-6]))), cam)

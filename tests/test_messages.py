@@ -11,7 +11,7 @@ import pytest
 from mechcore.errors import Fault
 from mechcore.events import Event
 from mechcore.texts import Kind, Text, as_angle, as_coordinate, as_force, as_length
-from mechviz.record.writer import _course_events
+from mechviz.quantities.events import events_of
 from mechviz.run import run_scene
 from mechviz.scene import Scene, gallery_names, load
 from mechviz.scene.document import UnitsDocument
@@ -67,5 +67,5 @@ QUICK = [name for name in gallery_names() if load(name).simulation is None]
 def test_events_and_check_are_in_the_units_of_the_scene(name):
     scene = shown_in(load(name), ODD)
     run = run_scene(scene)
-    told = [e.in_units(scene.units).text for e in _course_events(run)]
+    told = [e.text for e in events_of(run)]
     assert not [text for text in told if FOREIGN.search(text)]

@@ -156,7 +156,7 @@ SLIPS = [
     Slip(f"{GAS}/table/drive", "Y", "loads.gas.table.drive", "there is no pair 'Y'"),
     Slip(f"{GAS}/table/position/2", 45, "loads.gas.table.position[2]", "does not grow"),
     Slip(f"{GAS}/table/factor", [1, 2], "loads.gas.table", "3 positions and 2 factors"),
-    Slip(f"{GAS}/table/smooth", "maybe", "loads.gas.table.smooth", "where true or false"),
+    Slip(f"{GAS}/table/smooth", "maybe", "loads.gas.table.smooth", "does not say how the points are joined"),
     Slip("loads/pull/at", REMOVED, "loads.pull", "'at' is missing", ("loads/pull/torque",)),
     Slip("loads/pull/torque", 3, "loads.pull", "force and torque at once", ("loads/pull/at",)),
     Slip("loads/pull/force/0", "5 Nm", "loads.pull.force[0]", "unknown unit 'Nm'"),

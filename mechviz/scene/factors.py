@@ -22,7 +22,7 @@ _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed"
 def _smooth(value: Any) -> Smoothness:
     if value is True or value is False or value == "spline":
         return value
-    raise fault(f"{describe(value)} says not how the points are joined.", 'Write true, false (straight lines) or "spline".')
+    raise fault(f"{describe(value)} does not say how the points are joined.", 'Write true, false (straight lines) or "spline".')
 
 
 Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"const": "spline"}]})]
