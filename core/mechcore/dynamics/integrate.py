@@ -16,6 +16,7 @@ __all__ = ["Solution", "System", "integrate", "nodes_for", "tails"]
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
+MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
 
@@ -138,14 +139,15 @@ def integrate(
             left, rough, power = tails(window.a, np.array(h), np.array(max(longest, h)))
             worst = float(np.max(left / (tolerance * scale)))
             order = float(s + 1)
-            if (starts or cuts) and float(np.max(rough / (tolerance * scale))) > worst:
-                worst, order = float(np.max(rough / (tolerance * scale))), float(power)
-            if worst > 4.0 and h < 1e4 * least:
-                worst = 4.0  # the equations jump here without saying so; as near to the jump as time can be told
+            missed = MARGIN * float(np.max(rough / (tolerance * scale))) if starts or cuts else 0.0
+            if missed > worst:
+                worst, order = missed, float(power)
+            if worst > MARGIN and h < 1e4 * least:
+                worst = MARGIN  # the equations jump here without saying so; as near to the jump as time can be told
         else:
             solution.evaluations += 8
             worst, order = np.inf, float(s + 1)
-        if worst > 4.0:
+        if worst > MARGIN:
             solution.rejected += 1
             h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
             if h < 1e3 * least:
