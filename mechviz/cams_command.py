@@ -25,15 +25,22 @@ def cams(
     margin: Annotated[
         str | None, typer.Option("--margin", metavar="FORCE", help="contact force that has to remain: tells the least spring")
     ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="exit code 1 also where a condition fails that the scene states no limit for")
+    ] = False,
     frames: Annotated[
         int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")
     ] = None,
 ) -> None:
-    """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact."""
+    """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact.
+
+    The exit code is 1 where a limit that the scene states is violated; with --strict where anything fails, be it undercut,
+    contact that is lost, or the --margin.
+    """
     with clear_errors(scene):
         from mechcore.spec import CamDrawn
 
-        from .cam_report import cam_lines, drawn_lines
+        from .cam_report import cam_facts, cam_lines, drawn_lines
         from .scene.cam_ratings import step_fault, whole_step
         from .scene.convert import LARGEST
 
@@ -49,11 +56,15 @@ def cams(
             fail(f"--step {step}: {' '.join(step_fault(angle))}")
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
-        found = cam_lines(run.motion, run.forces, margin=least)
+        facts = cam_facts(run.motion, run.forces, margin=least)
+        found = cam_lines(run.motion, facts, loaded.units)
         if not found:
             fail(f"{run.scene.name}: the scene has no cam. Choose one of those that mechviz scenes lists.")
         print("\n".join([run.scene.title, "", *found]))
         if method == "graphical":
             plain = CamDrawn(step=math.radians(10.0))
             asked = None if whole is None and lines is None else CamDrawn(step=whole or plain.step, lines=lines or plain.lines)
-            print("\n".join(["", *(drawn_lines(run.motion, asked) or drawn_lines(run.motion, plain))]))
+            print("\n".join(["", *(drawn_lines(run.motion, loaded.units, asked) or drawn_lines(run.motion, loaded.units, plain))]))
+        violated = dict.fromkeys(f"{fact.what} of {fact.cam}" for fact in facts if fact.failed and (fact.stated or strict))
+        if violated:
+            fail(f"{run.scene.name}: limits are violated: {', '.join(violated)}.", 1)

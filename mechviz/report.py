@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore import Compiled, Motion, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore import Compiled, Forces, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.answers import grashof
 from mechcore.assembly import all_modes
 from mechcore.clearance import journals_of, made_pairs
@@ -21,6 +21,7 @@ from mechcore.reach import reachable_ranges
 from mechcore.spec import CamPair, Cylinder, Planar
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
+from .cam_report import cam_facts, cam_lines, law_facts
 from .scene.worded import in_scene_words
 
 if TYPE_CHECKING:
@@ -88,15 +89,21 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
-    if "friction" in scene.mechanism.effects and not free:
-        lines += _friction(motion, scene.units)
-    if not free:
-        decided = [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else []
-        lines += _contact(motion, scene.units, decided)
-    if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads) and not free:
-        lines += _belts(motion, scene.units)
-    if any(isinstance(p, CamPair) and (p.rating is not None or p.drawn is not None) for p in scene.mechanism.pairs) and not free:
-        lines += _cams(motion)
+    decided = [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else []
+    loaded = bool(scene.mechanism.effects or scene.mechanism.loads)
+    forces = solve_forces(motion) if loaded and not free else None
+    if forces is not None:
+        if "friction" in scene.mechanism.effects:
+            lines += _friction(forces, scene.units)
+        lines += _contact(forces, scene.units, decided)
+        if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads):
+            lines += _belts(forces, scene.units)
+    cams = [pair for pair in scene.mechanism.pairs if isinstance(pair, CamPair)]
+    if cams:
+        known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
+        lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
+        if any(pair.rating is not None or pair.drawn is not None for pair in cams) and not free:
+            lines += ["", *cam_lines(motion, known, scene.units)]
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
@@ -104,48 +111,47 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     return lines
 
 
-def _friction(motion: Motion, units: Units) -> list[str]:
+def _friction(forces: Forces, units: Units) -> list[str]:
     """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
-    events = (e.in_units(units) for e in friction_events(solve_forces(motion)))
+    events = (e.in_units(units) for e in friction_events(forces))
     found = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
     if not found:
         return ["friction   no jam and no self-locking over the run"]
     lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
-    return [f"{'friction' if k == 0 else '':<10} {line}" for k, line in enumerate(lines)]
+    return _section("friction", lines)
 
 
-def _contact(motion: Motion, units: Units, decided: list[str]) -> list[str]:
+def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
-    if not (motion.mechanism.effects or motion.mechanism.loads) or not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
+    motion = forces.motion
+    if not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
         return []
     from mechcore.cams.happenings import cam_events, placed_cams
 
     pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
     if not pressed:
         return []
-    found = [e for e in cam_events(motion, solve_forces(motion)) if e.item in pressed and e.text.startswith("contact ")]
+    found = [e for e in cam_events(motion, forces) if e.item in pressed and e.text.startswith("contact ")]
     said = [e.in_units(units) for e in found if e.text.split()[1] in ("lost", "regained")]
     lines = [f"{e.item}: {e.text.replace(' at ', f' at {e.time:.6g} s, ', 1)}" for e in said]
-    return [f"{'' if k else 'contact':<10} {line}" for k, line in enumerate(lines or ["no follower leaves its cam over the run"])]
+    return _section("contact", lines or ["no follower leaves its cam over the run"])
 
 
-def _cams(motion: Motion) -> list[str]:
-    """Limits, stress and springs of cams that ask to be judged."""
-    from .cam_report import cam_lines
-
-    loaded = bool(motion.mechanism.effects or motion.mechanism.loads)
-    return ["", *cam_lines(motion, solve_forces(motion) if loaded else None)]
-
-
-def _belts(motion: Motion, units: Units) -> list[str]:
+def _belts(forces: Forces, units: Units) -> list[str]:
     """What belts can carry, and where they slip."""
     from mechcore.belts import belt_events, belt_grip
 
+    motion = forces.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
     most = {load.pair: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
-    lines = [f"belt       {pair} carries up to {force} without slipping (Euler, Eytelwein)" for pair, force in most.items()]
-    slips = [f"           {e.item}: {e.in_units(units).text}" for e in belt_events(solve_forces(motion))]
-    return [*lines, *(slips or ["           no belt slips over the run"])]
+    lines = [f"{pair} carries up to {force} without slipping (Euler, Eytelwein)" for pair, force in most.items()]
+    slips = [f"{e.item}: {e.in_units(units).text}" for e in belt_events(forces)]
+    return _section("belt", [*lines, *(slips or ["no belt slips over the run"])])
+
+
+def _section(title: str, lines: list[str]) -> list[str]:
+    """Lines under a title that stands before the first of them."""
+    return [f"{'' if k else title:<10} {line}" for k, line in enumerate(lines)]
 
 
 def _over(frames: int) -> str:

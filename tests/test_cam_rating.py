@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,11 @@ from mechcore.cams import rating as rating_module
 from mechcore.cams.happenings import cam_events, contact_force, placed_cams
 from mechcore.cams.rating import contact_stress, drawn_lift, drawn_rows, least_springs
 from mechcore.spec import CamDrawn, CamRating
+from mechviz.cam_report import cam_facts, cam_lines
 from mechviz.cli import app
 from mechviz.run import run_scene
 from mechviz.scene.cam_ratings import whole_step
+from mechviz.scene.units import Units
 from mechviz.tables import tables
 
 STEEL = CamRating(width=0.008)
@@ -216,17 +219,17 @@ def test_a_step_makes_a_whole_turn_in_the_scene_and_in_the_command_alike():
 
 def test_the_command_tells_limits_springs_and_the_drawing():
     run = CliRunner().invoke(app, ["cams", "valve-train", "--method", "graphical", "--step", "30 deg", "--lines", "tangent"])
-    assert run.exit_code == 0, run.output
+    assert run.exit_code == 1 and "limits are violated: contact force of K." in run.output
     for words in (
         "margin 20 N: FAIL",
         "least spring       valve_spring: ",
         "Hertz pressure",
-        "steps of 30 deg, tangents",
+        "steps of 30°, tangents",
         "pressure angle",
     ):
         assert words in run.output
     assert "undercut           pass; least radius 2.308" in run.output, "from the law, not from the frames"
-    assert "face 16 and 16 mm: pass" in run.output
+    assert "face 16 mm and 16 mm: pass" in run.output
     table = [line.split() for line in run.output.splitlines() if line.strip()[:1].isdigit()]
     assert len(table) == 12 and float(table[4][0]) == 120.0
     checked = CliRunner().invoke(app, ["check", "cam-roller"])
@@ -241,3 +244,54 @@ def test_the_command_tells_limits_springs_and_the_drawing():
     ):
         run = CliRunner().invoke(app, ["cams", *arguments])
         assert run.exit_code == 2 and words in run.output, run.output
+
+
+# -- violated limits --------------------------------------------------------------------------------------------------------
+
+
+def invoked(tmp_path, text, *arguments):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    command, *options = arguments
+    return CliRunner().invoke(app, [command, str(path), *options])
+
+
+def steepest() -> float:
+    """Largest pressure angle [degrees] of BASE: a cycloidal rise of 20 mm over 120°, a central roller whose centre starts at 50 mm.
+
+    Any text on cams: tan(alpha) = s' / (r + s).
+    """
+    b = np.radians(120.0)
+    x = np.linspace(0.0, 1.0, 200_001)
+    s, slope = 20.0 * (x - np.sin(2.0 * np.pi * x) / (2.0 * np.pi)), 20.0 / b * (1.0 - np.cos(2.0 * np.pi * x))
+    return float(np.degrees(np.arctan(slope / (50.0 + s)).max()))
+
+
+def test_check_tells_limits_that_are_violated_and_the_command_fails(tmp_path):
+    text = BASE.replace("RATING", "").replace("[pairs.K.profile]", "[pairs.K.profile]\npressure_limit = 15")
+    alpha = f"{steepest():.5g}°"
+    checked = invoked(tmp_path, text, "check")
+    (line,) = [line for line in checked.output.splitlines() if line.startswith("limits ")]
+    assert "K: pressure angle" in line and f"up to {alpha}" in line and line.endswith("limit 15°: FAIL") and checked.exit_code == 0
+    told = invoked(tmp_path, text, "cams")
+    assert told.exit_code == 1 and "limits are violated: pressure angle of K." in told.output
+    kept = text.replace("pressure_limit = 15", "pressure_limit = 18")
+    assert "limits " not in invoked(tmp_path, kept, "check").output and invoked(tmp_path, kept, "cams", "--strict").exit_code == 0
+
+
+def test_what_the_scene_states_no_limit_for_fails_if_asked_to(tmp_path):
+    run = CliRunner().invoke(app, ["cams", "cam-undercut"])
+    assert run.exit_code == 0 and "undercut           FAIL" in run.output and "by up to 0.6398 mm" in run.output
+    assert CliRunner().invoke(app, ["cams", "cam-undercut", "--strict"]).exit_code == 1
+    slack = CliRunner().invoke(app, ["cams", "cam-roller", "--margin", "100 N"])
+    assert slack.exit_code == 0 and "margin 100 N: FAIL" in slack.output
+    assert CliRunner().invoke(app, ["cams", "cam-roller", "--margin", "100 N", "--strict"]).exit_code == 1
+
+
+def test_the_report_is_in_the_units_of_the_scene():
+    scene = mechviz.loads(BASE.replace("RATING", 'rating = { width = 8, limit = "300 MPa", margin = 40 }'))
+    run = run_scene(scene)
+    units = Units(length="in", angle="rad", force="kN")
+    lines = "\n".join(cam_lines(run.motion, cam_facts(run.motion, run.forces), units))
+    assert "roller of 0.393701 in" in lines and f"{np.radians(steepest()):.5g} rad" in lines and "margin 0.04 kN: pass" in lines
+    assert not re.search(r"\d ?(mm|°|deg|m|N)\b", lines)
