@@ -120,12 +120,12 @@ def test_a_spin_is_the_turn_back_and_the_turn_about_the_axis():
 
 def test_the_viewer_turns_them_as_the_recording_does():
     """The node's pose is that of the link followed by the spin of its solid, for any place and carrier."""
-    from mechviz.viewer.solids3d import _spun
+    from mechviz.viewer.solids3d import composed
 
     spin = Spin((0.3, -0.2, 0.1), (0.6, 0.8), "arm")
     pose, carrier = np.array([[0.5, 0.1, 1.1]]), np.array([[0.0, 0.0, 0.4]])
-    turn, place = _spun(pose, carrier, spin)
     shift, q = spin_transforms(spin, pose[:, 2] - carrier[:, 2])
+    turn, place = composed(pose, shift, q)
     p = np.array([0.9, 0.4, -0.3])
 
     def turned(w, v):

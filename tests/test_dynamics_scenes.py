@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore import MechanismError
 from mechcore.laws.free import Free
+from mechcore.texts import Text
 from mechviz.cli import app
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
@@ -203,7 +204,7 @@ def test_recorded_energies_close_and_happenings_are_there(name: str):
     prescribed = [d.pair for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
     assert found.model["drives"] == prescribed
     texts = " ".join(e.text for e in found.events)
-    assert all(h.text in texts for h in run.simulation.happenings)
+    assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.happenings)
 
 
 def test_lanes_of_a_stop_tell_contact_and_release(tmp_path: Path):

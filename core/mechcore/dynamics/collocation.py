@@ -130,12 +130,12 @@ class Window:
 
 
 def solve_window(
-    rule: Rule, system: Any, t0: float, h: float, q0: Array, v0: Array, guess: Array, tolerance: Array | float
+    rule: Rule, system: Any, t0: float, h: float, q0: Array, v0: Array, guess: Array, tolerance: float
 ) -> tuple[Array, int] | None:
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
     ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and
-    speed, (s, f, f) each. ``tolerance``: of the positions' error that is left, absolute, in units of q, one or (f,).
+    speed, (s, f, f) each. ``tolerance``: of the positions' error that is left, absolute, in units of q.
 
     The iteration ends when a step moves no position by more than that, or than the rounding of the sums that make the positions:
     the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse of the
@@ -164,8 +164,8 @@ def solve_window(
         step = (inverse @ residual.reshape(s * f)).reshape(s, f)
         a = a + step
         moved = h * h * np.abs(rule.twice @ step).max(axis=0)
-        size = float((moved / tolerance).max())
-        if size <= 1.0 or (moved <= ROUNDING * (np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))).max(axis=0)).all():
+        size = float(moved.max())
+        if size <= tolerance or (moved <= ROUNDING * (np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))).max(axis=0)).all():
             return a, count
         if count > 2 and size > 0.5 * last:
             if size > 0.9 * last or count > 8:

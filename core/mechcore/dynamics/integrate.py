@@ -126,7 +126,7 @@ def integrate(
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
-        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * np.asarray(scale))
+        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * float(np.min(scale)))
         if solved is not None:
             nodes_a, count = solved
             solution.evaluations += count
