@@ -172,7 +172,7 @@ def _scan(
     """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
     for finer in FINER:
         changes, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
-        if changes is None or resolved:
+        if resolved:
             break
     return changes
 
@@ -180,7 +180,8 @@ def _scan(
 def _sampled(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
 ) -> tuple[Changes | None, bool]:
-    """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change."""
+    """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change; without
+    changes, whether more samples would not tell more."""
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in model.mechanism.drives]
@@ -202,7 +203,9 @@ def _sampled(
             sign: Array = 1.0
             own: list[Change] = []
             if block.kind in TWO_MODES:
-                instants, missing = flat_instants(model, block, state, time, blurred, rounding)
+                instants, missing, sharp = flat_instants(model, block, state, time, blurred, rounding)
+                if sharp and finer < FINER[-1]:
+                    return None, False
                 if by_drive and missing:
                     return None, True
                 gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
@@ -254,15 +257,17 @@ def rounding_of(model: Model) -> float:
 
 def flat_instants(
     model: Model, block: Block, state: State, time: Array, blurred: Array, rounding: float
-) -> tuple[list[tuple[float, bool]], list[tuple[float, float]]]:
-    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through; and
-    stretches of time in which its links miss each other.
+) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
+    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through;
+    stretches of time in which its links miss each other; and whether samples are too few to tell some place from a flat one.
 
     The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
-    back just there. Between samples it is the polynomial through its neighbours.
+    back just there. Between samples it is the polynomial through its neighbours; its last terms say how far that can be trusted
+    (the height is no polynomial where an arm of the triangle is as short as the way from sample to sample).
     """
     out: list[tuple[float, bool]] = []
     gaps: list[tuple[float, float]] = []
+    sharp = False
     step = float(time[1] - time[0])
     flat, miss = max(FLAT, rounding), max(MISS, rounding)
     for height in bl.flatness(model, block, state):
@@ -285,13 +290,15 @@ def flat_instants(
                     break
                 at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
             least, rough = float(fit(at)), bool(blurred[a:b].any())
+            doubt = float(np.abs(fit.coef[-2:]).sum())
+            sharp |= not rough and max(flat, 0.1 * abs(least)) < doubt
             if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
                 near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
             elif least < 0.0 and h[k] > -miss and float(curve(at)) > 0.0:
                 half = np.sqrt(-2.0 * least / float(curve(at)))
                 gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
-    return out, gaps
+    return out, gaps, sharp
 
 
 def _below(time: Array, h: Array, rounding: float) -> list[tuple[float, float]]:

@@ -309,7 +309,7 @@ def _flat_on(
     flat, gaps = set(), []
     for i in two:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            instants, missing = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
+            instants, missing, _ = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
             ends = [min(float(np.broadcast_to(h, p.shape)[k]) for h in bl.flatness(model, model.blocks[i], state)) for k in (0, -1)]
         if any(flips for _, flips in instants) or (track.singular and min(ends) < STUCK):
             flat.add(i)
