@@ -201,7 +201,8 @@ def _reach(compiled: Compiled, units: Units) -> list[str]:
         ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
     spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
     what = "free" if isinstance(drive.law, Free) else "drive"
-    lines = [f"reach      {what} {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}"]
+    beside = ", the others at their start" if len(compiled.mechanism.drives) > 1 else ""
+    lines = [f"reach      {what} {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}{beside}"]
     if len(spans) > 1:  # the first one is where the run starts
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"

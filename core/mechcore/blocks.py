@@ -280,9 +280,8 @@ def flatness(model: Model, block: Block, state: State) -> list[Array]:
 
 
 def gap(model: Model, block: Block, state: State) -> Array:
-    """By how much the links of a block miss each other [m] (...), 0 where they meet; needs the earlier blocks in ``state``."""
-    if block.kind == "general":
-        return state.newton[block.name].miss
+    """By how much the links of a block with a closed form miss each other [m] (...), 0 where they meet; needs the earlier blocks in
+    ``state``."""
     target, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":
         return cf.gap_theta_theta(arms[block.angles[0]], arms[block.angles[1]], target)

@@ -7,16 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from .blocks import flatness
 from .changes import TWO_MODES, flat_instants, rounding_of
 from .laws import ConstantSpeed
 from .motion import Motion
-from .slots import has_ends, within_slots
+from .positions import place_all
+from .slots import has_ends, room_in_slots, within_slots
 from .solve import TURN, Compiled, solve_motion
 from .tracking import STEP, walk
 
-__all__ = ["reachable_ranges"]
+__all__ = ["range_beside", "reachable_ranges"]
 
 Array = Any
+SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
+HALVINGS = 40
+INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
 
 
 def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[float, float]]:
@@ -81,3 +86,52 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
             out.append((float(a), float(b)))
         inside = not inside
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
+
+
+def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
+    """The range of the first drive's position (rad or m) about its start in which every group can be put together wherever the
+    laws of the other drives take these at times of a run, from the first of ``time`` to the last; None where there is none, or
+    where groups have to be followed."""
+    model = compiled.model
+    if compiled.followed:
+        return None
+    first, *others = model.mechanism.drives
+    rotary, q0 = model.rotary(first.pair), compiled.start[0]
+    half = 0.5 * TURN if rotary else 5.0 * model.size
+    t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
+    places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]
+
+    def fits(q: Array) -> Array:
+        state = place_all(
+            model, [q[:, None], *places], compiled.assembly.modes, compiled.assembly.starts, constants=compiled.assembly.constants
+        )
+        shape = len(q), len(t)
+        rows = [h for b in model.blocks if b.kind in TWO_MODES for h in flatness(model, b, state)]
+        rows += room_in_slots(model, state)
+        values = [*(r for r in state.rot if r is not None), *state.slide.values()]
+        ok = np.all([np.broadcast_to(np.isfinite(v), shape).all(axis=1) for v in values], axis=0)
+        return np.all([ok, *(_least(np.broadcast_to(row, shape)) >= 0.0 for row in rows)], axis=0)
+
+    step = 2.0 * half / (SAMPLES - 1)
+    ends = []
+    for sign in (-1.0, 1.0):
+        ok = fits(q0 + sign * step * np.arange(SAMPLES // 2 + 1))
+        if not ok[0]:
+            return None
+        steps = len(ok) - 1 if ok.all() else int(np.argmin(ok)) - 1
+        inside, outside = q0 + sign * step * steps, q0 + sign * step * (steps + 1)
+        for _ in range(0 if ok.all() else HALVINGS):
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if fits(np.array([middle]))[0] else (inside, middle)
+        ends.append(inside - sign * INSET * abs(inside))
+    low, high = ends
+    return (low, high) if low < q0 < high else None
+
+
+def _least(rows: Array) -> Array:
+    """Least values of smooth functions sampled evenly, (..., t) -> (...), between the samples too: of the parabola there."""
+    before, here, after = rows[..., :-2], rows[..., 1:-1], rows[..., 2:]
+    slope, bend = 0.5 * (after - before), after - 2.0 * here + before
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dip = np.where((bend > 0.0) & (np.abs(slope) <= bend), here - 0.5 * slope**2 / bend, here)
+    return np.minimum(rows.min(axis=-1), dip.min(axis=-1))

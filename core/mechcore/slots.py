@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from .blocks import State
 from .extremes import peak
+from .model import Model
 from .motion import Motion
 from .spec import Mechanism, PinSlot
 
-__all__ = ["Escape", "escapes", "has_ends", "within_slots"]
+__all__ = ["Escape", "escapes", "has_ends", "room_in_slots", "within_slots"]
 
 Array = Any
 SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end
@@ -48,6 +50,12 @@ def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
                     return np.broadcast_to(beyond, np.broadcast_shapes(beyond.shape, (at.frames,)))
 
                 yield pair.name, end, excess
+
+
+def room_in_slots(model: Model, state: State) -> list[Array]:
+    """How far pins are from the ends of their slots [m] (...), negative beyond, by end."""
+    joints = [(model.joint_index[p.name], p.ends) for p in model.mechanism.pairs if isinstance(p, PinSlot) and p.ends is not None]
+    return [room for j, (low, high) in joints for room in (state.slide[j] - low, high - state.slide[j])]
 
 
 def within_slots(motion: Motion) -> Array:

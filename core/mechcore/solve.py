@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import blocks as bl
 from .accuracy import DEFAULT, Accuracy
 from .assembly import Assembly, assemble
 from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
@@ -19,10 +18,11 @@ from .errors import Fault, MechanismError
 from .events import at_drive
 from .laws import ConstantSpeed
 from .memory import keep_freed_memory
+from .misses import greatest_miss
 from .model import Block, Model, build_model
 from .motion import Motion
 from .patching import make_patches
-from .positions import initial_state, place_all
+from .positions import place_all
 from .sketch import at_sketch, sketched_drives
 from .slots import Escape, escapes, has_ends
 from .spec import Mechanism
@@ -194,7 +194,7 @@ def solve_motion(
     angles = _angles(led, (positions, state, (*model.designs, len(time))), time, in_time=drives is None and in_time)
     motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
     if strict and (patches or not _all_placed(model, motion)):
-        faults = _faults(compiled, motion, course, parameter)
+        faults = _faults(compiled, motion, course, parameter, time)
         if faults:
             raise MechanismError(faults)
     if strict and course is not None and course.gaps and drives is None and len(time):
@@ -251,7 +251,7 @@ def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
     """No stretch between the frames, however short, may be one that cannot be assembled."""
     for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
         motion = solve_motion(compiled, np.linspace(gap.start, gap.end, 101), strict=False)
-        faults = _faults(compiled, motion, None, None)
+        faults = _faults(compiled, motion, None, None, time)
         if faults:
             raise MechanismError(faults)
 
@@ -291,7 +291,7 @@ def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: A
             pair = compiled.mechanism.drives[0].pair
             given = {pair: (inside, np.ones_like(inside), np.zeros_like(inside))}
             motion = solve_motion(compiled, np.zeros(len(inside)), drives=given, strict=False)
-        faults = _faults(compiled, motion, course, inside)
+        faults = _faults(compiled, motion, course, inside, time)
         if faults:
             raise MechanismError(faults)
 
@@ -309,8 +309,9 @@ def _law_time(
     return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))
 
 
-def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Array | None) -> list[Fault]:
-    """What keeps frames from being assembled: the first group in solving order that fails, per range of the drive."""
+def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Array | None, time: Array) -> list[Fault]:
+    """What keeps frames of a run over ``time`` from being assembled: the first group in solving order that fails, per range of the
+    drive."""
     model = compiled.model
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
@@ -321,16 +322,15 @@ def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter
             for c in block.contours:
                 miss = np.maximum(miss, np.abs(motion.contours[c].total()))
             bad = ~(miss <= max(1e-9, 10.0 * compiled.accuracy.position) * model.size) & ~failed
+            worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
         else:
             bad = ~_placed(model, block, motion) & ~failed
             if block.name in followed and course is not None and parameter is not None:
                 bad |= ~course.reached(parameter) & ~failed
-            miss = bl.gap(model, block, motion.state) if bad.any() and block.kind != "general" else np.zeros(motion.frames)
-            if bad.any() and block.kind == "general":
-                miss = _least_miss(compiled, block, motion, np.flatnonzero(bad))
+            worst = greatest_miss(compiled.assembly, block, motion, bad) if bad.any() else 0.0
         if bad.any():
             loose = course is not None and block.name in course.track.loose
-            faults.append(_out_of_reach(compiled, block, motion, bad, np.broadcast_to(miss, motion.frames), loose=loose))
+            faults.append(_out_of_reach(compiled, block, motion, bad, worst, time, loose=loose))
             failed |= bad
     return faults
 
@@ -355,45 +355,24 @@ def _placed(model: Model, block: Block, motion: Motion) -> Array:
     return ok
 
 
-def _least_miss(compiled: Compiled, block: Block, motion: Motion, frames: Array) -> Array:
-    """Smallest gap that a general group can be brought to at failed frames (F,) [m], from many starts."""
-    from .assembly import group_modes  # here: only failures need it
-
-    miss = np.zeros(motion.frames)
-    for f in frames[:: max(1, len(frames) // 8)]:
-        drives = [np.float64(d[0][f]) for d in motion.drives]
-        state = initial_state(compiled.model, drives, compiled.assembly.constants)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            for b, mode in zip(compiled.model.blocks, compiled.assembly.modes, strict=True):
-                if b is block:
-                    break
-                bl.place(compiled.model, b, state, mode, compiled.assembly.starts.get(b.name))
-            if len(group_modes(compiled.model, block, state)) == 0:
-                miss[f] = _closest(compiled.model, block, state)
-    return miss
-
-
-def _closest(model: Model, block: Block, state: Any) -> float:
-    rng = np.random.default_rng(1)
-    n, k = len(block.angles), len(block.slides)
-    x = np.concatenate([rng.uniform(-np.pi, np.pi, (200, n)), rng.uniform(-2, 2, (200, k)) * model.size], axis=-1)
-    bl.place(model, block, state, 0.0, x)
-    return float(np.nanmin(state.newton[block.name].miss))
-
-
-def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: Array, *, loose: bool) -> Fault:
+def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: float, time: Array, *, loose: bool) -> Fault:
+    """Words for a group that cannot be put together at some frames of a run over ``time``, its links missing each other by
+    ``miss`` [m] at the most."""
     model = compiled.model
     drive = model.mechanism.drives[0]
     pair = drive.pair
-    worst = float(np.fmax.reduce(np.where(bad, miss, 0.0), initial=0.0))
+    remedy = "Change the length of one of its links by more than that"
     words = f"cannot be assembled for positions of drive {pair} {_ranges(motion, bad)}"
-    if worst > 0:
-        words += f": its links miss each other by up to {as_length(worst)}."
+    if miss == np.inf:
+        words += ": its links miss each other, and not at one joint alone."
+        remedy = "Change the lengths of several of its links"
+    elif miss > 0:
+        words += f": its links miss each other by up to {as_length(miss)}."
     elif loose:
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
         words += ": the group reaches a limit of its motion on this branch."
-    remedy = "Change the length of one of its links by more than that"
+        remedy = "Change the length of one of its links"
     if block.redundant:
         *_, mobility = gruebler(model)
         over = len(model.mechanism.drives) - mobility
@@ -404,7 +383,9 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
         else:
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
-    return Fault(f"pairs.{block.name}", words, remedy + ("" if block.redundant else _within_reach(compiled)) + ".")
+    if not block.redundant:
+        remedy += _within_reach(compiled, motion, bad, time)
+    return Fault(f"pairs.{block.name}", words, f"{remedy}.")
 
 
 def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
@@ -414,7 +395,8 @@ def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
     where = frames if escape.frames.any() else f"({at_drive(motion, escape.time)})"
     far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
     words = f"the pin leaves its slot {where}: it would go {far}."
-    return Fault(f"pairs.{escape.joint}", words, f"Give the slot a greater length{_within_reach(compiled)}.")
+    within = _within_reach(compiled, motion, escape.frames, motion.time)
+    return Fault(f"pairs.{escape.joint}", words, f"Give the slot a greater length{within}.")
 
 
 def _ranges(motion: Motion, bad: Array) -> str:
@@ -430,13 +412,21 @@ def _ranges(motion: Motion, bad: Array) -> str:
     return ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
 
 
-def _within_reach(compiled: Compiled) -> str:
-    """The rest of a remedy: the range of the drive around its start that can be assembled, where there is one."""
-    from .reach import reachable_ranges  # here: only failures need it, and it needs this module
+def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -> str:
+    """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where there is
+    one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
+    from .reach import range_beside, reachable_ranges  # here: only failures need it, and it needs this module
 
-    shown = partial(as_coordinate, rotary=compiled.model.rotary(compiled.mechanism.drives[0].pair), digits=7)
-    reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
-    return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]" if reach else ""
+    drives = compiled.mechanism.drives
+    shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].pair), digits=7)
+    if len(drives) == 1:
+        reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
+        return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]" if reach else ""
+    within = range_beside(compiled, time)
+    if within is not None:
+        return f", or keep drive {drives[0].pair} within [{shown(within[0])}, {shown(within[1])}] beside the others"
+    end = float(motion.time[max(int(np.argmax(bad)) - 1, 0)])
+    return f", or end the motion at {end:.6g} s ({at_drive(motion, end)})" if bad.any() and end > float(np.min(time)) else ""
 
 
 def _runs(flags: Array) -> list[tuple[int, int]]:
