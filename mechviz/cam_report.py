@@ -144,17 +144,18 @@ def _loaded(forces: Forces, cam: AnyCam, pair: CamPair, force: Real, margin: flo
 
 def _limits(cam: AnyCam) -> Iterator[Row]:
     """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
-    from mechcore.cams import Flat, find_limits, spatial_limits
+    from mechcore.cams import Flat, find_limits
     from mechcore.cams.happenings import lost_ranges
     from mechcore.cams.placed import PlacedCam
     from mechcore.cams.placed_spatial import PlacedSpatial
 
     if isinstance(cam, PlacedSpatial):
-        s = spatial_limits(cam.cam, (1, -1) if cam.form else (1,))
-        words = f"up to {as_angle(s.pressure.value, 5)} at {_place(cam, s.pressure.angle)}"
-        yield _judged("pressure angle", words, s.pressure.value, cam.pressure_limit, _degrees)
-        words = f"{_verdict(not s.undercut)}; rollers up to {as_length(s.greatest_roller.value, 5)}"
-        yield "undercut", words, not s.undercut, False
+        flanks = cam.limits()
+        steepest, passed = flanks[0].pressure, not any(each.undercut for each in flanks)
+        words = f"up to {as_angle(steepest.value, 5)} at {_place(cam, steepest.angle)}"
+        yield _judged("pressure angle", words, steepest.value, cam.pressure_limit, _degrees)
+        words = f"{_verdict(passed)}; rollers up to {as_length(cam.greatest_roller(flanks), 5)}"
+        yield "undercut", words, passed, False
     if isinstance(cam, PlacedCam):
         for first, last, at, miss in lost_ranges(cam):
             far = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)

@@ -11,6 +11,7 @@ from cam_scenes import changed, refused, text_of
 import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.cams.happenings import cam_events, contact_force, placed_cams
+from mechviz.cam_report import cam_facts
 from mechviz.meshes.turrets import rib
 
 SCENES = ["cam-indexing", "cam-indexing-barrel"]
@@ -88,6 +89,21 @@ def test_all_rollers_fit_between_the_ribs(name):
                 assert across[beside].min() > theory.radius - 6e-5, (np.degrees(theta), k)
                 touched += across[beside].min() < theory.radius + 3e-4
         assert touched >= 2, np.degrees(theta)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_rollers_that_are_allowed_leave_room_between_them(name):
+    """What `mechviz cams` calls the greatest roller is the greatest that the scene takes; neighbours do not touch each other."""
+    scene = mechviz.load(name)
+    (cam,) = placed_cams(solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)))
+    (words,) = (fact.text for fact in cam_facts(*solved(name, 1.0, 5)) if "rollers up to" in fact.text)
+    most = float(words.split("up to")[1].split()[0])
+    apart = 2.0 * np.sin(np.pi / cam.blank.rollers) * (cam.cam.inner if name == SCENES[0] else cam.arm)
+    assert 2e-3 * most < apart
+    key = ("pairs", "K", "follower", "roller")
+    compile_mechanism(scene.changed({key: most - 0.001}).mechanism)
+    with pytest.raises(ValueError, match=r"no rib between them|undercuts"):
+        compile_mechanism(scene.changed({key: most + 0.001}).mechanism)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -19,17 +19,28 @@ from ..errors import Fault, MechanismError
 from ..texts import as_angle, as_length
 from .placed import ContactRows, rows_by_parts
 from .placed_roller import PlacedRoller
-from .spatial import Globoid, SpatialCam, spatial_limits
+from .spatial import Globoid, SpatialCam, SpatialLimits, spatial_limits
 
 if TYPE_CHECKING:
     from ..motion import Motion
     from ..spec import SpatialBlank
 
-__all__ = ["PlacedSpatial", "Rubbing"]
+__all__ = ["PlacedSpatial", "Rubbing", "room_of_rollers"]
 
 Array = Any
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+RIB = 0.05  # of the distance of two rollers: what a rib between them needs
+
+
+def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
+    """The radius of a turret's rollers between which there is no room left for a rib [m]; infinite where there is one roller.
+
+    ``arm``: of the rollers' middles about the pivot, ``inner``: of their inner ends, from there of a globoid's [m].
+    """
+    if not blank.rollers:
+        return np.inf
+    return (1.0 - RIB) * (inner if blank.kind == "globoid" else arm) * float(np.sin(np.pi / blank.rollers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +100,27 @@ class PlacedSpatial(PlacedRoller):
         x, law = super().argument(motion), self.cam.law
         return np.mod(x - law.start, law.length) + law.start if self.blank.rollers else x
 
-    def check(self) -> None:
-        """Raises where the flanks cannot be cut by the roller."""
+    def limits(self, count: int = 720, layers: int = 9) -> list[SpatialLimits]:
+        """Extremes over its flanks, and of a turret over the other sides of the ribs next to the middle, too, which the rollers
+        before and after follow; its own first."""
         cams = [(self.cam, (1, -1) if self.form else (1,))]
-        if self.blank.rollers:  # the other sides of the ribs next to the middle, which the rollers before and after follow
+        if self.blank.rollers:
             step = 2.0 * np.pi / self.blank.rollers
             cams += [(replace(self.cam, law=self.cam.law.raised(side * step)), (side,)) for side in (1, -1)]
-        found = [spatial_limits(cam, sides, count=360, layers=5) for cam, sides in cams]
+        return [spatial_limits(cam, sides, count, layers) for cam, sides in cams]
+
+    def greatest_roller(self, limits: list[SpatialLimits]) -> float:
+        """The radius from which on rollers undercut a flank, or leave no room for a rib between those of a turret [m]."""
+        room = room_of_rollers(self.blank, self.arm, self.cam.inner)
+        return min(room, *(each.greatest_roller.value for each in limits))
+
+    def check(self) -> None:
+        """Raises where the flanks cannot be cut by the roller."""
+        found = self.limits(count=360, layers=5)
         limits = min(found, key=lambda each: each.sharpness.value)
         if not limits.undercut:
             return
-        most = limits.greatest_roller.value
+        most = self.greatest_roller(found)
         raise MechanismError(
             Fault(
                 "cam.radius",

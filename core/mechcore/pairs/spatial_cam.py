@@ -123,13 +123,16 @@ def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolut
 
 def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
     """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
+    from ..cams.placed_spatial import room_of_rollers
+
     step = 2.0 * math.pi / blank.rollers
-    apart = 2.0 * (inner if blank.kind == "globoid" else arm) * math.sin(0.5 * step)
-    if not 2.0 * r < 0.95 * apart:
+    room = room_of_rollers(blank, arm, inner)
+    if not r < room:
+        apart = 2.0 * (inner if blank.kind == "globoid" else arm) * math.sin(0.5 * step)
         raise fault_of(
             pair, "follower.roller",
             f"{blank.rollers} rollers of {as_length(r)} stand {as_length(apart)} apart: no rib between them.",
-            f"Give less than {as_length(0.45 * apart, 4)}, or fewer rollers.",
+            f"Give less than {as_length(room, 4)}, or fewer rollers.",
         )  # fmt: skip
     if blank.kind == "barrel":
         far = max(abs(mount.pivot[0] - arm * math.cos(k * step)) for k in (0.0, 1.5))
