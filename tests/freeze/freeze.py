@@ -11,7 +11,6 @@ JSON Schema, the reports of faults over the mutation tests, and the outcomes of 
 from __future__ import annotations
 
 import importlib
-import json
 import pickle
 import random
 import re
@@ -59,8 +58,8 @@ def rows(path: Path) -> Iterator[tuple[str, Any]]:
         if values and all(v.dtype.kind in "fiub" for v in values):
             yield name, np.concatenate(values).astype(float)
         else:
-            text = repr([v.tolist() for v in values])
-            yield name, re.sub(r"[\d.e+-]+", "#", text) if name.startswith("/notes") else TIMES.sub("", text)  # notes state durations
+            digits = re.compile(r"[\d.e+-]+") if name.startswith("/notes") else TIMES  # notes state durations
+            yield name, digits.sub("", repr([v.tolist() for v in values]))
 
 
 def _flat(column: Any) -> Iterator[Any]:
