@@ -1,8 +1,9 @@
-"""Given profiles in mechanisms: the lift that a profile gives to its follower, as a law with exact derivatives at its knots.
+"""Given profiles in mechanisms: the lift that a profile gives to its follower, as a law.
 
 Between the angles at which the contact passes a joint of the profile's pieces, or leaps over a part that it never touches, the lift
-is analytic. There it is interpolated by polynomials of degree seven through the exact value and three derivatives
-(``analyse``) at every knot (Hermite interpolation): its error is far below 1e-9 of the profile's size.
+is analytic. There its exact second derivative (``analyse``) is interpolated by polynomials through Chebyshev's nodes, over ranges
+that are halved until it is met, and integrated twice, from the exact values and velocities at the nodes. A polynomial through the
+values would have a second derivative that is as rough as their rounding over the square of the range.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ __all__ = ["GivenLift", "joint_angles", "lift_of"]
 
 Real = NDArray[np.float64]
 
-STEP = np.radians(2.0)  # between the knots
+STEP = np.radians(6.0)  # between the knots, at the most
 GRID = 1440  # angles at which leaps of the contact are looked for
-ROUNDS = 6  # of halving ranges whose middle is not met
-FINE, FINE_SECOND = 1e-12, 1e-8  # misses there that are left, in parts of the largest coordinate and second derivative
-_SECOND = np.array([2.0, 6.0, 12.0, 20.0, 30.0, 42.0])
-INSIDE = 1e-6  # how far inside of a range its one-sided derivatives are taken [rad], carried to the end by Taylor's series
+ROUNDS = 7  # of halving ranges in which the lift is not met
+FINE = 1e-12  # misses that are left, in parts of the largest coordinate, velocity and second derivative
+NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(10) + 0.5) / 10)  # of a range, where the second derivative is met
+CHECKS = np.array([0.028, 0.5, 0.972])  # where the lift has to be met, too: between the nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +66,13 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     low, high = x[:-1], x[1:]
     done: list[tuple[Real, Real, Real]] = []
     for k in range(ROUNDS):
-        table = _fitted(contour, follower, turn, low, high, seen)
-        if k + 1 == ROUNDS:
-            done.append((low, high, table))
-            break
-        middle = 0.5 * (low + high)
-        wanted = analyse(contour, follower, middle, turn, bridges=False, near=seen).motion
-        if k == 0:
-            sizes = np.abs(wanted).max(axis=1)
-        u = (0.5 * (high - low)) ** np.arange(8)[:, None]
-        value, second = (table * u).sum(axis=0), (_SECOND[:, None] * table[2:] * u[:6]).sum(axis=0)
-        good = (np.abs(value - wanted[0]) < FINE * sizes[0]) & (np.abs(second - wanted[2]) < FINE_SECOND * sizes[2])
+        table, missed = _fitted(contour, follower, turn, low, high, seen)
+        good = missed.max(axis=0) < FINE if k + 1 < ROUNDS else np.ones(low.size, bool)
         done.append((low[good], high[good], table[:, good]))
         if good.all():
             break
-        a, b, c = low[~good], middle[~good], high[~good]
-        low, high = np.concatenate([a, b]), np.concatenate([b, c])
+        a, b = low[~good], high[~good]
+        low, high = np.concatenate([a, 0.5 * (a + b)]), np.concatenate([0.5 * (a + b), b])
     low, high = (np.concatenate([d[k] for d in done]) for k in (0, 1))
     table = np.concatenate([d[2] for d in done], axis=1)
     order = np.argsort(low)
@@ -88,36 +80,29 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     return GivenLift(MotionCurve(pieces, 0.0, True), seen.bridges, tuple(knots.tolist()))
 
 
-def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real, seen: Contact) -> Real:
-    """Coefficients (8, n) of the lift over ranges of angles (n) without a joint or a leap inside."""
-    inside = np.minimum(INSIDE, 0.25 * (high - low))
-    states = []
-    for angle, shift in ((low + inside, -inside), (high - inside, inside)):
-        m = analyse(contour, follower, angle, turn, bridges=False, near=seen).motion
-        if not np.isfinite(m).all():
-            at = as_angle(angle[int(np.argmax(~np.isfinite(m).all(axis=0)))])
-            raise MechanismError(
-                Fault("cam.profile", f"no contact can be found at {at}.", "Smooth the profile there, or move the follower.")
-            )
-        states.append(_carried(m, shift))
-    return _septic(states[0], states[1], high - low)
-
-
-def _carried(m: Real, dx: Real) -> Real:
-    """Value and three derivatives (4, n) a little further, by Taylor's series."""
-    s, v, a, j = m
-    return np.stack([s + dx * (v + dx * (a / 2.0 + dx * j / 6.0)), v + dx * (a + dx * j / 2.0), a + dx * j, j])
-
-
-def _septic(left: Real, right: Real, h: Real) -> Real:
-    """Coefficients (8, n) in ascending powers of x through value and three derivatives at 0 and ``h`` (n)."""
-    low = left / np.array([1.0, 1.0, 2.0, 6.0])[:, None]
-    n = np.arange(8)
-    rows = np.array([[np.prod(np.arange(p, p - d, -1)) if p >= d else 0.0 for p in n] for d in range(4)], float)  # at u = 1
-    u_left = low * h ** np.arange(4)[:, None]
-    target = right * h ** np.arange(4)[:, None] - rows[:, :4] @ u_left
-    high = np.linalg.solve(rows[:, 4:], target)
-    return np.concatenate([low, high / h ** np.arange(4, 8)[:, None]])
+def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real, seen: Contact) -> tuple[Real, Real]:
+    """Coefficients (m, n) of the lift over ranges of angles (n) without a joint or a leap inside, and by how much it misses value,
+    velocity and second derivative (3, n) between the nodes, in parts of the largest of all."""
+    h, u = high - low, np.concatenate([NODES, CHECKS])
+    angle = low + u[:, None] * h
+    m = analyse(contour, follower, angle.ravel(), turn, bridges=False, near=seen).motion
+    if not np.isfinite(m).all():
+        at = as_angle(angle.ravel()[int(np.argmax(~np.isfinite(m).all(axis=0)))])
+        raise MechanismError(
+            Fault("cam.profile", f"no contact can be found at {at}.", "Smooth the profile there, or move the follower.")
+        )
+    wanted = (m[:3].reshape(3, *angle.shape).T * h[:, None, None] ** np.arange(3)).T  # value and derivatives by u
+    n, power = len(NODES), np.arange(len(NODES) + 2)
+    table = np.zeros((n + 2, h.size))
+    table[2:] = np.linalg.solve(np.vander(NODES, n, increasing=True), wanted[2, :n]) / (power[2:] * (power[2:] - 1.0))[:, None]
+    values = np.vander(u, n + 2, increasing=True)
+    slopes = np.column_stack([np.zeros(u.size), power[1:] * values[:, :-1]])
+    bends = np.column_stack([np.zeros((u.size, 2)), (power[2:] * (power[2:] - 1.0)) * values[:, :-2]])
+    table[1] = (wanted[1] - slopes @ table)[:n].mean(axis=0)
+    table[0] = (wanted[0] - values @ table)[:n].mean(axis=0)
+    missed = np.abs(np.stack([values @ table, slopes @ table, bends @ table]) - wanted)[:, n:].max(axis=1)
+    sizes = np.abs(seen.motion[:3]).max(axis=1)[:, None] * h ** np.arange(3)[:, None]
+    return table / h ** power[:, None], missed / np.where(sizes > 0.0, sizes, np.inf)
 
 
 def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
