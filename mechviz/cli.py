@@ -148,7 +148,8 @@ def forces(
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
 ) -> None:
-    """Print who supplies power and who absorbs it: every force with its classes and its work over the run.
+    """Print who supplies power and who absorbs it: every force with its classes and its work over the run. Where nothing moves:
+    the reactions.
 
     Place: external forces come from outside, internal ones act between two links. Power: driving forces supply at every instant,
     resisting ones absorb, alternating ones do both. Use: useful resistance is what the machine is there for, harmful is loss.
@@ -157,6 +158,7 @@ def forces(
     from mechcore.flywheel import flywheel
 
     from .power_report import flywheel_lines, force_lines, power_csv
+    from .statics_report import statics_lines
 
     if steady is not None:
         _print_steady(scene, steady, fluctuation)
@@ -168,7 +170,7 @@ def forces(
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
         print(run.scene.title)
-        print("\n".join(force_lines(run.forces)))
+        print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))
         if fluctuation is not None:
             print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation))))
         with interruptible():

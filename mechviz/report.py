@@ -52,6 +52,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         f"mobility   W = 3·{n} - 2·{p5} - {p4} = {w} (Gruebler-Kutzbach); {rank} by the rank of the constraints; "
         f"{_led(drives - len(free), free)}",
     ]
+    if not scene.mechanism.led and scene.simulation is None:
+        span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
+        lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
         lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
         moving = [p for p in free if p not in made_pairs(scene.mechanism)]
@@ -69,7 +72,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     redundant = redundant_pairs(model)
     if redundant:
         lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
-        if w < rank:
+        if 0 < rank > w:
             lines.append("           it moves only because its lengths and angles agree: a little off, and it cannot be assembled")
         lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
@@ -78,7 +81,8 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
-    lines += _reach(compiled, scene.units)
+    if drives:
+        lines += _reach(compiled, scene.units)
     lines.append(
         f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"

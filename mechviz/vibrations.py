@@ -156,9 +156,8 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
 
 
 def _harmonic(centre: float, amplitude: float, frequency: float, unit: str) -> dict[str, Any]:
-    """A drive that oscillates about its centre; one that is to stand still by so little that nothing shows it (a drive has to
-    move)."""
-    motion = {"centre": f"{centre!r} {unit}", "amplitude": f"{abs(amplitude) or 1e-12!r} {unit}", "frequency": f"{frequency!r} Hz"}
+    """A drive that oscillates about its centre."""
+    motion = {"centre": f"{centre!r} {unit}", "amplitude": f"{abs(amplitude)!r} {unit}", "frequency": f"{frequency!r} Hz"}
     return {"oscillation": motion if amplitude >= 0 else {**motion, "phase": "180 deg"}}
 
 

@@ -72,4 +72,3 @@ def test_runs_of_few_frames_and_fast_links_are_not_suspected():
     for frames in (2, 5, 12):
         run = run_scene(mechviz.load("crank-rocker"), frames=frames)
         assert not lost_turns(run.motion).any()
-

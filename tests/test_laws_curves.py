@@ -406,8 +406,6 @@ def test_scenes_drive_several_axes_from_one_master():
         ({"master": "Q"}, "no driven revolute pair"),
         ({"master": "X"}, "no driven revolute pair"),
         ({"speed": "60 rpm"}, "speed and master at once"),
-        ({"segments": [{"over": 90}, {"over": 270}]}, "all segments are dwells"),
-        ({"segments": [{"over": 90, "to": 5}, {"over": 270}]}, "nothing moves"),
         ({"segments": [{"over": 90, "to": 9, "law": "cycloidl"}]}, "Did you mean 'cycloidal'"),
         ({"segments": [{"over": 90, "to": 9, "law": "parabolic", "parameters": {"skw": 1}}]}, "no parameter 'skw'"),
         ({"segments": [{"over": 90, "too": 9}]}, "Did you mean 'to'"),

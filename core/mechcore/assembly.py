@@ -72,6 +72,10 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
                 bl.place(model, block, state, 0.0, x)
             else:
                 bl.place(model, block, state, 0.0)
+                if not np.isfinite([complex(state.slide[j]) for j in block.slides]).all():
+                    remedy = "Turn one of them, or add a drive that says where."
+                    faults.append(Fault(f"pairs.{block.name}", "its guides are parallel: where it slides to is left open.", remedy))
+                    break
         modes.append(mode)
     for pair in m.modes:
         if pair not in used:

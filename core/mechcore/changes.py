@@ -18,7 +18,7 @@ import numpy as np
 
 from . import blocks as bl
 from .blocks import State
-from .laws import ConstantSpeed, Law
+from .laws import ConstantSpeed, Law, moves
 from .model import Block, Model
 from .patching import FAR, TAIL, smooth
 from .positions import initial_state
@@ -131,7 +131,7 @@ def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Arra
         if found is not None:
             return found
     laws = tuple(d.law for d in drives)
-    cycle = laws[0].duration
+    cycle = model.mechanism.cycle
     if not np.isfinite(cycle) or cycle <= 0:
         return None
     if not needs_span(model):
@@ -143,12 +143,13 @@ def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Arra
 
 def needs_span(model: Model) -> bool:
     """Whether a cycle of the laws does not bring the drives back to where they were (a sliding drive that goes on, say)."""
-    drives = model.mechanism.drives
-    for d in drives:
+    for d in model.mechanism.drives:
+        if not moves(d.law):
+            continue
         way = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
         if model.joints[model.joint_index[d.pair]].coordinate == "angle":
             way -= 2.0 * np.pi * round(way / (2.0 * np.pi))
-        if abs(way) > 1e-9 or abs(d.law.duration - drives[0].law.duration) > 1e-12 * d.law.duration:
+        if abs(way) > 1e-9 or abs(d.law.duration - model.mechanism.cycle) > 1e-12 * d.law.duration:
             return True
     return False
 

@@ -135,4 +135,5 @@ def gap_arm_slide(a: Array, d: Array, c: Array) -> Array:
 def slide_slide(d1: Array, d2: Array, c: Array) -> tuple[Array, Array]:
     """s1, s2 of ``s1 d1 + s2 d2 = c``; infinite or NaN where the guides are parallel."""
     det = cross(d1, d2)
-    return cross(c, d2) / det, cross(d1, c) / det
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel guides decide nothing
+        return np.divide(cross(c, d2), det), np.divide(cross(d1, c), det)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .answers import curvature, per_unit, transmission_angles, velocity_ratios
 from .extremes import peak, zeros
-from .laws import Table, TableLaw
+from .laws import Table, TableLaw, moves
 from .leastnorm import indeterminate
 from .motion import Motion
 from .spec import Mechanism
@@ -182,6 +182,8 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
                 yield Event(float(motion.time[end]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, q[end])}")
         if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
             continue  # the motion was made with other drive values than the law's
+        if not moves(drive.law):
+            continue
         breaks = np.asarray(drive.law.breaks, float)
         cycles = np.arange(int(np.floor(last / drive.law.duration)) + 1)
         edges = np.array([motion.time[k] for rest in rests for k in rest])

@@ -15,7 +15,7 @@ from .accuracy import DEFAULT, Accuracy
 from .assembly import Assembly, assemble
 from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
 from .errors import Fault, MechanismError
-from .events import at_drive
+from .events import SINGULAR, at_drive
 from .laws import ConstantSpeed
 from .memory import keep_freed_memory
 from .misses import greatest_miss
@@ -27,7 +27,7 @@ from .sketch import at_sketch, sketched_drives
 from .slots import Escape, escapes, has_ends
 from .spec import Mechanism
 from .start_pose import start_pose
-from .structure import gruebler
+from .structure import gruebler, rank_mobility
 from .texts import as_coordinate, as_length
 from .tracking import Course, course_of, way_of
 from .unwrapped import Frames, LinkAngles, UnwrappedAngles, raw_angles
@@ -83,7 +83,7 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Com
             Fault(
                 "drives",
                 f"the mechanism has {freedoms} that no drive takes: nothing decides the motion at {where}.",
-                f"Add {drives}, at {to} of these pairs" + (", or fix a link." if mechanism.drives else "."),
+                f"Add {drives}, such as drive = {{ speed = 0 }}, at {to} of these pairs, or fix a link.",
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
@@ -128,9 +128,11 @@ def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[f
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
-    """Frame times (frames + 1,) [s], uniform over whole cycles of the first drive; both ends included."""
-    duration = mechanism.drives[0].law.duration if mechanism.drives else 1.0
-    return np.linspace(0.0, cycles * duration, frames + 1)
+    """Frame times (frames + 1,) [s], uniform over whole cycles, see `Mechanism.cycle`; both ends included. One frame where a cycle
+    takes no time: statics."""
+    if mechanism.cycle == 0.0:
+        return np.zeros(1)
+    return np.linspace(0.0, cycles * mechanism.cycle, frames + 1)
 
 
 def solve_motion(
@@ -168,14 +170,17 @@ def solve_motion(
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
-    if compiled.followed and drives is not None and len(positions) > 1 and len(time):
+    still = drives is None and not model.mechanism.led
+    if still:
+        starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
+    elif compiled.followed and drives is not None and len(positions) > 1 and len(time):
         starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
-    elif compiled.followed and model.mechanism.drives and len(time):
+    elif compiled.followed and len(time):
         course = _course(compiled, time, positions, given=drives is not None)
         solved, changes = course.model, course.changes
         parameter = time if course.by_time else positions[0]
         starts = course.starts(parameter)
-    elif changes is None and drives is None and len(time) and model.mechanism.drives and needs_span(model):
+    elif changes is None and drives is None and len(time) and needs_span(model):
         changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
     if changes is not None and changes.found:
         law_time, scale = _law_time(compiled, changes, time, values, given=drives is not None)
@@ -191,7 +196,8 @@ def solve_motion(
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
     again = None if drives is not None else lambda t: solve_motion(led, t, strict=False)
     in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
-    angles = _angles(led, (positions, state, (*model.designs, len(time))), time, in_time=drives is None and in_time)
+    frames = positions, state, (*model.designs, len(time))
+    angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=drives is None and in_time)
     motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
     if strict and (patches or not _all_placed(model, motion)):
         faults = _faults(compiled, motion, course, parameter, time)
@@ -205,6 +211,8 @@ def solve_motion(
         out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
         if out:
             raise MechanismError(out)
+    if strict and still and len(time) and (model.mechanism.loads or model.mechanism.effects):
+        _check_statics(motion)
     return motion
 
 
@@ -218,13 +226,19 @@ def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -
         motion = solve_motion(compiled, time, drives=led, strict=False)
         return [d[0] for d in motion.drives], motion.state, motion.shape
 
-    if not drives:
-        return unwrapped.still(frames)
     if in_time:
         return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
     if len(drives) > 1:
         return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
     return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
+
+
+def _check_statics(motion: Motion) -> None:
+    """What stands still under forces has to be held by its joints and drives."""
+    worst = float(motion.condition[0])
+    if rank_mobility(motion) if not motion.mechanism.drives else not worst <= SINGULAR:
+        why = f"nothing moves, but its joints do not hold it here against every load (condition number {worst:.2g})."
+        raise MechanismError(Fault("drives", why, "Add a pair or a drive that holds it, or let it stand in another position."))
 
 
 def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
@@ -359,10 +373,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     """Words for a group that cannot be put together at some frames of a run over ``time``, its links missing each other by
     ``miss`` [m] at the most."""
     model = compiled.model
-    drive = model.mechanism.drives[0]
-    pair = drive.pair
     remedy = "Change the length of one of its links by more than that"
-    words = f"cannot be assembled for positions of drive {pair} {_ranges(motion, bad)}"
+    words = f"cannot be assembled{_ranges(motion, bad)}"
     if miss == np.inf:
         words += ": its links miss each other, and not at one joint alone."
         remedy = "Change the lengths of several of its links"
@@ -390,17 +402,18 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
 
 def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
     """Words for a pin that would leave its slot."""
-    drive = compiled.mechanism.drives[0].pair
-    frames = f"for positions of drive {drive} {_ranges(motion, escape.frames)}"  # none where it is between two of them
-    where = frames if escape.frames.any() else f"({at_drive(motion, escape.time)})"
+    frames = _ranges(motion, escape.frames)  # none where it is between two of them
+    where = frames if escape.frames.any() else f" ({at_drive(motion, escape.time)})"
     far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
-    words = f"the pin leaves its slot {where}: it would go {far}."
+    words = f"the pin leaves its slot{where}: it would go {far}."
     within = _within_reach(compiled, motion, escape.frames, motion.time)
     return Fault(f"pairs.{escape.joint}", words, f"Give the slot a greater length{within}.")
 
 
 def _ranges(motion: Motion, bad: Array) -> str:
-    """Positions of the first drive at frames (F,), in words."""
+    """Positions of the first drive at frames (F,), in words; none of a structure without drives."""
+    if not motion.mechanism.drives:
+        return ""
     shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].pair))
     q = motion.drives[0][0]
     ranges = []
@@ -409,12 +422,15 @@ def _ranges(motion: Motion, bad: Array) -> str:
         low, high = float(way.min()), float(way.max())
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
-    return ", ".join(ranges[:3]) + (f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else "")
+    more = f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else ""
+    return f" for positions of drive {motion.mechanism.drives[0].pair} {', '.join(ranges[:3])}{more}"
 
 
 def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -> str:
     """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where there is
     one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
+    if not compiled.mechanism.drives:
+        return ""
     from .reach import range_beside, reachable_ranges  # here: only failures need it, and it needs this module
 
     drives = compiled.mechanism.drives

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from .laws import Law, MotionCurve
+from .laws import Law, MotionCurve, moves
 from .loads import (
     Actuator,
     BeltTension,
@@ -489,7 +489,10 @@ class Studies:
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanism:
-    """A whole mechanism. ``frame`` names the fixed link, whose frame is the world frame."""
+    """A whole mechanism. ``frame`` names the fixed link, whose frame is the world frame.
+
+    ``standstill``: how long it is looked at where no drive moves, or where there is none [s]; 0: at one instant.
+    """
 
     name: str
     frame: str
@@ -504,3 +507,14 @@ class Mechanism:
     traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted
     answers: tuple[str, ...] = ()  # names from ANSWERS
     studies: Studies = field(default_factory=Studies)
+    standstill: float = 0.0
+
+    @property
+    def led(self) -> bool:
+        """Whether a drive moves it."""
+        return any(moves(drive.law) for drive in self.drives)
+
+    @property
+    def cycle(self) -> float:
+        """Time of one cycle [s]: of the first drive that moves; where none does, `standstill`."""
+        return next((float(drive.law.duration) for drive in self.drives if moves(drive.law)), self.standstill)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .blocks import State, wrapped_angle
 from .frames import lazy
-from .laws import Law
+from .laws import Law, moves
 from .model import Model
 from .start_pose import TURN, Range, StartPose, start_pose
 from .waypoints import Way, Waypoint, steps_of
@@ -168,7 +168,7 @@ class UnwrappedAngles:
         return self._of(frames, near)
 
     def still(self, frames: Frames) -> LinkAngles:
-        """Angles at the frames of a mechanism without drives."""
+        """Angles at the frames of a mechanism that no drive moves."""
         return self._of(frames, lambda raw: np.asarray(self.at.spins)[:, None])
 
     def _table(self, laws: tuple[Law, ...]) -> _Table:
@@ -229,6 +229,8 @@ def _time_step(laws: Sequence[Law], steps: Real) -> float:
     """A step of time [s] in which no drive goes farther than its own step."""
     found = []
     for law, step in zip(laws, steps, strict=True):
+        if not moves(law):
+            continue
         t = np.linspace(0.0, law.duration, SAMPLES + 1)
         fastest = float(np.abs(law(t)[1]).max())
         found.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))

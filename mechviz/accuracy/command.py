@@ -49,6 +49,8 @@ def accuracy(
 
         check_targets(scene, output, rrd)
         loaded = load_scene(scene)
+        if not loaded.frames:
+            fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
         found = None if again else kept(loaded, target, rough=quick)
         before = found is not None
         if found is None:

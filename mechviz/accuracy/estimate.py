@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from mechcore.between import between
 
 from .poles import Passage, passages_of, size_at
-from .quantities import Quantity, quantities, stands_still
+from .quantities import Quantity, pace_of_rest, quantities, stands_still
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Simulation
@@ -167,7 +167,7 @@ def _bend(motion: Any) -> float:
 def _peaks(motion: Any) -> tuple[float, float]:
     """Largest velocity and acceleration, lengths in sizes of the mechanism; where nothing moves, those of `quantities`."""
     if stands_still(motion):
-        pace = 1.0 / float(motion.time[-1] - motion.time[0])
+        pace = pace_of_rest(motion)
         return pace, pace * pace
     size = motion.model.size
     speed = acceleration = 0.0

@@ -67,10 +67,10 @@ def _digits(found: Sequence[Quantity], target: float, *, balanced: bool) -> Lite
 
 def plain_stride(motion: Any) -> int:
     """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive."""
-    if motion.frames < 2 or not motion.mechanism.drives:
+    if motion.frames < 2:
         return 1
     step = float(np.ptp(motion.time)) / (motion.frames - 1)
-    frames_a_cycle = motion.mechanism.drives[0].law.duration / step if step > 0 else 1.0
+    frames_a_cycle = motion.mechanism.cycle / step if step > 0 else 1.0
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 

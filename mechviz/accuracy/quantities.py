@@ -13,7 +13,7 @@ from mechcore.between import between
 
 from ..tables import joints_of, links_of
 
-__all__ = ["KINDS", "Quantity", "errors_between", "quantities", "stands_still", "worst_by_kind"]
+__all__ = ["KINDS", "Quantity", "errors_between", "pace_of_rest", "quantities", "stands_still", "worst_by_kind"]
 
 Real = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
     size = motion.model.size
     moving = links_of(motion)[1:]
     rows = {k: (motion.pose(k), motion.velocity(k), motion.acceleration(k)) for k in moving}
-    pace = 1.0 / float(motion.time[-1] - motion.time[0]) if stands_still(motion) else 0.0
+    pace = pace_of_rest(motion) if stands_still(motion) else 0.0
     for what, part in (("place", slice(0, 2)), ("angle", slice(2, 3))):
         unit = size if what == "place" else 1.0
         peaks = [_peak([r[d][:, part] for r in rows.values()]) for d in (1, 2)]
@@ -79,6 +79,11 @@ def stands_still(motion: Any) -> bool:
         return False
     unit = np.array([motion.model.size, motion.model.size, 1.0])
     return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL * unit).all()) for k in motion.model.links[1:])
+
+
+def pace_of_rest(motion: Any) -> float:
+    """The rate [1/s] to which rates of a mechanism that stands still are relative: once in the run, 1 of one instant."""
+    return 1.0 / (float(np.ptp(motion.time)) or 1.0)
 
 
 def _points(motion: Any) -> Iterator[Quantity]:

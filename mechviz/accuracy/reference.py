@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore import blocks as bl
-from mechcore import compile_mechanism, solve_forces, solve_motion
+from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.motion import Motion
 
 from .estimate import poses_apart
@@ -119,8 +119,7 @@ def reaction_error(scene: Scene, frames: int) -> Real | None:
         return None
     whole = replace(compiled, model=replace(compiled.model))
     whole.model.__dict__["spread"] = True  # what the cached property would find is what is to be changed here
-    end = mechanism.drives[0].law.duration * scene.cycles
-    t = np.linspace(0.0, end, frames + 1)
+    t = default_times(mechanism, frames, scene.cycles)
     one, other = (quantities(m, solve_forces(m)) for m in (solve_motion(c, t) for c in (compiled, whole)))
     named = {q.name: q for q in other}
     pairs = [(a, named[a.name]) for a in one if a.kind == "reaction" and a.name in named]

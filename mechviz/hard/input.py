@@ -219,7 +219,7 @@ CASES = (
         "input",
         "a freedom without a drive",
         "refused, says where to add one",
-        _spoiled(("pairs", "no pair has a drive", "drive"), pairs__A__drive=None),
+        lambda: refused(lambda: _solved(Scene.build(**_changed(pairs__A__drive=None))), "no drive takes.*at A, B, C, D. Add"),
     ),
     Case(
         "links that cannot meet",

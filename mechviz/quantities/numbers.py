@@ -113,7 +113,6 @@ def closure_tolerance(run: Run) -> float:
 
 
 def cycle_of(run: Run) -> float:
-    """How long a cycle of the first drive takes [s]; the whole run where that is unknown."""
-    drives = run.motion.mechanism.drives
-    cycle = float(drives[0].law.duration) if drives else float(run.motion.time[-1])
+    """How long a cycle takes [s]; the whole run where that is unknown."""
+    cycle = run.motion.mechanism.cycle
     return cycle if np.isfinite(cycle) and cycle > 0.0 else max(float(np.ptp(run.motion.time)), 1e-9)

@@ -104,8 +104,7 @@ def _playback_speed(run: Run) -> float:
     if run.simulation is not None:  # in its own time, unless that takes too long or is over too soon
         span = run.simulation.duration
         return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
-    drives = run.motion.mechanism.drives
-    cycle = drives[0].law.duration if drives else float(np.ptp(run.motion.time))
+    cycle = run.motion.mechanism.cycle
     return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from mechcore.errors import Fault
-from mechcore.laws import Law
+from mechcore.laws import Law, moves
 from mechcore.laws.free import Free
 from mechcore.reduction import Body
 from mechcore.slots import has_ends
@@ -19,7 +19,7 @@ from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
 from .drives import law_of
 from .folder import SceneFolder
-from .free_motion import SimulationSpec, free_law, planar_starts, simulation_faults, simulation_spec
+from .free_motion import SimulationSpec, free_law, planar_starts, simulation_faults, simulation_spec, standstill
 from .frictions import idle_effect
 from .load_references import check_loads, split_point
 from .load_specs import load_specs
@@ -113,10 +113,13 @@ def assemble(
                 starts[key] = start
     led = {**laws, **starts}
     drives = [Drive(pair=name, law=led[name]) for pair in pairs for name in coordinates_of(pair) if name in led]
+    drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, by which a run is told
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)
-    loads = {key: load_specs(key, load, reading, convert) for key, load in document.loads.items()}
+    still = 0.0 if simulation is not None or len(laws) < len(driven) else standstill(document, laws.values(), convert)
+    lead = next((name for name in moved if name in led and moves(led[name])), None)
+    loads = {key: load_specs(key, load, reading, convert, lead) for key, load in document.loads.items()}
     studies = studies_of(document, placement, {link.name: link.centre for link in links}, convert)
     gravity = convert.vector(document.gravity, "gravity", "gravity")
     faults += accuracy_faults(document, starts, convert)
@@ -141,6 +144,7 @@ def assemble(
         modes=modes_of(document),
         sketch={key: pose for key, pose in placement.poses.items() if key != document.frame},
         traced=tuple(traced),
+        standstill=still,
     )
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))

@@ -70,7 +70,7 @@ class RunDocument(Table):
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1
     """Number of cycles of the drive."""
     duration: Duration | None = None
-    """Free coordinates: how long the motion is followed."""
+    """Free coordinates, or where nothing moves: how long the motion, or the rest, is followed. At rest without it one frame."""
     steady: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
     """One free crank: the run starts in the steady state whose cycle is this many turns; without a duration it lasts one cycle."""
     tolerance: Tolerance | None = None

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from itertools import accumulate, pairwise
 
-from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, TableLaw, polynomial_through, zones
+from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, Rest, TableLaw, polynomial_through, zones
 
 from .convert import SMALLEST, Converter
 from .motions import DriveDocument
@@ -103,8 +103,11 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     start = _start(drive, coordinate, drawn)
     if drive.travel is not None:
         travel = coordinate.distance(drive.travel, "travel")
-        sound = not any(map(math.isnan, (start, speed, travel)))
-        return ConstantSpeed(start=start, speed=speed, travel=travel) if sound else None
+        if any(map(math.isnan, (start, speed, travel))):
+            return None
+        return ConstantSpeed(start=start, speed=speed, travel=travel) if speed * travel else Rest(start)
+    if speed == 0.0 and not math.isnan(start):
+        return Rest(start)
     if coordinate.kinds[0] == "length":
         coordinate.convert.note(
             coordinate.path,
@@ -127,8 +130,10 @@ def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     )
     start = _start(drive, coordinate, drawn)
     speed = math.nan if drive.speed is None else coordinate.speed(drive.speed, "speed")
-    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or speed == 0.0 or not any((run_up, steady, braking)):
+    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or not any((run_up, steady, braking)):
         return None
+    if speed == 0.0:
+        return Rest(start)
     if cycles > 1 and (run_up > 0.0) != (braking > 0.0):
         coordinate.convert.note(
             "run.cycles",
@@ -152,6 +157,8 @@ def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cy
     phase = convert.si(given.phase, "angle", f"{path}.oscillation.phase")
     if any(map(math.isnan, (frequency, centre, amplitude, phase))):
         return None
+    if amplitude == 0.0:
+        return Rest(centre, lasts=1.0 / frequency)
     return Oscillation(centre=centre, amplitude=amplitude, frequency=frequency, phase=phase)
 
 
@@ -173,11 +180,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             f"Write cycles = 1, or end {path} with the speed that it starts with.",
         )
     if all(state == start for state in states) and start[1:] == (0.0, 0.0):
-        convert.note(
-            f"{path}.segments",
-            "all segments end where the motion starts: nothing moves.",
-            "Give one of them another end.",
-        )
+        return Rest(start[0], lasts=sum(durations))
     knots = tuple(accumulate(durations, initial=0.0))
     pieces = tuple(polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True))
     return Piecewise(knots=knots, coefficients=pieces, advance=ends[-1][0] - start[0])
@@ -198,11 +201,10 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     increasing = convert.increasing(times, f"{path}.table.time")
     if not given.sound("time", "position") or any(map(math.isnan, positions)):
         return None
-    if len(set(positions)) == 1:
-        convert.note(f"{path}.table.position", "all positions are the same: nothing moves.", "Give another position.")
-        return None
     if not increasing or len(times) != len(positions) or (given.periodic and len(times) < 4):
         return None
+    if len(set(positions)) == 1:
+        return Rest(positions[0], lasts=times[-1] - times[0])
     try:
         return TableLaw(t=times, q=positions, periodic=given.periodic)
     except ValueError:  # the spline's equations are singular

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -17,6 +17,7 @@ from .tables import Table, Unknown, refuse
 
 if TYPE_CHECKING:
     from mechcore.dynamics import Free, Liftoff, Stop, Watch
+    from mechcore.laws import Law
 
     from .convert import Converter
     from .document import SceneDocument
@@ -35,6 +36,7 @@ __all__ = [
     "planar_starts",
     "simulation_faults",
     "simulation_spec",
+    "standstill",
     "stop_name",
 ]
 
@@ -227,12 +229,33 @@ def simulation_spec(
         point = None if w.point is None else points.get(w.point)
         watches.append(Watch(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
     run = document.run
-    duration = math.nan if run.duration is None else convert.si(run.duration, "time", "run.duration")
+    duration = math.nan if run.duration is None else _duration(document, convert)
+    tolerance = TOLERANCE if run.tolerance is None else run.tolerance
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs, run.steady)
+
+
+def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter) -> float:
+    """How long a mechanism under prescribed drives is looked at if none of them moves [s]: the stated duration, else the longest of
+    the motions that say so, 0 where none says it."""
+    from mechcore.laws import Rest, moves
+
+    laws = tuple(laws)
+    if document.run.duration is None:
+        return max((law.lasts for law in laws if isinstance(law, Rest)), default=0.0)
+    if any(map(moves, laws)):
+        remedy = "Leave it out: cycles says how long it goes on. Or let forces move a pair, free = ... instead of its drive."
+        convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
+    return _duration(document, convert)
+
+
+def _duration(document: SceneDocument, convert: Converter) -> float:
+    run = document.run
+    assert run.duration is not None
+    duration = convert.si(run.duration, "time", "run.duration")
     if 0.0 < duration < 1e-9 * run.frames:
         why = f"{duration:.6g} s for {run.frames} frames: the clock of a recording counts nanoseconds, one a frame at least."
         convert.note("run.duration", why, f"Give {1e-9 * run.frames:.3g} s or more, or fewer frames.")
-    tolerance = TOLERANCE if run.tolerance is None else run.tolerance
-    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs, run.steady)
+    return duration
 
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
@@ -281,9 +304,12 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
     """Keys that only a motion under forces has."""
-    for key in ("duration", "steady", "tolerance", "method"):
+    driven = any(pair.led for pair in document.pairs.values())
+    why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
+    for key in ("steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
-            yield Fault(f"run.{key}", "nothing is free: the drive decides the motion.", _ADD_FREE)
+            yield Fault(f"run.{key}", why, _ADD_FREE)
+    yield from () if driven else _without_drives(document)
     for name, pair in document.pairs.items():
         if pair.stops:
             yield Fault(f"pairs.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
@@ -292,6 +318,25 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
             yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a pair under forces.", _ADD_FREE)
     for name in document.watch:
         yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
+
+
+def _without_drives(document: SceneDocument) -> Iterator[Fault]:
+    """What is told by the drive, of a structure that has none."""
+    why = "the scene has no drive"
+    for k, answer in enumerate(document.answers):
+        if answer != "transmission_angle":
+            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {why}.", "Leave it out.")
+    for key in _STUDIES[:-2]:
+        if getattr(document, key):
+            yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a pair a drive.")
+    for name, load in document.loads.items():
+        for key in ("table", "polynomial"):
+            factor = getattr(load, key)
+            if factor is not None and factor.of in ("position", "velocity") and not (factor.pair or factor.drive):
+                remedy = 'Name a pair, pair = "...", or let it be a factor of time.'
+                yield Fault(f"loads.{name}.{key}", f"{why} whose {factor.of} the factor could depend on.", remedy)
+        if load.gas is not None and load.drive is None:
+            yield Fault(f"loads.{name}", f"{why} that tells the strokes of the gas.", "Give a pair a drive, such as speed = 0.")
 
 
 def _stops(document: SceneDocument) -> Iterator[Fault]:

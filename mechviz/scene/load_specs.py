@@ -57,13 +57,13 @@ _ARGUMENT_KINDS = {
 _RATES = {"angle": "angular speed", "length": "linear speed"}
 
 
-def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter) -> tuple[Load, ...]:
+def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None = None) -> tuple[Load, ...]:
     """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
-    part of it is faulty."""
+    part of it is faulty. ``lead``: the first pair whose drive moves, if it is known; factors depend on it that name none."""
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
-            found = _MAKERS[kind](_Maker(name, load, reading, convert))
+            found = _MAKERS[kind](_Maker(name, load, reading, convert, lead))
             made.append(found if isinstance(found, tuple) else () if found is None else (found,))
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:
@@ -75,8 +75,8 @@ def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Convert
 class _Maker:
     """What every kind needs to become a load of the core."""
 
-    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter):
-        self.name, self.load, self.reading, self.convert = name, load, reading, convert
+    def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, lead: str | None):
+        self.name, self.load, self.reading, self.convert, self.lead = name, load, reading, convert, lead
         self.document: SceneDocument = reading.document
         self.path = f"loads.{name}"
 
@@ -153,8 +153,8 @@ class _Maker:
         """The kind of quantity that a factor depends on; None where its pair is not there."""
         if of in _ARGUMENT_KINDS:
             return _ARGUMENT_KINDS[of]
-        driven = [p for p in self.document.pairs.values() if p.led]
-        found = self.document.pairs.get(pair) if pair is not None else (driven[0] if driven else None)
+        first = self.lead or next((name for name, p in self.document.pairs.items() if p.led), None)
+        found = self.document.pairs.get(pair or first or "")
         if found is None or len(found.kinds) > 1:
             return None
         sort = "length" if found.kind in ("prismatic", "pin_slot", "rolling", "cylinder") else "angle"

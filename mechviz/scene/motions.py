@@ -10,7 +10,6 @@ from .fields import (
     Angle,
     Condition,
     Coordinate,
-    Distance,
     Duration,
     Flag,
     Frequency,
@@ -55,7 +54,7 @@ class OscillationDocument(Table):
 
     centre: Coordinate = 0.0
     """Middle position."""
-    amplitude: Distance
+    amplitude: Range
     """Largest distance from the middle."""
     frequency: Frequency | None = None
     """Cycles per time. Give this or period."""
@@ -104,10 +103,10 @@ class DriveDocument(Table):
     """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments, table or program."""
 
     speed: Rate | None = None
-    """Constant speed, or the steady speed of the zones; its sign is the direction."""
+    """Constant speed, or the steady speed of the zones; its sign is the direction. 0: the drive holds its pair."""
     start: Conditions | None = None
     """Position at the start; for segments also [position, velocity, acceleration]."""
-    travel: Distance | None = None
+    travel: Range | None = None
     """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
     range: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = None
     """Instead of start and travel: [least, greatest] position of one cycle at constant speed."""
@@ -142,8 +141,8 @@ class DriveDocument(Table):
             found.append(("", f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion."))
         if self.zones is not None and self.speed is None:
             found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
-        if self.speed is not None and magnitude(self.speed) == 0.0:
-            found.append(("speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'."))
+        if self.speed is not None and magnitude(self.speed) == 0.0 and self.range is not None:
+            found.append(("range", "a range of a drive that stands still.", "Say where: start = ..., or give it a speed."))
         goes_with = {"speed": ("start", "travel", "range"), "oscillation": (), "table": ()}
         allowed = {key for law in laws for key in goes_with.get(law, ("start",))}
         for key in ("start", "travel", "range"):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, model_validator
 
 from mechcore.errors import MechanismError
-from mechcore.laws import ConstantSpeed, Follow, Law, MotionCurve, Segment, program, rise
+from mechcore.laws import ConstantSpeed, Follow, Law, MotionCurve, Rest, Segment, moves, program, rise
 
 from .fields import Angle, Coordinate, Flag, Number, Quantity, Rate, Text
 from .tables import Table, Unknown, one_of, refuse
@@ -69,8 +69,6 @@ class ProgramDocument(Table):
     @model_validator(mode="after")
     def _one_master(self) -> ProgramDocument:
         refuse(one_of(self, ("speed", "master"), "the program"))
-        if self.sound("segments") and all(segment.to is None and segment.sound("to") for segment in self.segments):
-            refuse([("segments", "all segments are dwells: nothing moves.", "Give one of them an end, to = ...")])
         return self
 
 
@@ -95,8 +93,6 @@ def program_law(
             )
     else:
         speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
-        if speed == 0.0:
-            convert.note(f"{path}.program.speed", "the speed is zero: nothing moves.", "Give a speed, such as '60 rpm'.")
         master = ConstantSpeed(start=0.0, speed=speed)
     overs = [convert.si(s.over, "angle", f"{path}.program.segments[{k}].over") for k, s in enumerate(given.segments)]
     ends = [None if s.to is None else position(s.to, f"program.segments[{k}].to") for k, s in enumerate(given.segments)]
@@ -110,7 +106,7 @@ def program_law(
         segments = [Segment(over=over, to=end, law=s.shape(), mirrored=s.mirrored) for s, over, end in rows]
     except MechanismError:  # an unknown law, noted where the segment was read
         return None
-    if all(segment.to in (None, start) for segment in segments):
-        convert.note(f"{path}.program.segments", "all of them end where the motion starts: nothing moves.", "Give another end.")
-        return None
-    return Follow(curve=program(segments, start), master=master, phase=phase)
+    law = Follow(curve=program(segments, start), master=master, phase=phase)
+    if moves(master) and any(segment.to not in (None, start) for segment in segments):
+        return law
+    return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)

@@ -139,17 +139,10 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
 
 
 def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:
-    """Is it one mechanism, and does it move? ``touched`` says which links each pair joins, or may join."""
+    """Is it one mechanism? ``touched`` says which links each pair joins, or may join."""
     document = reading.document
     if "*" in reading.broken["pairs"] or not touched:
         return
-    if not reading.undriven and not any(pair.led for pair in document.pairs.values()):
-        first = next(iter(touched))
-        yield Fault(
-            "pairs",
-            "no pair has a drive: nothing moves.",
-            f'Add one, such as drive = {{ speed = "60 rpm" }} in pairs.{first}.',
-        )
     if "*" in reading.broken["links"] or document.frame not in document.links:
         return
     neighbours: dict[str, list[Iterable[str]]] = {}

@@ -88,8 +88,8 @@ class Scene:
 
     @property
     def frames(self) -> int:
-        """Number of frames of a run."""
-        return self.document.run.frames
+        """Number of frames of a run, the one at its start not counted: 0 where nothing moves and no time passes."""
+        return self.document.run.frames if self.simulation is not None or self.mechanism.cycle else 0
 
     @property
     def cycles(self) -> int:

@@ -26,7 +26,7 @@ from .harmonics import acceleration_zones, harmonic_sum, scca
 from .optimal import Optimum, least_peak
 from .program import Follow, Segment, constant_breadth, program
 from .signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
-from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Table, TableLaw, polynomial_through, zones
+from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Rest, Table, TableLaw, moves, polynomial_through, zones
 
 __all__ = [
     "RISES",
@@ -43,6 +43,7 @@ __all__ = [
     "PeakFactors",
     "Piecewise",
     "Ramp",
+    "Rest",
     "Segment",
     "Signal",
     "SignalPosition",
@@ -61,6 +62,7 @@ __all__ = [
     "jumps",
     "least_peak",
     "measured_table",
+    "moves",
     "peak",
     "peak_factors",
     "polynomial_law",

@@ -7,6 +7,7 @@ jumps, the value belongs to the piece that ends there (zones are half-open on th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
@@ -14,7 +15,19 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ConstantSpeed", "Law", "Oscillation", "Piecewise", "Smoothness", "Table", "TableLaw", "polynomial_through", "zones"]
+__all__ = [
+    "ConstantSpeed",
+    "Law",
+    "Oscillation",
+    "Piecewise",
+    "Rest",
+    "Smoothness",
+    "Table",
+    "TableLaw",
+    "moves",
+    "polynomial_through",
+    "zones",
+]
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
@@ -40,6 +53,31 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
+class Rest:
+    """A coordinate that stays where it is, a held input. ``lasts``: time of the motion that says so, 0 where it says none [s]."""
+
+    position: float
+    lasts: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        return math.inf
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    def __call__(self, t: ArrayLike) -> Triple:
+        t = np.asarray(t, float)
+        return np.full_like(t, self.position), np.zeros_like(t), np.zeros_like(t)
+
+
+def moves(law: Law) -> bool:
+    """Whether a law moves its drive: no `Rest`, and no constant speed of zero."""
+    return not (isinstance(law, Rest) or (isinstance(law, ConstantSpeed) and law.speed == 0.0))
+
+
+@dataclass(frozen=True)
 class ConstantSpeed:
     """``start + speed t``; one cycle is one turn, or ``travel`` where that is given (sliding drives, limited ranges)."""
 
@@ -49,7 +87,7 @@ class ConstantSpeed:
 
     @property
     def duration(self) -> float:
-        return abs(self.travel / self.speed)
+        return abs(self.travel / self.speed) if self.speed else math.inf
 
     @property
     def breaks(self) -> tuple[float, ...]:
