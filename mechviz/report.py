@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore import Compiled, Forces, compile_mechanism, default_times, solve_forces, solve_motion
+from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.answers import grashof
 from mechcore.assembly import all_modes
 from mechcore.clearance import journals_of, made_pairs
@@ -18,7 +18,7 @@ from mechcore.leastnorm import indeterminate
 from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
-from mechcore.spec import CamPair, Cylinder, Planar
+from mechcore.spec import CamPair, Cylinder, PinSlot, Planar
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 
 from .cam_report import cam_facts, cam_lines, law_facts
@@ -83,6 +83,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += _modes(compiled)
     if drives:
         lines += _reach(compiled, scene.units)
+    lines += _slots(motion, scene.units) if not free else []
     lines.append(
         f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"
@@ -211,6 +212,19 @@ def _reach(compiled: Compiled, units: Units) -> list[str]:
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"
         )
+    return lines
+
+
+def _slots(motion: Motion, units: Units) -> list[str]:
+    """How far pins go in slots that have no ends: a real slot may be shorter, as that of a Geneva drive."""
+    lines = []
+    for pair in motion.mechanism.pairs:
+        if isinstance(pair, PinSlot) and pair.ends is None:
+            way = motion.coordinate(pair.name)[:, 0]
+            low, high = (units.show(_plain(float(x)), "length", 6) for x in (way.min(), way.max()))
+            lines.append(
+                f"slot       {pair.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
+            )
     return lines
 
 

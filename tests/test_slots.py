@@ -1,4 +1,4 @@
-"""Slots with ends: prescribed motion beyond them is refused, free motion strikes them."""
+"""Slots, guides and cylinders with ends: prescribed motion beyond them is refused, free motion strikes them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from mechcore import MechanismError, compile_mechanism, default_times, solve_mot
 from mechcore.dynamics import simulate
 from mechcore.dynamics.steady import steady_run
 from mechcore.reach import reachable_ranges
+from mechviz.report import check_lines
 from mechviz.run import run_scene
 from mechviz.scene import SceneError
 
@@ -133,6 +134,61 @@ def test_a_steady_run_does_not_pass_the_ends_of_slots():
     text = text.replace("P = [50, 0] } }", 'P = [50, 0] }, mass = 1, centre = "O", inertia = "0.01 kg m^2" }')
     with pytest.raises(MechanismError, match="the pin leaves its slot"):
         steady_run(mechviz.loads(text).mechanism)
+
+
+def test_check_tells_how_far_a_pin_goes_in_a_slot_without_ends():
+    """A Geneva drive that goes on as a crank: the pin is 20.7 mm to 120.7 mm from the wheel's pivot, 70.7 mm more than it may."""
+    text = geneva('speed = "60 rpm"', "LENGTH").replace(", length = LENGTH", "")
+    (line,) = (line for line in check_lines(mechviz.loads(text)) if line.startswith("slot"))
+    assert "P: its pin goes from 20.7107 mm to 120.711 mm; no length" in line
+    assert not any(line.startswith("slot") for line in check_lines(mechviz.loads(geneva(SWING.replace("AMPLITUDE", "40"), "50"))))
+
+
+SLIDER = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { O = [0, 0] } }
+crank = { points = { O = [0, 0], P = [40, 0] } }
+rod = { points = { P = [0, 0], Q = [100, 0] } }
+block = { points = { Q = [0, 0] } }
+[pairs]
+O = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+P = { revolute = ["crank", "rod"] }
+Q = { revolute = ["rod", "block"] }
+S = { prismatic = ["frame", "block"], at = ["O", "Q"], length = LENGTH, branch = "ahead" }
+"""
+
+
+def test_a_slider_does_not_leave_its_guide():
+    """Between 60 and 140 mm from the crank's pin; a guide that ends at 130 mm lets it turn from where cosine's rule has it."""
+    run_scene(mechviz.loads(SLIDER.replace("LENGTH", "140")))
+    with pytest.raises(MechanismError) as refused:
+        run_scene(mechviz.loads(SLIDER.replace("LENGTH", "[50, 130]")).changed({("pairs", "O", "drive", "start"): 180}))
+    (fault,) = refused.value.faults
+    assert fault.path == "pairs.S" and "the slider leaves its guide" in fault.message and "10 mm beyond" in fault.message
+    limit = np.degrees(np.arccos((40.0**2 + 130.0**2 - 100.0**2) / (2.0 * 40.0 * 130.0)))
+    assert f"keep the drive within [{limit:.7g}°, {360.0 - limit:.7g}°]" in fault.remedy
+
+
+def test_a_cylinder_does_not_leave_its_stroke():
+    """A boom lifted by a cylinder of 330 to 450 mm; under its weight alone the boom comes to rest on the shortest one."""
+    text = """
+    units = { length = "mm", angle = "deg" }
+    effects = ["inertia", "gravity"]
+    [links]
+    frame = { points = { A = [0, 0], B = [300, -200] } }
+    boom = { points = { A = [0, 0], C = [300, 0] }, mass = 10, centre = "C", inertia = 0.1 }
+    [pairs]
+    A = { revolute = ["frame", "boom"] }
+    L = { cylinder = ["frame", "boom"], at = ["B", "C"], length = [330, 450], side = "right", MOVES }
+    """
+    driven = text.replace("MOVES", "drive = { speed = 100, start = 340, travel = WAY }")
+    run_scene(mechviz.loads(driven.replace("WAY", "110")))
+    with pytest.raises(MechanismError, match=r"it leaves its stroke .* 10 mm beyond the end at 450 mm"):
+        run_scene(mechviz.loads(driven.replace("WAY", "120")))
+    free = text.replace("MOVES", "free = { position = 400 }").replace("[links]", 'run = { duration = "1.5 s" }\n[links]')
+    length = run_scene(mechviz.loads(free)).motion.coordinate("L")[:, 0]
+    assert length.min() >= 0.33 - 1e-9 and length[-1] == pytest.approx(0.33, abs=1e-9)
 
 
 @pytest.mark.parametrize(

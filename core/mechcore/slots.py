@@ -1,4 +1,4 @@
-"""Slots with ends: where a motion would carry a pin out of its slot."""
+"""Slots, guides and cylinders with ends: where a motion would carry a pin or slider beyond them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from .blocks import State
 from .extremes import peak
 from .model import Model
 from .motion import Motion
-from .spec import Mechanism, PinSlot
+from .spec import Cylinder, Mechanism, PinSlot, Prismatic
 
-__all__ = ["Escape", "escapes", "has_ends", "room_in_slots", "within_slots"]
+__all__ = ["Escape", "ends_of", "escapes", "has_ends", "room_in_slots", "within_slots"]
 
 Array = Any
-SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end
+SLACK = 1e-9  # of the mechanism's size: rounding may carry one so far beyond an end
 
 
 @dataclass(frozen=True)
 class Escape:
-    """A pin beyond an end of its slot: the joint, that end's coordinate [m], how far it goes beyond [m], at which frames (F,), and
-    when it is farthest [s], which may be between two frames."""
+    """A pin or slider beyond an end of its slot or guide: the joint, that end's coordinate [m], how far it goes beyond [m], at
+    which frames (F,), and when it is farthest [s], which may be between two frames."""
 
     joint: str
     end: float
@@ -32,34 +32,39 @@ class Escape:
     time: float
 
 
+def ends_of(mechanism: Mechanism) -> dict[str, tuple[float, float]]:
+    """Least and greatest coordinates [m] that slots, guides and cylinders allow, by joint."""
+    guided = (pair for pair in mechanism.pairs if isinstance(pair, PinSlot | Prismatic | Cylinder))
+    return {pair.name: pair.ends for pair in guided if pair.ends is not None}
+
+
 def has_ends(mechanism: Mechanism) -> bool:
-    """Whether a mechanism has a slot with ends."""
-    return any(isinstance(pair, PinSlot) and pair.ends is not None for pair in mechanism.pairs)
+    """Whether a mechanism has a slot, guide or cylinder with ends."""
+    return bool(ends_of(mechanism))
 
 
 def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
     """Joint, end and a function of motions: how far its pin is beyond that end (F,) [m], negative within the slot."""
     model = motion.model
-    for pair in motion.mechanism.pairs:
-        if isinstance(pair, PinSlot) and pair.ends is not None:
-            j = model.joint_index[pair.name]
-            for end, sign in zip(pair.ends, (-1.0, 1.0), strict=True):
+    for name, ends in ends_of(motion.mechanism).items():
+        j = model.joint_index[name]
+        for end, sign in zip(ends, (-1.0, 1.0), strict=True):
 
-                def excess(at: Motion, j: int = j, end: float = end, sign: float = sign) -> Array:
-                    beyond = sign * (np.asarray(at.state.slide[j]) - end)
-                    return np.broadcast_to(beyond, np.broadcast_shapes(beyond.shape, (at.frames,)))
+            def excess(at: Motion, j: int = j, end: float = end, sign: float = sign) -> Array:
+                beyond = sign * (np.asarray(at.state.slide[j]) - end)
+                return np.broadcast_to(beyond, np.broadcast_shapes(beyond.shape, (at.frames,)))
 
-                yield pair.name, end, excess
+            yield name, end, excess
 
 
 def room_in_slots(model: Model, state: State) -> list[Array]:
-    """How far pins are from the ends of their slots [m] (...), negative beyond, by end."""
-    joints = [(model.joint_index[p.name], p.ends) for p in model.mechanism.pairs if isinstance(p, PinSlot) and p.ends is not None]
-    return [room for j, (low, high) in joints for room in (state.slide[j] - low, high - state.slide[j])]
+    """How far pins and sliders are from their ends [m] (...), negative beyond, by end."""
+    joints = [(state.slide[model.joint_index[name]], ends) for name, ends in ends_of(model.mechanism).items()]
+    return [room for slide, (low, high) in joints for room in (slide - low, high - slide)]
 
 
 def within_slots(motion: Motion) -> Array:
-    """Whether all pins are between the ends of their slots (F,)."""
+    """Whether all pins and sliders are between their ends (F,)."""
     slack = SLACK * motion.model.size
     found: Array = np.ones(motion.frames, bool)
     for _, _, excess in _excesses(motion):
@@ -68,7 +73,7 @@ def within_slots(motion: Motion) -> Array:
 
 
 def escapes(motion: Motion) -> list[Escape]:
-    """Where a motion carries pins beyond the ends of their slots, between its frames too."""
+    """Where a motion carries pins and sliders beyond their ends, between its frames too."""
     slack, found = SLACK * motion.model.size, []
     for joint, end, excess in _excesses(motion):
         values = excess(motion)

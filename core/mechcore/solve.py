@@ -25,7 +25,7 @@ from .patching import make_patches
 from .positions import place_all
 from .sketch import at_sketch, sketched_drives
 from .slots import Escape, escapes, has_ends
-from .spec import Mechanism
+from .spec import Mechanism, PinSlot, Prismatic
 from .start_pose import start_pose
 from .structure import gruebler, rank_mobility
 from .texts import as_coordinate, as_length
@@ -401,13 +401,16 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
 
 
 def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
-    """Words for a pin that would leave its slot."""
+    """Words for a pin or slider that would leave its slot, guide or cylinder."""
+    joint = next(pair for pair in compiled.mechanism.pairs if pair.name == escape.joint)
+    what = {PinSlot: "the pin leaves its slot", Prismatic: "the slider leaves its guide"}.get(type(joint), "it leaves its stroke")
+    longer = {PinSlot: "the slot", Prismatic: "the guide"}.get(type(joint), "it")
     frames = _ranges(motion, escape.frames)  # none where it is between two of them
     where = frames if escape.frames.any() else f" ({at_drive(motion, escape.time)})"
     far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
-    words = f"the pin leaves its slot{where}: it would go {far}."
+    words = f"{what}{where}: it would go {far}."
     within = _within_reach(compiled, motion, escape.frames, motion.time)
-    return Fault(f"pairs.{escape.joint}", words, f"Give the slot a greater length{within}.")
+    return Fault(f"pairs.{escape.joint}", words, f"Give {longer} a greater length{within}.")
 
 
 def _ranges(motion: Motion, bad: Array) -> str:

@@ -174,7 +174,7 @@ class Prismatic:
     ``guide`` (0 or 1) says which of ``links`` carries the guide line, which passes through that link's point in the
     direction ``along`` (in the frame of the guide's link; its length does not matter). The coordinate is the signed
     distance along the guide from the guide's point to the other link's point [m]. ``angle`` is the constant angle of the
-    second link's frame minus that of the first's [rad].
+    second link's frame minus that of the first's [rad]. ``ends`` are as those of a `PinSlot`.
     """
 
     name: str
@@ -183,6 +183,7 @@ class Prismatic:
     along: Vec2 = (1.0, 0.0)
     guide: Literal[0, 1] = 0
     angle: float = 0.0
+    ends: Vec2 | None = None  # [m]
     friction: Friction | None = None
 
 
@@ -281,12 +282,13 @@ class Cylinder:
     """A cylinder (hydraulic, electric ...) between a point of the first link and a point of the second, at its ends pinned.
 
     Compiled to two links without mass, ``<name>.barrel`` and ``<name>.rod``, with pins ``<name>.base`` and ``<name>.eye`` and a
-    prismatic pair ``<name>``, whose coordinate is the distance of the two points [m].
+    prismatic pair ``<name>``, whose coordinate is the distance of the two points [m]. ``ends``: its least and greatest length.
     """
 
     name: str
     links: tuple[str, str]
     points: tuple[str, str]
+    ends: Vec2 | None = None  # [m]
     friction: Friction | None = None
 
 

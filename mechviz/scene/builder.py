@@ -113,6 +113,7 @@ class SceneBuilder:
         along: Sequence[float] | Sequence[str] | None = None,
         guide: str | None = None,
         angle: Value | None = None,
+        length: Value | Sequence[Value] | None = None,
         branch: str | None = None,
         friction: Mapping[str, Any] | None = None,
         drive: Mapping[str, Any] | None = None,
@@ -126,6 +127,7 @@ class SceneBuilder:
             "along": along,
             "guide": guide,
             "angle": angle,
+            "length": length,
             "branch": branch,
             "friction": friction,
             "drive": drive,
@@ -284,13 +286,15 @@ class SceneBuilder:
         second: str,
         *,
         at: str | Sequence[str] | None = None,
+        length: Value | Sequence[Value] | None = None,
         side: str | None = None,
         drive: Mapping[str, Any] | None = None,
         free: Mapping[str, Any] | None = None,
         stops: Sequence[Mapping[str, Any]] | None = None,
     ) -> SceneBuilder:
-        """A cylinder between a point of the first link and a point of the second."""
-        entry = {"cylinder": [first, second], "at": at, "side": side, "drive": drive, "free": free, "stops": stops}
+        """A cylinder between a point of the first link and a point of the second; ``length`` its greatest length or both."""
+        moves = {"drive": drive, "free": free, "stops": stops}
+        entry = {"cylinder": [first, second], "at": at, "length": length, "side": side, **moves}
         return self._add("pairs", name, entry)
 
     def force(

@@ -66,6 +66,19 @@ class _Maker:
         return drawn_angle(self.pair, self.placement)
 
     @property
+    def ends(self) -> Vec2 | None:
+        """Least and greatest coordinate [m]; None where none are stated."""
+        given, path = self.pair.length, f"{self.path}.length"
+        if given is None:
+            return None
+        if not isinstance(given, list):
+            return 0.0, self.convert.si(given, "length", path)
+        low, high = self.convert.row(given, "length", path)
+        if low >= high and self.convert.certain("length"):
+            self.convert.note(path, "it ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
+        return low, high
+
+    @property
     def radius(self) -> float:
         if self.pair.radius is None:  # noted where the pair was read
             return math.nan
@@ -116,6 +129,7 @@ def _prismatic(m: _Maker) -> Pair:
         along=m.along,
         guide=m.guide,
         angle=m.angle,
+        ends=m.ends,
         friction=m.friction,
     )
 
@@ -125,15 +139,7 @@ def _weld(m: _Maker) -> Pair:
 
 
 def _pin_slot(m: _Maker) -> Pair:
-    given, path, ends = m.pair.length, f"{m.path}.length", None
-    if isinstance(given, list):
-        low, high = m.convert.row(given, "length", path)
-        ends = (low, high)
-        if low >= high and m.convert.certain("length"):
-            m.convert.note(path, "the slot ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
-    elif given is not None:
-        ends = (0.0, m.convert.si(given, "length", path))
-    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, ends=ends, friction=m.friction)
+    return PinSlot(name=m.name, links=m.pair.links, points=m.points, along=m.along, guide=m.guide, ends=m.ends, friction=m.friction)
 
 
 def _rolling(m: _Maker) -> Pair:
@@ -183,7 +189,7 @@ def _rack(m: _Maker) -> Pair:
 
 
 def _cylinder(m: _Maker) -> Pair:
-    return Cylinder(name=m.name, links=m.pair.links, points=m.points, friction=m.friction)
+    return Cylinder(name=m.name, links=m.pair.links, points=m.points, ends=m.ends, friction=m.friction)
 
 
 def _planar(m: _Maker) -> Pair:

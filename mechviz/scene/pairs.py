@@ -24,7 +24,7 @@ __all__ = ["KINDS", "Kind", "PairDocument"]
 
 
 TwoEnds = Annotated[list[Length], Field(min_length=2, max_length=2)]
-SlotLength = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list>")], Discriminator(value_or_list)]
+Ends = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list>")], Discriminator(value_or_list)]
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
 
@@ -52,7 +52,9 @@ KINDS: Mapping[str, Kind] = {
         driven="angle",
     ),
     "prismatic": Kind(
-        "a prismatic pair", ("at", "along", "guide", "angle", "branch", "friction", "drive", "free", "stops"), driven="length"
+        "a prismatic pair",
+        ("at", "along", "guide", "angle", "length", "branch", "friction", "drive", "free", "stops"),
+        driven="length",
     ),
     "weld": Kind("a weld", ("at", "angle"), undriven="A weld does not move: leave it out."),
     "pin_slot": Kind(
@@ -76,7 +78,7 @@ KINDS: Mapping[str, Kind] = {
         undriven="Drive the pinion's revolute pair, or the rack's prismatic one, instead.",
         joins=False,
     ),
-    "cylinder": Kind("a cylinder", ("at", "side", "friction", "drive", "free", "stops"), driven="length"),
+    "cylinder": Kind("a cylinder", ("at", "length", "side", "friction", "drive", "free", "stops"), driven="length"),
     "planar": Kind(
         "a planar pair", ("at", "free"), needs=("free",), undriven="Its start is free = { x = ..., vy = ... }.", joins=False
     ),
@@ -153,9 +155,10 @@ class PairDocument(Table):
     """Direction of the guide, slot or edge in the frame of its link. Default [1, 0]."""
     guide: Text | None = None
     """Prismatic, pin in slot: the link that carries the guide or slot. Default: the first."""
-    length: SlotLength | None = None
-    """Pin in slot: how far the pin can go along the slot from the slot's point, or [from, to]. Motion beyond is refused; where
-    forces decide the motion, the pin meets an end stop there. Default: the slot has no ends."""
+    length: Ends | None = None
+    """Pin in slot, prismatic: how far the pin or slider can go along the slot or guide from its point, or [from, to]; cylinder: its
+    greatest length, or [least, greatest]. Prescribed motion beyond is refused, free motion meets an end stop there. Default: no
+    ends."""
     angle: Angle | None = None
     """Prismatic, weld: constant angle from the first link's frame to the second's. Default 0, or as drawn."""
     carrier: Text | None = None

@@ -11,7 +11,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ..motion import Motion
-from ..spec import Mechanism, PinSlot
+from ..slots import ends_of
+from ..spec import Mechanism
 from ..texts import Text
 from .collocation import Window
 
@@ -43,17 +44,14 @@ class Stop:
 
 
 def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
-    """Stops of a mechanism with the ends of its slots, but for those that a stated stop comes before."""
+    """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
     found = list(stops)
-    for pair in mechanism.pairs:
-        if not isinstance(pair, PinSlot) or pair.ends is None:
-            continue
-        own = [s for s in stops if s.pair == pair.name]
-        low, high = pair.ends
+    for name, (low, high) in ends_of(mechanism).items():
+        own = [s for s in stops if s.pair == name]
         if not any(s.side == "lower" and s.at >= low for s in own):
-            found.append(Stop(name=f"{pair.name} lower end", pair=pair.name, at=low, side="lower"))
+            found.append(Stop(name=f"{name} lower end", pair=name, at=low, side="lower"))
         if not any(s.side == "upper" and s.at <= high for s in own):
-            found.append(Stop(name=f"{pair.name} upper end", pair=pair.name, at=high))
+            found.append(Stop(name=f"{name} upper end", pair=name, at=high))
     return tuple(found)
 
 
