@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 import pytest
 from hypothesis import settings
+
+# a worker for each core: threads of BLAS would only wait for each other (before numpy is loaded; processes of tests inherit it)
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # a busy machine fails no test: examples have no deadline, all else is as hypothesis chooses it (in CI it is another choice)
 settings.register_profile("without a clock", settings.default, deadline=None)
