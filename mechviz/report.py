@@ -15,11 +15,14 @@ from mechcore.events import overshoots
 from mechcore.friction.events import friction_events
 from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
+from mechcore.load_events import idle_table, load_events
 from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
 from mechcore.spec import CamPair, Cylinder, PinSlot, Planar
+from mechcore.strokes import strokes
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
+from mechcore.texts import Text
 
 from .cam_report import cam_facts, cam_lines, law_facts
 from .scene.worded import in_scene_words
@@ -81,9 +84,12 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
+    ranges = reachable_ranges(compiled) if drives else []
     if drives:
-        lines += _reach(compiled, scene.units)
-    lines += _slots(motion, scene.units) if not free else []
+        lines += _reach(compiled, ranges, scene.units)
+    lines += _idle(scene, compiled, ranges) if free else _loads(motion, scene.units)
+    if not free:
+        lines += [*_slots(motion, scene.units), *_outputs(motion, scene)]
     lines.append(
         f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
         f"largest condition number {np.max(motion.condition):.3g}"
@@ -196,11 +202,43 @@ def _modes(compiled: Compiled) -> list[str]:
     return ["assembly   mode of each group", *lines] if lines else []
 
 
-def _reach(compiled: Compiled, units: Units) -> list[str]:
+def _outputs(motion: Motion, scene: Scene) -> list[str]:
+    """Stroke or range, and time ratio, of what is guided in the frame."""
+    lines = []
+    for found in strokes(motion, scene.cycles):
+        kind = "angle" if found.rotary else "length"
+        size, low, high = (scene.units.show(value, kind, 5) for value in (found.length, _plain(found.low), _plain(found.high)))
+        ratio = "" if np.isnan(found.time_ratio) else f"; time ratio {found.time_ratio:.5g}"
+        lines.append(f"{found.pair}: {'range' if found.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
+    return _section("output", lines)
+
+
+def _loads(motion: Motion, units: Units) -> list[str]:
+    """Loads that never act, springs squeezed below their solid length."""
+    return _section("load", [f"{e.item}: {e.in_units(units).text}" for e in load_events(motion)])
+
+
+def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -> list[str]:
+    """Loads whose table the motion under forces can never reach, as far as that is known beforehand."""
+    first = scene.mechanism.drives[0].pair
+    duration = scene.simulation.duration if scene.simulation is not None else np.nan
+    lines = []
+    for load in scene.mechanism.loads:
+        factor = getattr(load, "factor", None)
+        span = None
+        if factor is not None and factor.of == "time" and np.isfinite(duration):
+            span = (0.0, duration)
+        elif factor is not None and factor.of == "position" and factor.pair in (None, first) and len(ranges) == 1:
+            span = ranges[0]
+        words = "" if span is None else idle_table(load, compiled.model.rotary(first) and factor.of != "time", *span)
+        lines += [f"{load.name}: {Text(words, scene.units)}"] if words else []
+    return _section("load", lines)
+
+
+def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) -> list[str]:
     drive = compiled.mechanism.drives[0]
     rotary = compiled.model.rotary(drive.pair)
     kind = "angle" if rotary else "length"
-    ranges = reachable_ranges(compiled)
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
     if any(isinstance(pair, Cylinder) and pair.name == drive.pair for pair in compiled.mechanism.pairs):
         ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points

@@ -18,7 +18,7 @@ from .motion import Motion
 from .spec import Mechanism
 from .texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
-__all__ = ["SINGULAR", "Event", "at_drive", "find_events", "overshoots", "runs", "turning_points"]
+__all__ = ["SINGULAR", "Event", "at_drive", "find_events", "limit_positions", "overshoots", "runs", "turning_points"]
 
 Real = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
         u = 0.5 * (low + high)
         same = np.sign(_cubic(u, speed[i], h * acceleration[i], speed[j], h * acceleration[j])) == np.sign(speed[i])
         low, high = np.where(same, u, low), np.where(same, high, u)
-    return np.asarray(time[i] + 0.5 * (low + high) * h)
+    return np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a frame between at rest is where it turns
 
 
 def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
@@ -138,8 +138,9 @@ def _exactly(motion: Motion, pair: str, times: Real) -> Real:
     return np.asarray(motion.again(times).coordinate(pair)[:, 0])
 
 
-def _limits(motion: Motion) -> Iterator[Event]:
-    """Limit positions of undriven pairs at the frame: the link there turns back while the drives go on."""
+def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
+    """Undriven pairs at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
+    drives go on, and its coordinates there [rad or m]."""
     driven = {d.pair for d in motion.mechanism.drives}
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
     reversals = np.concatenate([np.zeros(0), *stops])
@@ -153,10 +154,16 @@ def _limits(motion: Motion) -> Iterator[Event]:
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
         times = np.sort([t for t in times if not np.any(np.abs(reversals - t) < near)])
         times = zeros(motion, partial(_rates, pair.name), times)
-        for t, value in zip(times, _exactly(motion, pair.name, times), strict=True):
+        yield pair.name, times, _exactly(motion, pair.name, times)
+
+
+def _limits(motion: Motion) -> Iterator[Event]:
+    for pair, times, values in limit_positions(motion):
+        rows = motion.coordinate(pair)
+        for t, value in zip(times, values, strict=True):
             side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
-            text = _placed(f"limit position: coordinate {side}, {_words(motion, pair.name, value)}", motion, float(t))
-            yield Event(float(t), "INFO", pair.name, text, float(value))
+            text = _placed(f"limit position: coordinate {side}, {_words(motion, pair, value)}", motion, float(t))
+            yield Event(float(t), "INFO", pair, text, float(value))
 
 
 def _still(motion: Motion, rows: Real) -> float:

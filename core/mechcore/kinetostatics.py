@@ -50,7 +50,6 @@ class LoadResult:
     cause: str
     links: tuple[str, ...]
     values: Real
-    free: bool = False  # a free moment, without a force
 
     @property
     def link(self) -> str:
@@ -149,7 +148,6 @@ class Forces:
                 cause=w.cause,
                 links=tuple(m.model.links[k] for k in w.links),
                 values=np.column_stack([self._rows(w.force, w.moment), m._rows(point_of(m, w))]),
-                free=nothing(w.force),
             )
             for w in self.applied
             if w.kind != "inertia"

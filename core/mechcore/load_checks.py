@@ -27,11 +27,12 @@ from .loads import (
     Viscous,
 )
 from .spec import EFFECTS, Belt, Cylinder, Mechanism, PinSlot, Planar, Prismatic, Revolute, Weld
-from .texts import as_torque
+from .texts import as_length, as_torque
 
 __all__ = ["load_faults"]
 
-_POSITIVE = ("radial", "gas_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power", "gain")
+_POSITIVE = ("radial", "gas_length", "solid_length", "extended", "exponent", "area", "breakdown_torque", "breakdown_slip", "power",
+             "gain")  # fmt: skip
 _NOT_ZERO = ("stall_torque", "no_load_speed", "synchronous_speed", "torque_limit")
 _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient", "damping", "back", "slack",
                  "proportional", "derivative", "integral")  # fmt: skip
@@ -67,6 +68,9 @@ def _values(load: Load) -> Iterator[tuple[str, str]]:
     if isinstance(load, Governor) and not load.least < load.most:
         why = f"its least torque of {as_torque(load.least)} is no less than its greatest of {as_torque(load.most)}."
         yield why, "Give [least, most]."
+    if isinstance(load, Spring) and load.solid_length is not None and load.solid_length > (load.free_length or math.inf):
+        solid, free = as_length(load.solid_length), as_length(load.free_length)
+        yield f"its solid length of {solid} is more than its free length of {free}.", "Give a smaller solid_length."
     if isinstance(load, Damper | Drag) and not (load.linear or load.quadratic):
         yield "it has neither a linear nor a quadratic coefficient.", "Give one of them."
 

@@ -114,13 +114,17 @@ class Torque(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class Spring(_Load):
-    """A spring between two points: pull ``preload + stiffness (L - free_length)`` along their line [N], L their distance."""
+    """A spring between two points: pull ``preload + stiffness (L - free_length)`` along their line [N], L their distance.
+
+    ``solid_length``: the distance at which its coils touch; where the points come closer an event tells.
+    """
 
     links: tuple[str, str]
     points: tuple[str, str]
     stiffness: float  # [N/m]
     free_length: float  # [m]
     preload: float = 0.0  # pull at the free length [N]
+    solid_length: float | None = None  # [m]
 
 
 @dataclass(frozen=True, kw_only=True)

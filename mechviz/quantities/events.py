@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mechcore.events import SINGULAR, Event, find_events
 from mechcore.friction.events import friction_events
+from mechcore.load_events import load_events
 from mechcore.loads import BeltTension
 
 from ..tables import joints_of, pair_unit, rounding_of_efforts
@@ -34,9 +35,9 @@ def line_of(event: Event) -> str:
 def _course_events(run: Run) -> list[Event]:
     """What happens in the course of the motion."""
     if run.simulation is not None:
-        return simulation_events(run)
+        return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism)]
     rubbing = [] if run.forces is None else friction_events(run.forces)
-    return [*find_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
+    return [*find_events(run.motion), *load_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
 
 
 def _cam_events(run: Run) -> list[Event]:

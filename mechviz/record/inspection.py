@@ -28,6 +28,9 @@ HEALTH = (
 
 Spans = tuple[tuple[float, float], ...]
 
+MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
+"""Kinds of loads that are moments, even where they are zero."""
+
 NOISE = 1e-9  # of the largest value of the same unit
 
 
@@ -134,8 +137,9 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
     for load, about in model["loads"].items():
         if about["kind"] != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
-            free = force is not None and force.value == 0.0
-            found.append(_peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True) if free else force)
+            moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
+            turns = about["kind"] in MOMENTS or (moment is not None and moment.value != 0.0)
+            found.append(moment if turns and force is not None and force.value == 0.0 else force)
     return [p for p in found if p is not None]
 
 

@@ -172,7 +172,7 @@ _INDUCTION = ("breakdown_torque", "breakdown_slip", "synchronous_speed")
 KINDS: Mapping[str, Kind] = {
     "force": Kind("a force", ("on", "at", "axes", "against", *FACTORS), ("on",)),
     "torque": Kind("a torque, which acts on the whole link", ("on", "against", *FACTORS), ("on",)),
-    "spring": Kind("a spring", ("stiffness", "free_length", "preload"), ("stiffness", "free_length")),
+    "spring": Kind("a spring", ("stiffness", "free_length", "preload", "solid_length"), ("stiffness", "free_length")),
     "damper": Kind("a damper", ("linear", "quadratic"), some=("linear", "quadratic")),
     "gas_spring": Kind("a gas spring", ("thrust", "extended", "gas_length", "exponent"), ("thrust", "extended", "gas_length")),
     "actuator": Kind("an actuator", ("thrust", *FACTORS), ("thrust",)),
@@ -286,6 +286,8 @@ class LoadDocument(Table):
     """Spring: length without load; 0 is a spring of no free length, used for balancing."""
     preload: Force | None = None
     """Spring: pull at the free length. Default 0."""
+    solid_length: Size | None = None
+    """Spring: length at which its coils touch. An event tells where it is squeezed below."""
     free_angle: Angle | None = None
     """Torsion spring, bushing: angle from the first link's frame to the second's without load. It starts nearest to it.
     Default 0."""

@@ -216,6 +216,7 @@ class _Maker:
             "stiffness": self.si("stiffness", "stiffness"),
             "free_length": self.si("free_length", "length"),
             "preload": self.si("preload", "force"),
+            "solid_length": None if self.load.solid_length is None else self.si("solid_length", "length"),
         }
         return None if ends is None else Spring(**self.common, **ends, **values)
 

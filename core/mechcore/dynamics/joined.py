@@ -215,9 +215,7 @@ class JoinedForces:
                     return f.loads[name].values
                 return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.pair_position(pair)])
 
-            model = self.motion.model
-            turns = model.joints[model.joint_index[stop.pair]].coordinate == "angle"
-            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held), turns)
+            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), self._join(held))
         for name, load in self.parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
                 values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now
