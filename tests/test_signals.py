@@ -12,7 +12,9 @@ from scipy.signal import chirp
 import mechviz
 from mechcore import compile_mechanism, solve_forces, solve_motion
 from mechcore.dynamics import simulate
+from mechcore.events import find_events
 from mechcore.laws import Chirp, Ramp, Sine, Step
+from mechviz.run import run_scene
 
 SIGNALS = [
     Sine(frequency=2.3, amplitude=0.7, mean=0.2, phase=0.4),
@@ -194,3 +196,117 @@ def test_the_integration_is_cut_where_a_prescribed_drive_changes_its_law():
         x = p - a / w**2 + u * h + 0.5 * a * h * h + d * np.cos(w * h) + e * np.sin(w * h)
         v = u + a * h + w * (e * np.cos(w * h) - d * np.sin(w * h))
         assert run(end)[0][0, 0] == pytest.approx(x, abs=1e-12)
+
+
+# --- speeds of drives ---------------------------------------------------------------------------------------------------
+
+PRESS = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+run = { frames = 240 }
+[links]
+frame = { points = { O = [0, 0] } }
+crank = { points = { O = [0, 0], P = [40, 0] }, mass = "1 kg", centre = "O", inertia = "0.003 kg m^2" }
+rod = { points = { P = [0, 0], Q = [150, 0] }, mass = "0.4 kg", centre = [60, 0], inertia = "0.001 kg m^2" }
+ram = { points = { Q = [0, 0] }, mass = "2 kg" }
+[pairs]
+O = { revolute = ["frame", "crank"], drive = { speed = "90 rpm", start = 20, DRIVE } }
+P = { revolute = ["crank", "rod"] }
+Q = { revolute = ["rod", "ram"] }
+S = { prismatic = ["frame", "ram"], at = ["O", "Q"], branch = "ahead" }
+"""
+W = 2.0 * np.pi / 0.8
+SPEEDS = {  # drive -> duration, factor and its integral over time [s], by hand
+    'sine = { period = "0.8 s", amplitude = 0.5, mean = 1 }': (
+        0.8,
+        lambda t: 1.0 + 0.5 * np.sin(W * t),
+        lambda t: t + 0.5 / W * (1.0 - np.cos(W * t)),
+    ),
+    'ramp = { begin = "0.2 s", end = "0.6 s" }, duration = "1 s"': (
+        1.0,
+        lambda t: np.interp(t, [0.2, 0.6], [0.0, 1.0]),
+        lambda t: np.where(t < 0.2, 0.0, np.where(t < 0.6, 1.25 * (t - 0.2) ** 2, 0.2 + t - 0.6)),
+    ),
+    'step = { at = "0.5 s", before = 1, after = -0.5 }, duration = "1 s"': (
+        1.0,
+        lambda t: np.where(t <= 0.5, 1.0, -0.5),
+        lambda t: np.where(t <= 0.5, t, 0.5 - 0.5 * (t - 0.5)),
+    ),
+    'chirp = { frequencies = [1, 5], duration = "1 s" }': (
+        1.0,
+        lambda t: np.sin(2.0 * np.pi * (t + 2.0 * t * t)),
+        lambda t: np.array([quad(lambda x: np.sin(2.0 * np.pi * (x + 2.0 * x * x)), 0.0, end, epsabs=1e-14)[0] for end in t]),
+    ),
+}
+
+
+@pytest.mark.parametrize("text", SPEEDS)
+def test_the_speed_of_a_drive_follows_a_signal(text):
+    """Position, speed and acceleration by hand; the drive's power is the rate of kinetic energy, whose change is its work."""
+    duration, factor, area = SPEEDS[text]
+    scene = mechviz.loads(PRESS.replace("DRIVE", text))
+    assert mechviz.loads(scene.to_toml()) == scene
+    run = run_scene(scene)
+    t, (q, v, a) = run.motion.time, run.motion.coordinate("O").T
+    assert t[-1] == pytest.approx(duration, rel=1e-15)
+    speed = 3.0 * np.pi
+    np.testing.assert_allclose(q, np.radians(20.0) + speed * area(t), rtol=0, atol=2e-13)
+    np.testing.assert_allclose(v, speed * factor(t), rtol=0, atol=1e-13)
+    inner = (t > 0.01) & (t < duration - 0.01) & (np.abs(t - 0.2) > 1e-3) & (np.abs(t - 0.5) > 1e-3) & (np.abs(t - 0.6) > 1e-3)
+    rate = (factor(t + 1e-6) - factor(t - 1e-6)) / 2e-6
+    np.testing.assert_allclose(a[inner], speed * rate[inner], atol=1e-6 * max(1.0, np.abs(a).max()))
+    power, forces = run.forces.power("O"), run.forces
+    assert np.abs(forces.power_balance).max() < 1e-12
+    kinetic = np.zeros(len(t))
+    for body in scene.mechanism.links[1:]:
+        way, turning = run.motion.centre_of_mass(body.name, 1), run.motion.velocity(body.name)[:, 2]
+        kinetic += 0.5 * body.mass * (way**2).sum(axis=-1) + 0.5 * body.inertia * turning**2
+    if "step" not in text:
+        work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
+        np.testing.assert_allclose(kinetic - kinetic[0], work, atol=1e-2 * np.ptp(kinetic))  # the power jumps with the ramp
+    told = ["velocity" in e.text for e in find_events(run.motion) if "jumps" in e.text]
+    assert told == {"step": [True], "ramp": [False]}.get(text.split()[0], [])  # where the ramp begins the drive starts
+
+
+def test_a_drive_whose_speed_follows_a_signal_beside_a_free_joint():
+    """A tug pulls a block by a spring, its speed ramped up: closed form before, in and after the ramp."""
+    zones = "zones = { run_up = 40, steady = 60, braking = 30 }, "
+    text = TOWED.replace('speed = "100 mm/s"', 'speed = "100 mm/s", ramp = { begin = "0.3 s", end = "1.1 s" }').replace(zones, "")
+    mechanism = mechviz.loads(text).mechanism
+    run = simulate(mechanism, 3.0, tolerance=1e-11)
+    t = np.linspace(0.0, 3.0, 31)
+    towed = solve_ivp(
+        lambda time, y: [y[1], 400.0 * (float(mechanism.drives[0].law(time)[0]) - 0.3 - y[0])],
+        (0.0, 3.0), [0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-14, t_eval=t, max_step=0.02,
+    )  # fmt: skip
+    np.testing.assert_allclose(run(t)[0][:, 0], towed.y[0], atol=1e-10)
+    with pytest.raises(mechviz.SceneError, match="the speed jumps: beside free joints it would be an impact"):
+        mechviz.loads(text.replace('ramp = { begin = "0.3 s", end = "1.1 s" }', "step = { at = 1 }"))
+
+
+@pytest.mark.parametrize(
+    ("drive", "path", "words"),
+    [
+        ("ramp = { end = 1 }", "pairs.O.drive", "without saying how long a cycle lasts. Add duration"),
+        ("ramp = { end = 0 }, duration = 1", "pairs.O.drive.ramp.end", "it jumps"),
+        ("step = { at = 1 }, sine = { period = 1 }, duration = 1", "pairs.O.drive", "has sine and step at once"),
+        ("sine = { period = 1 }, travel = 90", "pairs.O.drive.travel", "travel does not go with sine"),
+        ("duration = 2", "pairs.O.drive.duration", "duration does not go with speed"),
+        ("sine = { }", "pairs.O.drive.sine", "frequency or period"),
+    ],
+)
+def test_faults_of_speeds_with_signals(drive, path, words):
+    with pytest.raises(mechviz.SceneError) as refused:
+        mechviz.loads(PRESS.replace("DRIVE", drive))
+    (fault,) = refused.value.faults
+    assert fault.path == path and words in f"{fault.message} {fault.remedy}"
+
+
+def test_signals_multiply_speeds_and_only_some_repeat():
+    with pytest.raises(mechviz.SceneError, match="without the speed that it multiplies"):
+        mechviz.loads(PRESS.replace('speed = "90 rpm", start = 20, DRIVE', "sine = { period = 1 }"))
+    twice = PRESS.replace("run = { frames = 240 }", "run = { frames = 240, cycles = 2 }")
+    with pytest.raises(mechviz.SceneError, match="2 cycles of a chirp, which does not repeat"):
+        mechviz.loads(twice.replace("DRIVE", 'chirp = { frequencies = [1, 5], duration = "1 s" }'))
+    angle = run_scene(mechviz.loads(twice.replace("DRIVE", "sine = { period = 1, mean = 1 }"))).motion.coordinate("O")[:, 0]
+    assert angle[-1] - angle[0] == pytest.approx(6.0 * np.pi, rel=1e-14)

@@ -17,9 +17,17 @@ from .clearances import clearances_of
 from .convert import Converter
 from .couplings import check_couplings
 from .drawn import drawn_bodies, drawn_links
-from .drives import law_of
+from .drives import jumping_speeds, law_of
 from .folder import SceneFolder
-from .free_motion import SimulationSpec, free_law, planar_starts, simulation_faults, simulation_spec, standstill
+from .free_motion import (
+    SimulationSpec,
+    free_law,
+    planar_starts,
+    simulation_faults,
+    simulation_spec,
+    standstill,
+    stated_duration,
+)
 from .frictions import idle_effect
 from .load_references import check_loads, split_point
 from .load_specs import load_specs
@@ -88,12 +96,13 @@ def assemble(
     masters: dict[str, Law | None] = {}
     moved = document.pairs | reading.shapeless
     driven = {key: pair.drive for key, pair in moved.items() if pair.drive is not None}
+    lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
         pair, path = moved[key], f"pairs.{key}.drive"
         clear = KINDS[pair.kind].driven if len(pair.kinds) == 1 else ""
         sort = clear or likely_sort(driven[key])
         drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
-        law = law_of(driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, masters=masters)
+        law = law_of(driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters)
         if law is not None:
             _check_length(pair, law, convert, path)
             laws[key] = law
@@ -111,6 +120,7 @@ def assemble(
             if start is not None:
                 _check_length(pair, start, convert, path)
                 starts[key] = start
+    convert.faults += jumping_speeds(laws, free=bool(starts))
     led = {**laws, **starts}
     drives = [Drive(pair=name, law=led[name]) for pair in pairs for name in coordinates_of(pair) if name in led]
     drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, by which a run is told

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import accumulate, pairwise
 
-from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, Rest, TableLaw, polynomial_through, zones
+from mechcore.errors import Fault
+from mechcore.laws import ConstantSpeed, Law, Oscillation, Piecewise, Rest, SignalSpeed, Step, TableLaw, polynomial_through, zones
 
 from .convert import SMALLEST, Converter
 from .motions import DriveDocument
 from .programs import program_law
+from .signals import signal_of
 from .units import magnitude
 
-__all__ = ["law_of"]
+__all__ = ["jumping_speeds", "law_of"]
 
 
 class _Coordinate:
@@ -57,17 +59,20 @@ def law_of(
     *,
     drawn: float = 0.0,
     cycles: int = 1,
+    lasts: float | None = None,
     masters: Mapping[str, Law | None] | None = None,
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
-    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``masters``
-    are the laws of the driven revolute pairs that a program may follow.
+    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``lasts`` is
+    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute pairs that a program may follow.
     """
     coordinate = _Coordinate(convert, sort, path)
     before = len(convert.faults)
     make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}
-    made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program"]
+    signals = drive.signals if drive.laws == ["speed"] else []
+    made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program" and not signals]
+    made += [_signalled(drive, key, coordinate, drawn, cycles, lasts) for key in signals]
     if drive.program is not None:
         start = _start(drive, coordinate, drawn)
         made.append(program_law(drive.program, start, coordinate.position, convert, path, masters or {}))
@@ -116,6 +121,30 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
         )
         return None
     return None if math.isnan(start) or math.isnan(speed) else ConstantSpeed(start=start, speed=speed)
+
+
+def _signalled(
+    drive: DriveDocument, key: str, coordinate: _Coordinate, drawn: float, cycles: int, lasts: float | None
+) -> Law | None:
+    """A speed that a signal multiplies."""
+    assert drive.speed is not None
+    convert, path = coordinate.convert, coordinate.path
+    speed, start = coordinate.speed(drive.speed, "speed"), _start(drive, coordinate, drawn)
+    signal = signal_of(key, getattr(drive, key), convert, f"{path}.{key}")
+    stated = None if drive.duration is None else convert.si(drive.duration, "time", f"{path}.duration")
+    if signal is None or any(map(math.isnan, (speed, start, 0.0 if stated is None else stated))):
+        return None
+    own = {"sine": lambda s: 1.0 / s.frequency, "chirp": lambda s: s.duration}.get(key)
+    duration = stated if stated is not None else lasts if lasts is not None or own is None else own(signal)
+    if duration is None:
+        why = f"a speed with a {key}, without saying how long a cycle lasts."
+        convert.note(path, why, "Add duration = ... (a time).")
+        return None
+    if cycles > 1 and key != "sine":
+        convert.note("run.cycles", f"{cycles} cycles of a {key}, which does not repeat.", f"Write cycles = 1, and {path}.duration.")
+    if speed == 0.0:
+        return Rest(start, lasts=duration)
+    return SignalSpeed(start=start, speed=speed, signal=signal, duration=max(duration, lasts or 0.0))
 
 
 def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
@@ -210,3 +239,11 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     except ValueError:  # the spline's equations are singular
         convert.note(f"{path}.table.time", "the rows are too close to each other.", "Leave out some of them.")
         return None
+
+
+def jumping_speeds(laws: Mapping[str, Law], *, free: bool) -> Iterator[Fault]:
+    """Drives whose speed jumps beside joints that are ``free``: the jump would be an impact on them."""
+    for name, law in laws.items():
+        if free and isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
+            why = "the speed jumps: beside free joints it would be an impact."
+            yield Fault(f"pairs.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")

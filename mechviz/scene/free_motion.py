@@ -37,6 +37,7 @@ __all__ = [
     "simulation_faults",
     "simulation_spec",
     "standstill",
+    "stated_duration",
     "stop_name",
 ]
 
@@ -246,6 +247,13 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
         remedy = "Leave it out: cycles says how long it goes on. Or let forces move a pair, free = ... instead of its drive."
         convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
     return _duration(document, convert)
+
+
+def stated_duration(document: SceneDocument, convert: Converter) -> float | None:
+    """How long the run goes on [s], None where it does not say so soundly."""
+    run = document.run
+    found = math.nan if run.duration is None or not run.sound("duration") else convert.si(run.duration, "time", "run.duration")
+    return None if math.isnan(found) else found
 
 
 def _duration(document: SceneDocument, convert: Converter) -> float:

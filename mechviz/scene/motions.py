@@ -20,6 +20,7 @@ from .fields import (
     value_or_list,
 )
 from .programs import ProgramDocument
+from .signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
 from .tables import Table, one_of, refuse
 from .units import magnitude
 
@@ -103,13 +104,24 @@ class DriveDocument(Table):
     """A prescribed motion of a pair: exactly one of speed (with or without zones), oscillation, segments, table or program."""
 
     speed: Rate | None = None
-    """Constant speed, or the steady speed of the zones; its sign is the direction. 0: the drive holds its pair."""
+    """Constant speed, the steady speed of zones, or what a signal multiplies; its sign is the direction. 0: the drive holds its
+    pair."""
     start: Conditions | None = None
     """Position at the start; for segments also [position, velocity, acceleration]."""
     travel: Range | None = None
     """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
     range: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = None
     """Instead of start and travel: [least, greatest] position of one cycle at constant speed."""
+    sine: SineDocument | None = None
+    """The speed is multiplied by a sine of time."""
+    step: StepDocument | None = None
+    """The speed is multiplied by a factor that jumps at a time."""
+    ramp: RampDocument | None = None
+    """The speed is multiplied by a factor that changes evenly between two times."""
+    chirp: ChirpDocument | None = None
+    """The speed is multiplied by a sine whose frequency changes with time."""
+    duration: Duration | None = None
+    """Time of one cycle of a speed with a signal. Default: a sine's period, a chirp's duration, or the run's."""
     zones: ZonesDocument | None = None
     """Start, steady running and stop over stated ranges."""
     oscillation: OscillationDocument | None = None
@@ -120,6 +132,11 @@ class DriveDocument(Table):
     """Positions at given times."""
     program: ProgramDocument | None = None
     """Rises, dwells and returns over a master angle."""
+
+    @property
+    def signals(self) -> list[str]:
+        """The signals by which the speed is multiplied: one at most, in a drive that is not faulty."""
+        return [key for key in SIGNALS if getattr(self, key) is not None]
 
     @property
     def law(self) -> Literal["speed", "zones", "oscillation", "segments", "table", "program"]:
@@ -136,6 +153,8 @@ class DriveDocument(Table):
     def _one_law(self) -> DriveDocument:
         laws, found = self.laws, []
         if not laws:
+            if self.signals:
+                raise fault(f"{self.signals[0]} without the speed that it multiplies.", "Add the speed, such as speed = '60 rpm'.")
             raise fault("the drive has no law of motion.", "Give speed, oscillation, segments, table or program.")
         if len(laws) > 1:
             found.append(("", f"the drive has {' and '.join(laws)} at once.", "Keep one law of motion."))
@@ -143,11 +162,15 @@ class DriveDocument(Table):
             found.append(("", "zones without a speed.", "Add the steady speed, such as speed = '60 rpm'."))
         if self.speed is not None and magnitude(self.speed) == 0.0 and self.range is not None:
             found.append(("range", "a range of a drive that stands still.", "Say where: start = ..., or give it a speed."))
-        goes_with = {"speed": ("start", "travel", "range"), "oscillation": (), "table": ()}
+        plain = ("start", *SIGNALS, "duration") if self.signals else ("start", "travel", "range")
+        goes_with = {"speed": plain, "oscillation": (), "table": ()}
         allowed = {key for law in laws for key in goes_with.get(law, ("start",))}
-        for key in ("start", "travel", "range"):
+        for key in ("start", "travel", "range", *SIGNALS, "duration"):
             if getattr(self, key) is not None and key not in allowed:
-                found.append((key, f"{key} does not go with {' or '.join(laws)}.", f"Leave out {key}."))
+                words = " or ".join(self.signals if laws == ["speed"] and self.signals else laws)
+                found.append((key, f"{key} does not go with {words}.", f"Leave out {key}."))
+        if len(self.signals) > 1:
+            found.append(("", f"the speed has {' and '.join(self.signals)} at once.", "Keep one signal."))
         if laws == ["speed"] and self.range is not None and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
         if isinstance(self.start, list) and not {"speed", "zones", "program"}.isdisjoint(laws) and "segments" not in laws:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
@@ -97,7 +98,11 @@ class _Numbers:
     def sine(self) -> Signal:
         given, waves = self.given, self.plain("amplitude", "mean")
         assert isinstance(given, SineDocument)
-        frequency = 1.0 / self.si("period", "time") if given.period is not None else self.si("frequency", "frequency")
+        frequency = math.nan  # neither is a fault that is noted where the sine was read
+        if given.period is not None:
+            frequency = 1.0 / self.si("period", "time")
+        elif given.frequency is not None:
+            frequency = self.si("frequency", "frequency")
         return Sine(frequency=frequency, **waves, phase=self.si("phase", "angle"))
 
     def step(self) -> Signal:
@@ -139,4 +144,5 @@ def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal |
     before = len(convert.faults)
     sound = is_whole(given)
     signal = SIGNALS[key](_Numbers(given, convert, path)) if sound else None
-    return signal if len(convert.faults) == before else None
+    unknown = isinstance(signal, Sine) and math.isnan(signal.frequency)
+    return None if unknown or len(convert.faults) > before else signal
