@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.spec import TorsionSpring
+from mechcore.spec import Bushing, TorsionSpring
 
 from .held import held
-from .linkers import find_struts
+from .linkers import BUSHING, RING_POINTS, find_struts
 from .picture import Arc, Arrow, Picture
 from .proportions import (
     ARC_RADIUS,
@@ -156,7 +156,29 @@ def _linkers(run: Run, solids: Solids) -> list[Mark]:
             if pin is not None:
                 first, second = (motion.pose(link)[:, 2] for link in load.links)
                 found.append(_spiral(f"spring {load.name}", motion.pair_position(pin.name), first, second, size, solids.z_top))
+        elif isinstance(load, Bushing):
+            (outer, a), (inner, b) = zip(load.links, load.points, strict=True)
+            places = motion.point(outer, a), motion.point(inner, b)
+            found += _bushing(f"bushing {load.name}", *places, motion.pose(inner)[:, 2], size, solids.z_top + 0.01 * size)
     return found
+
+
+def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[Mark]:
+    """A ring about ``centre`` and a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    half, around = 0.5 * RIBBON * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
+    radius = BUSHING * size
+    ring = np.stack([(radius + half) * around, (radius - half) * around], axis=1).ravel()
+    bar = np.array([-radius - 1j * half, -radius + 1j * half, radius - 1j * half, radius + 1j * half])
+    z = np.full(len(centre), height)
+    return [
+        Mark(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), LINKER)),
+        Mark(
+            f"{name} cross",
+            np.column_stack([place, z]),
+            np.unwrap(angle),
+            shape=_flat(np.concatenate([bar, 1j * bar]), np.vstack([ribbon_faces(2), 4 + ribbon_faces(2)]), LINKER),
+        ),
+    ]
 
 
 def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark]:

@@ -20,12 +20,24 @@ from .proportions import POT, TURNS, pot_length, spiral_radius
 if TYPE_CHECKING:
     from .run import Run
 
-__all__ = ["Linker", "Strut", "bushing_strips", "find_linkers", "find_struts", "linker_ends", "spiral_strips", "strut_strips"]
+__all__ = [
+    "BUSHING",
+    "RING_POINTS",
+    "Linker",
+    "Strut",
+    "bushing_strips",
+    "find_linkers",
+    "find_struts",
+    "linker_ends",
+    "spiral_strips",
+    "strut_strips",
+]
 
 Real = NDArray[np.float64]
 
 SPIRAL_POINTS = 72
 RING_POINTS = 37
+BUSHING = 0.03  # radius of a bushing's ring, in sizes of the mechanism
 
 
 @dataclass(frozen=True)
@@ -79,7 +91,7 @@ def _bushings(run: Run, size: float) -> Iterator[Linker]:
         if isinstance(load, Bushing):
             (first, a), (second, b) = zip(load.links, load.points, strict=True)
             centre, place, angle = run.motion.point(first, a), run.motion.point(second, b), run.motion.pose(second)[:, 2]
-            yield Linker(load.name, "bushing", partial(bushing_strips, centre, place, angle, 0.03 * size))
+            yield Linker(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
 
 
 def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: NDArray[np.int64]) -> tuple[Real, Real, Real]:

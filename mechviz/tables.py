@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mechcore import Forces, Motion, answers
 from mechcore.clearance import journals_of, made_pairs
 from mechcore.powers import power_labels, power_table
+from mechcore.spec import Servo
 
 from .exactness import onto_centres, without_noise
 from .vectors import centre_name, point_name
@@ -320,6 +321,13 @@ def _answer(compute: Callable[[], Any], key: Any) -> Real:
     return values if values.ndim > 1 else values[:, None]
 
 
+def _led(motion: Motion, servo: Servo) -> Real:
+    """Target, coordinate, and how far it is behind (F, 3) [rad or m]."""
+    target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
+    reached = motion.coordinate(servo.pair)[:, 0]
+    return np.column_stack([target, reached, target - reached])
+
+
 def _loads(run: Run) -> Iterator[Table]:
     if run.forces is None:
         return
@@ -328,6 +336,12 @@ def _loads(run: Run) -> Iterator[Table]:
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
         yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
+    for servo in run.motion.mechanism.loads:
+        if isinstance(servo, Servo):
+            path, unit = ("data", "servos", servo.name), pair_unit(run.motion, servo.pair)
+            led = partial(_led, run.motion, servo)
+            yield Table((*path, "position"), servo.name, (("target", unit), ("reached", unit)), lambda led=led: led()[:, :2])
+            yield Table((*path, "error"), servo.name, (("error", unit),), lambda led=led: led()[:, 2:])
     forces = run.forces
     labels = power_labels(forces)
     if labels:

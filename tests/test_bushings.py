@@ -10,8 +10,12 @@ from scipy.linalg import eig, eigh
 import mechviz
 from mechcore.dynamics import simulate
 from mechcore.dynamics.vibrations import small_vibrations
+from mechviz.gltf_marks import find_marks
 from mechviz.linkers import find_linkers
+from mechviz.picture import picture_of
 from mechviz.run import run_scene
+from mechviz.solids import solids_of
+from mechviz.vibrations import mode_scene, vibration_lines, vibrations_of
 from recordings import vectors_of
 
 MOUNTED = """
@@ -136,6 +140,27 @@ def test_a_recording_shows_it():
     ring, bar, _ = next(x for x in find_linkers(run, 0.4) if x.name == "front").strips(np.array([0, 3]))
     assert ring.shape == (2, 37, 2) and bar.shape == (2, 2, 2)
     assert bar[0].mean(axis=0) == pytest.approx([5e-3, 0.0]) and ring.mean(axis=1) == pytest.approx(np.zeros((2, 2)), abs=1e-3)
+
+
+def test_a_bushing_is_in_the_solid_model():
+    """A ring that stays about its place on the frame, and a cross that moves and turns with the engine."""
+    run = run_scene(mechviz.loads(made(start="free = { x = 5, angle = 3 }")), frames=8)
+    solids = solids_of(run)
+    marks = {mark.name: mark for mark in find_marks(run, solids, picture_of(run, solids))}
+    ring, cross = (marks[f"bushing front {part}"] for part in ("ring", "cross"))
+    assert "bushing rear ring" in marks and "bushing rear cross" in marks
+    assert ring.places[:, :2] == pytest.approx(np.zeros((9, 2)), abs=1e-12)
+    assert cross.places[:, :2] == pytest.approx(run.motion.point("engine", "P"), abs=1e-12)
+    assert cross.turns == pytest.approx(run.motion.pose("engine")[:, 2], abs=1e-12)
+
+
+def test_a_mode_of_a_free_body_cannot_be_shown():
+    scene = mechviz.loads(made())
+    found = vibrations_of(scene)
+    assert len(found.modes) == 3 and "body.x [m]" in "\n".join(vibration_lines(scene, found))
+    with pytest.raises(mechviz.SceneError, match="a mode is shown by driven pairs, and a free body has none") as refused:
+        mode_scene(scene, found, 1)
+    assert refused.value.faults[0].path == "pairs.body" and "two sliding pairs and a pin" in refused.value.faults[0].remedy
 
 
 @pytest.mark.parametrize(

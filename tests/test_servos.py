@@ -16,6 +16,7 @@ from mechcore.dynamics.vibrations import small_vibrations
 from mechcore.laws import ConstantSpeed
 from mechcore.loads import Servo
 from mechcore.spec import Drive
+from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
 from mechviz.viewer.parameters import find_parameters
 from recordings import vectors_of
@@ -155,6 +156,20 @@ def test_an_arm_with_two_servos():
     assert run(t)[0] == pytest.approx(expected[:2].T, abs=1e-9)
     assert np.abs(run.drift(t)).max() < 1e-8
     assert np.abs(run.forces(run.motion(t)).power_balance).max() < 1e-12
+
+
+def test_target_and_error_are_recorded(tmp_path):
+    """Of a run as of its recording: the target by hand, the coordinate reached, and how far it is behind."""
+    run = run_scene(mechviz.loads(ARM), frames=60)
+    write_recording(run, tmp_path / "arm.rrd")
+    t, found, data = run.motion.time, run.catalogue.by_key, Recording(tmp_path / "arm.rrd")
+    target, reached = found["servo.elbow.position"].values().T
+    assert target == pytest.approx(40.0 * np.sin(2.0 * np.pi * t), abs=1e-9)
+    assert reached == pytest.approx(np.degrees(run.motion.coordinate("B")[:, 0]), abs=1e-9)
+    error = found["servo.elbow.error"]
+    assert error.values()[:, 0] == pytest.approx(target - reached, abs=1e-9) and error.unit == "°"
+    assert found["servo.shoulder.position"].values()[:, 0] == pytest.approx(np.where(t > 0.2, 60.0, 0.0), abs=1e-9)
+    assert np.degrees(data.scalars("data", "servos", "elbow", "error")[1][:, 0]) == pytest.approx(target - reached, abs=1e-9)
 
 
 def test_friction_holds_until_the_integral_has_grown():

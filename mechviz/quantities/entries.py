@@ -51,8 +51,8 @@ LENGTHS = {("Fx", "Fy"): "|F|", ("vx", "vy"): "|v|", ("ax", "ay"): "|a|"}
 APART = ("motion", "contact", "lift", "drive", "stress")
 """Tables of which every column is a quantity of its own."""
 
-KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load"}
-ORDER = ("drive", "joints", "links", "points", "cams", "loads", "energy", "power")
+KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
+ORDER = ("drive", "joints", "links", "points", "cams", "loads", "servos", "energy", "power")
 TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", "friction", "contact", "lift", "stress")
 """In the order in which the quantities of an item are offered."""
 
