@@ -55,6 +55,7 @@ FramesOpt = Annotated[
 CyclesOpt = Annotated[
     int | None, typer.Option("--cycles", min=1, max=100_000, help="cycles of the first drive [default: the scene's]")
 ]
+ReachableOpt = Annotated[bool, typer.Option("--reachable", help="run the drive as far as it can go and back, not a full turn")]
 AccuracyOpt = Annotated[
     float | None,
     typer.Option(
@@ -101,12 +102,13 @@ def check(
         bool, typer.Option("--equations", help="also the contour equations, velocities and accelerations")
     ] = False,
     modes: Annotated[bool, typer.Option("--modes", help="also all assembly modes of every group at the start")] = False,
+    reachable: ReachableOpt = False,
 ) -> None:
     """Validate a scene and print its mobility, groups, contours, assembly modes and reachable range."""
     from .report import check_lines
 
     with clear_errors(scene):
-        print("\n".join(check_lines(load_scene(scene), equations=equations, modes=modes)))
+        print("\n".join(check_lines(load_scene(scene, reachable=reachable), equations=equations, modes=modes)))
 
 
 @app.command()
@@ -147,6 +149,7 @@ def forces(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
 ) -> None:
     """Print who supplies power and who absorbs it: every force with its classes and its work over the run. Where nothing moves:
     the reactions.
@@ -165,7 +168,7 @@ def forces(
         return
     with clear_errors(scene):
         check_targets(scene, csv, plot)
-        run = solve(load_scene(scene), frames, cycles, accuracy)
+        run = solve(load_scene(scene, reachable=reachable), frames, cycles, accuracy)
         warn_of_accuracy(run)
         if run.forces is None:
             fail(f'{run.scene.name}: the scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].')
@@ -206,6 +209,7 @@ def record(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
     live: Annotated[
         int | None,
         typer.Option(
@@ -221,7 +225,7 @@ def record(
     from .record import write_recording
 
     with clear_errors(scene):
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, reachable=reachable)
         path = output
         if path is None:
             Path("recordings").mkdir(exist_ok=True)
@@ -356,6 +360,7 @@ def view(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
     live: Annotated[bool, typer.Option("--live", help="motion under forces: show it while it is found")] = False,
 ) -> None:
     """Show a scene in the browser at http://127.0.0.1:PORT until Ctrl-C, to look at and to edit; or play a recording."""
@@ -374,7 +379,7 @@ def view(
             except ViewerError as e:
                 fail(str(e), 1)
             return
-        loaded, folder = load_scene(scene), Path(scene).parent.resolve() if Path(scene).is_file() else None
+        loaded, folder = load_scene(scene, reachable=reachable), Path(scene).parent.resolve() if Path(scene).is_file() else None
         try:
             if live:
                 if loaded.simulation is None:
@@ -411,6 +416,7 @@ def export(
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,
     accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
 ) -> None:
     """Write results as tables, the links as solids, the profiles of cams as drawings."""
     from . import export as ex
@@ -423,7 +429,7 @@ def export(
         fail("--arrows is for --glb FILE: name that too.")
     with clear_errors(scene):
         check_targets(scene, csv, parquet, glb, threemf, *profiles.values())
-        loaded = load_scene(scene)
+        loaded = load_scene(scene, reachable=reachable)
         step = quantity_of(loaded, every, "every", "time")
         run = solve(loaded, frames, cycles, accuracy)
         warn_of_accuracy(run)

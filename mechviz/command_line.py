@@ -109,11 +109,19 @@ def interruptible(*libraries: str) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def load_scene(source: str) -> Scene:
-    """A scene of the gallery or of a file."""
+def load_scene(source: str, *, reachable: bool = False) -> Scene:
+    """A scene of the gallery or of a file; ``reachable``: its drive runs as far as it can and back."""
     from .scene import load
 
-    return load(source)
+    scene = load(source)
+    if not reachable:
+        return scene
+    from .scene.swings import swinging
+
+    changes = swinging(scene.document)
+    if not changes:
+        fail("--reachable is for scenes with one drive, which says a speed and no travel or range.")
+    return scene.changed(changes)
 
 
 def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:

@@ -13,13 +13,14 @@ from mechcore.clearance import journals_of, made_pairs
 from mechcore.equations import contour_equations
 from mechcore.events import overshoots
 from mechcore.friction.events import friction_events
+from mechcore.laws import ConstantSpeed
 from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
 from mechcore.load_events import idle_table, load_events
 from mechcore.loads import BeltTension
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
-from mechcore.spec import CamPair, Cylinder, PinSlot, Planar
+from mechcore.spec import CamPair, PinSlot, Planar
 from mechcore.strokes import strokes
 from mechcore.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 from mechcore.texts import Text
@@ -240,12 +241,12 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
     rotary = compiled.model.rotary(drive.pair)
     kind = "angle" if rotary else "length"
     full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
-    if any(isinstance(pair, Cylinder) and pair.name == drive.pair for pair in compiled.mechanism.pairs):
-        ranges = [(max(a, 0.0), b) for a, b in ranges if b > 0.0]  # the distance of two points
     spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
     what = "free" if isinstance(drive.law, Free) else "drive"
     beside = ", the others at their start" if len(compiled.mechanism.drives) > 1 else ""
-    lines = [f"reach      {what} {drive.pair}: {'a full turn' if full else spans[0] if spans else 'the start only'}{beside}"]
+    reach = "a full turn" if full else spans[0] if spans else "the start only"
+    how = ' (range = "reachable" runs it there and back)' if spans and not full and isinstance(drive.law, ConstantSpeed) else ""
+    lines = [f"reach      {what} {drive.pair}: {reach}{beside}{how}"]
     if len(spans) > 1:  # the first one is where the run starts
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"

@@ -330,11 +330,11 @@ def test_solids_are_built_anew_for_lengths_and_not_for_masses(studio, monkeypatc
 
 def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(studio):
     shown, run = len(studio.screen.shows), studio.run
-    studio.move(_value(studio, "crank A–B"), 0.24)
+    studio.move(_value(studio, "crank A–B"), 0.9)
     assert studio.wait()
-    assert "cannot be assembled" in studio.status.fault and studio.status.value == 0.24
+    assert "cannot be assembled" in studio.status.fault and studio.status.value == 0.9
     low, high = studio.status.reach
-    assert low == pytest.approx(0.02) and high == pytest.approx(0.23, abs=1e-4)
+    assert low == pytest.approx(0.02) and high == pytest.approx(0.83, abs=1e-4)  # all the other lengths in line
     assert studio.run is run and len(studio.screen.shows) == shown and not studio.history.can_undo
     studio.move(_value(studio, "crank A–B"), 0.12)
     assert studio.wait() and studio.status.fault == ""

@@ -176,8 +176,8 @@ def test_undo_redo_and_reset(viewer, page):
 
 def test_a_length_that_cannot_be_assembled_is_told_in_place_with_its_range(viewer, page):
     shown = viewer.run
-    _type(page, CRANK, "0.24")
-    page.get_by_role("alert").filter(has_text="Reachable: 0.02 m to 0.23 m").first.wait_for()
+    _type(page, CRANK, "0.9")
+    page.get_by_role("alert").filter(has_text="Reachable: 0.02 m to 0.83 m").first.wait_for()
     assert page.get_by_role("alert").filter(has_text="cannot be assembled").count() == 1, "at its slider"
     assert viewer.run is shown
     _until_drawn(viewer, page)
@@ -187,6 +187,20 @@ def test_a_length_that_cannot_be_assembled_is_told_in_place_with_its_range(viewe
     _type(page, CRANK, "0.11")
     until(page, lambda: viewer.run is not shown, "solved again")
     until(page, lambda: page.get_by_role("alert").count() == 0, "the fault is gone")
+
+
+def test_a_crank_that_cannot_turn_any_more_swings(viewer, page):
+    """Across Grashof's limit, 0.23 m: as far as it can go and back; on the near side it turns again."""
+    told = page.get_by_role("status").filter(has_text="Drive A runs as far as it can go and back")
+    _type(page, CRANK, "0.24")
+    told.wait_for()
+    assert page.get_by_role("alert").count() == 0
+    _until_drawn(viewer, page)
+    q = viewer.run.motion.drives[0][0]
+    assert 0.5 < np.ptp(q) < 2.0 * np.pi and q[-1] == pytest.approx(q[0])
+    _type(page, CRANK, "0.11")
+    told.wait_for(state="detached")
+    assert np.ptp(viewer.run.motion.drives[0][0]) == pytest.approx(2.0 * np.pi)
 
 
 def test_effects_are_switched_and_weighed(viewer, page):

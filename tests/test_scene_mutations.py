@@ -86,9 +86,9 @@ def test_a_long_chain_with_a_fault_in_every_link_is_reported_in_bearable_time():
     assert all(path.startswith("links.l") or path.endswith("revolute[0]") for path in paths)
 
 
-def test_zones_without_speed_are_a_report():
+def test_the_range_of_a_drive_at_rest_is_a_report():
     data = copy.deepcopy(next(raw for raw in SCENES if raw["title"].startswith("Crank")))
     name = next(key for key, pair in data["pairs"].items() if "drive" in pair)
-    data["pairs"][name]["drive"] = {"speed": 0, "zones": {"run_up": 5}}
-    with pytest.raises(SceneError, match="the speed is zero"):
+    data["pairs"][name]["drive"] = {"speed": 0, "range": [0, 5]}
+    with pytest.raises(SceneError, match="stands still"):
         Scene.build(**data)

@@ -14,6 +14,7 @@ from .motion import Motion
 from .positions import place_all
 from .slots import has_ends, room_in_slots, within_slots
 from .solve import TURN, Compiled, solve_motion
+from .spec import Cylinder
 from .tracking import STEP, walk
 
 __all__ = ["range_beside", "reachable_ranges"]
@@ -31,6 +32,14 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
     to 1e-10 of that range. Groups that have to be followed, see `tracking`, are followed from the start, so only the range around
     it is known.
     """
+    ranges = _ranges(compiled, samples)
+    pairs = compiled.mechanism.pairs
+    if any(isinstance(pair, Cylinder) and pair.name == compiled.mechanism.drives[0].pair for pair in pairs):
+        return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # the distance of two points
+    return ranges
+
+
+def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     model = compiled.model
     q0 = compiled.start[0]
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
@@ -85,6 +94,9 @@ def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[f
         if inside:
             out.append((float(a), float(b)))
         inside = not inside
+    if rotary and not compiled.followed and len(out) > 1 and out[0][0] == low and out[-1][1] == high:  # they meet behind the start
+        (_, end), (begin, _) = out[0], out.pop()
+        out[0] = (begin, end + TURN) if begin <= q0 else (begin - TURN, end)
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
 
 

@@ -440,7 +440,8 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -
     shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].pair), digits=7)
     if len(drives) == 1:
         reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
-        return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]" if reach else ""
+        how = ', as range = "reachable" does' if isinstance(drives[0].law, ConstantSpeed) else ""
+        return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]{how}" if reach else ""
     within = range_beside(compiled, time)
     if within is not None:
         return f", or keep drive {drives[0].pair} within [{shown(within[0])}, {shown(within[1])}] beside the others"

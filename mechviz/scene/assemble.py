@@ -38,6 +38,7 @@ from .pairs import KINDS, PairDocument
 from .placement import place_links
 from .references import check_joining, check_link_names, check_references, check_trace, resolve_trace
 from .studies import needs_inertia, studies_of
+from .swings import REACHABLE, with_swings
 from .validate import Reading
 
 __all__ = ["assemble"]
@@ -106,7 +107,7 @@ def assemble(
         if law is not None:
             _check_length(pair, law, convert, path)
             laws[key] = law
-        if sort == "angle" and driven[key].program is None:
+        if sort == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
             masters[key] = law
     starts: dict[str, Free] = {}
     for key, pair in moved.items():
@@ -156,6 +157,9 @@ def assemble(
         traced=tuple(traced),
         standstill=still,
     )
+    mechanism, faults = with_swings(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])
+    if faults:
+        return None, None, faults
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:

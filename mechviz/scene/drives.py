@@ -86,7 +86,7 @@ def _start(drive: DriveDocument, coordinate: _Coordinate, drawn: float) -> float
 def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
     assert drive.speed is not None
     speed = coordinate.speed(drive.speed, "speed")
-    if drive.range is not None:
+    if isinstance(drive.range, list):
         if drive.start is not None:  # said twice, which is noted already: its unit may be wrong all the same
             _start(drive, coordinate, drawn)
         if drive.travel is not None:
@@ -113,11 +113,11 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
         return ConstantSpeed(start=start, speed=speed, travel=travel) if speed * travel else Rest(start)
     if speed == 0.0 and not math.isnan(start):
         return Rest(start)
-    if coordinate.kinds[0] == "length":
+    if coordinate.kinds[0] == "length" and drive.range is None:
         coordinate.convert.note(
             coordinate.path,
             "constant speed along a guide without saying how far.",
-            "Add travel = ... (a length) or range = [least, greatest].",
+            'Add travel = ... (a length), range = [least, greatest] or range = "reachable".',
         )
         return None
     return None if math.isnan(start) or math.isnan(speed) else ConstantSpeed(start=start, speed=speed)

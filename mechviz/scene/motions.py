@@ -33,6 +33,13 @@ Conditions = Annotated[
 ]
 
 
+Reach = Annotated[
+    Annotated[Literal["reachable"], Tag("<value>")]
+    | Annotated[Annotated[list[Coordinate], Field(min_length=2, max_length=2)], Tag("<list>")],
+    Discriminator(value_or_list),
+]
+
+
 class ZonesDocument(Table):
     """Start, steady running and stop, each over a stated range of the coordinate (not of time)."""
 
@@ -110,8 +117,9 @@ class DriveDocument(Table):
     """Position at the start; for segments also [position, velocity, acceleration]."""
     travel: Range | None = None
     """Distance of one cycle at constant speed. Default one turn; sliding pairs must give it."""
-    range: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = None
-    """Instead of start and travel: [least, greatest] position of one cycle at constant speed."""
+    range: Reach | None = None
+    """Instead of start and travel: [least, greatest] position of one cycle at constant speed. Or "reachable": as far as the
+    mechanism can go and back from the start, with this speed in the middle; a full turn where it can."""
     sine: SineDocument | None = None
     """The speed is multiplied by a sine of time."""
     step: StepDocument | None = None
@@ -171,7 +179,9 @@ class DriveDocument(Table):
                 found.append((key, f"{key} does not go with {words}.", f"Leave out {key}."))
         if len(self.signals) > 1:
             found.append(("", f"the speed has {' and '.join(self.signals)} at once.", "Keep one signal."))
-        if laws == ["speed"] and self.range is not None and (self.start is not None or self.travel is not None):
+        if laws == ["speed"] and self.range == "reachable" and self.travel is not None:
+            found.append(("travel", "travel of a drive that goes as far as it can.", "Keep travel or range."))
+        if laws == ["speed"] and isinstance(self.range, list) and (self.start is not None or self.travel is not None):
             found.append(("range", "range together with start or travel: range says both.", "Keep one of them."))
         if isinstance(self.start, list) and not {"speed", "zones", "program"}.isdisjoint(laws) and "segments" not in laws:
             found.append(

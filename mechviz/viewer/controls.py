@@ -76,7 +76,8 @@ class Controls:
             self._note = None
         p = self._parameters.get(status.key)
         if not status.fault:
-            if self._faulty or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
+            turned = self._praised is not None and status.swings != self._praised.swings
+            if self._faulty or turned or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
                 self._praise(status)
             return
         self._faulty = True
@@ -99,7 +100,7 @@ class Controls:
         """Say that all went well."""
         self._faulty, self._praised, self._said = False, status, time.perf_counter()
         history = self._studio.history
-        self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo)
+        self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo, status.swings)
 
     def _build(self, scene: Scene) -> None:
         for folder in self._folders:

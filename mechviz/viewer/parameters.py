@@ -121,7 +121,7 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
     """All values that are one of a few texts: laws of motion, assembly modes, senses."""
     found = []
     for spot in _spots(scene.document):
-        if spot.options and isinstance(spot.value, str) and spot.path[0] in ("pairs", "loads", "links"):
+        if len(spot.options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("pairs", "loads", "links"):
             found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, spot.options))
     return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
 

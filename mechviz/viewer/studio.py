@@ -15,6 +15,7 @@ from mechcore.errors import MechanismError
 from mechcore.spec import EFFECTS
 
 from ..run import Run, run_scene
+from ..scene.swings import swinging, swings
 from .history import Draft, History
 from .limits import assembles, reachable
 from .parameters import Parameter, find_parameters
@@ -33,13 +34,15 @@ REPEATS = 5
 @dataclass(frozen=True)
 class Status:
     """How the last change went. ``fault``: why it could not be built, empty if it could; ``key`` of the value that was changed,
-    ``reach``: the range over which it can be moved, in its unit, when that is known; ``seconds`` that solving took."""
+    ``reach``: the range over which it can be moved, in its unit, when that is known; ``seconds`` that solving took;
+    ``swings``: the drives that run as far as they can go and back."""
 
     fault: str = ""
     key: str = ""
     value: float = float("nan")
     reach: tuple[float, float] | None = None
     seconds: float = 0.0
+    swings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Studio:
         self.source = run.scene  # as opened, with the text of its file
         self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
         self.opened = self.show = show_of_run(run, self._built)
-        self.status = Status()
+        self.status = Status(swings=swings(run.scene))
         self._patient = False
         self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
         self._worker: Latest[None] = Latest(self._work, failed, self._settle)
@@ -159,18 +162,32 @@ class Studio:
                     draft = draft.with_value(what.parameter.path, what.parameter.written(what.value))
                 else:
                     draft = what(draft)
-            run = run_scene(draft.scene(), accuracy=self._accuracy)
+            draft, run = self._solved(draft)
             with self._lock:
                 show = show_of_run(run, self._built, self.show)
                 self.run, self.show = run, show
                 self._present(show)
             if remembered:
                 self.history.change(draft, "+".join(pending))
-            self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start))
+            self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
         except (MechanismError, ValueError) as error:
             self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
                 self._find_reach(moved, _words(error))
+
+    def _solved(self, draft: Draft) -> tuple[Draft, Run]:
+        """A draft with its run. Its drive runs within its reach from now on if it cannot turn fully."""
+        try:
+            return draft, run_scene(draft.scene(), accuracy=self._accuracy)
+        except MechanismError as error:
+            changes = swinging(draft.document)
+            if not changes:
+                raise
+            try:
+                swung = draft.changed(changes)
+                return swung, run_scene(swung.scene(), accuracy=self._accuracy)
+            except MechanismError:
+                raise error from None
 
     def _find_reach(self, moved: _Value, fault: str) -> None:
         """Say how far a value can be moved, unless something newer is to be done."""
@@ -178,7 +195,8 @@ class Studio:
 
         def holds(value: float) -> bool:
             try:
-                return assembles(present.with_value(p.path, p.written(value)).scene())
+                draft = present.with_value(p.path, p.written(value))
+                return assembles(draft.changed(swinging(draft.document)).scene())
             except (MechanismError, ValueError):
                 return False
 
