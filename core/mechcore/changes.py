@@ -292,7 +292,7 @@ def flat_instants(
                 at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
             least, rough = float(fit(at)), bool(blurred[a:b].any())
             doubt = float(np.abs(fit.coef[-2:]).sum())
-            sharp |= not rough and max(flat, 0.1 * abs(least)) < doubt
+            sharp |= not rough and flat < abs(least) < 10.0 * doubt
             if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
                 near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
