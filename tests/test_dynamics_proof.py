@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dynamic_mechanisms import chain, double_pendulum, pendulum, slider_crank, swinging_five_bar
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import case
 from scipy.special import ellipk
@@ -144,6 +144,7 @@ def test_scipy_agrees_between_impacts_and_releases():
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.2, 0.5), st.floats(0.8, 1.4), st.floats(0.8, 1.4), st.floats(-3.0, 3.0), st.floats(-8.0, 8.0))
 def test_four_bars_keep_their_energy_and_come_back_when_time_is_reversed(crank, coupler, rocker, angle, speed):
+    assume(abs(coupler - rocker) < 1.0 - crank)  # else the links miss each other
     body = bars(frame=1.0, crank=crank, coupler=coupler, rocker=rocker, angle=angle, speed=speed)
     there = simulate(body, 1.0, tolerance=1e-11, method="gauss")
     assert np.abs(there.drift(np.linspace(0.0, 1.0, 11))).max() < 1e-9

@@ -33,7 +33,7 @@ from .tracking import Course, course_of, way_of
 from .unwrapped import Frames, LinkAngles, UnwrappedAngles, raw_angles
 from .waypoints import Waypoint
 
-__all__ = ["Compiled", "compile_mechanism", "default_times", "solve_motion"]
+__all__ = ["Compiled", "compile_mechanism", "default_times", "reached", "solve_motion"]
 
 Array = Any
 TURN = 2.0 * np.pi
@@ -275,12 +275,23 @@ def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, give
     for course in compiled.courses:
         if not (course.by_time and given):
             wanted = time if course.by_time else positions[0]
-            one = len(positions) == 1 and not course.by_time and not course.track.singular
-            if (one or course.by_time) and bool(np.all(course.reached(wanted))):
+            one = len(positions) == 1 and not course.by_time
+            if one and given and course.tells(wanted):
+                return course
+            if (course.by_time or (one and not course.track.singular)) and bool(np.all(course.reached(wanted))):
                 return course
     course = course_of(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
     compiled.courses[:] = [course, *compiled.courses[:3]]
     return course
+
+
+def reached(compiled: Compiled, q: Array) -> Array:
+    """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
+    are followed Newton's method may have found other branches. True everywhere where none are followed."""
+    for course in compiled.courses:
+        if not course.by_time and course.tells(q):
+            return course.reached(q)
+    return np.ones(np.shape(q), bool)
 
 
 def _own_starts(course: Course, law_time: Array) -> dict[str, Array]:

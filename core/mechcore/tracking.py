@@ -46,7 +46,7 @@ class Course:
     ``model`` and ``assembly``: as compiled, but with those groups marked that are followed. ``start``: the parameter there.
     ``period``: after so much of the parameter the groups repeat, angles but for whole turns; None where the walk covers all.
     ``gaps``: ranges of the parameter in which a group (by number, -1 where the walk ended) cannot be put together.
-    ``by_time``: the parameter is time.
+    ``by_time``: the parameter is time. ``asked``: the range that the walk was to cover.
     """
 
     model: Model
@@ -58,6 +58,7 @@ class Course:
     changes: Changes | None
     gaps: tuple[tuple[float, float, int], ...]
     by_time: bool
+    asked: tuple[float, float]
 
     def starts(self, parameter: Array) -> dict[str, Array]:
         """Newton starts, and angles beyond one turn, for parameters (F,)."""
@@ -81,6 +82,11 @@ class Course:
             return np.ones(np.shape(parameter), bool)
         edge = EDGE * max(1.0, abs(self.track.ends[1]))
         return (parameter >= self.track.ends[0] - edge) & (parameter <= self.track.ends[1] + edge)
+
+    def tells(self, parameter: Array) -> bool:
+        """Whether nothing more of parameters (F,) is found by another walk: this one came as far, or met a limit before."""
+        low, high = self.asked
+        return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
 
 
 def course_of(
@@ -232,7 +238,7 @@ def walk(
         gaps.append((low, track.ends[0], -1))
     if track.ends[1] < high - edge:
         gaps.append((track.ends[1], high, -1))
-    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time)
+    course = Course(model, assembly, track, start, None, laws, None, tuple(gaps), by_time, (low, high))
     found = [c for p, name in track.passed for c in [_change(course, p, name, rest, sample)] if c is not None]
     if not found:
         return course

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ..effects import effects_of
 from ..errors import Fault, MechanismError
 from ..motion import Motion
-from ..solve import Compiled, compile_mechanism
+from ..solve import Compiled, compile_mechanism, reached
 from ..spec import Drive
 from ..texts import as_coordinate
 from .atlas import named
 from .chart import Chart
-from .curve import TURN, Curve, tabulate, whole_turn
+from .curve import TURN, Curve, beside_singular, tabulate, whole_turn
 from .free import Free
 from .handover import carried_on
 from .reduced import motion_at
@@ -57,9 +57,9 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
         if turn is not None:
             return turn, None
     reach = TURN if rotary else 4.0 * model.size
-    x = q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1)
+    x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1))
     share = _share(compiled, x)
-    here = len(x) // 2
+    here = int(np.searchsorted(x, q))
     if not share[here] > POOR:
         raise MechanismError(
             Fault(
@@ -88,7 +88,8 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
 
 def _share(compiled: Compiled, q: Array) -> Array:
     """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
-    return _led(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
+    led = _led(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
+    return np.where(reached(compiled, q), led, 0.0)
 
 
 def _led(motion: Motion) -> Array:

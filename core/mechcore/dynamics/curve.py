@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,15 +19,21 @@ from ..changes import Changes
 from ..effects import Effect, effects_of, power_of
 from ..errors import MechanismError
 from ..motion import Motion
-from ..solve import Compiled
-from .panels import Panels, fit_panels, nodes_of
+from ..solve import Compiled, reached
+from .panels import Panels, fit_panels, fit_where_needed, nodes_of
 from .reduced import motion_at, with_rates
 
-__all__ = ["TURN", "Curve", "tabulate", "whole_turn"]
+__all__ = ["TURN", "Curve", "beside_singular", "tabulate", "whole_turn"]
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 FIRST = 8  # panels of the first try
+EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
+SHORT = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
+DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions beyond the inverse of that are looked at
+ROUGH = 1e-4  # next to a singular position rounding is that much at most
+SAME = 1e-3  # of an energy: two ways to find it differ by less
+LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
@@ -44,6 +51,37 @@ class Curve:
         w = v[:, 0]
         force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]
         return ((force - 0.5 * f[:, 2] * w * w) / f[:, 0])[:, None]
+
+    def inertia(self, q: float) -> float:
+        """J at a position."""
+        return float(self.table(np.array([q]))[0, 0])
+
+    @cached_property
+    def _work(self) -> Panels:
+        return self.table.integral()
+
+    @cached_property
+    def _most_work(self) -> float:
+        return float(np.abs(self._work.coefficients[:, :, 1]).sum(axis=1).max())
+
+    def kinetic_energy(self, q: float, v: float, before: tuple[float, float]) -> float:
+        """At q, v; where forces depend on the position alone, by the work that they have done since the position and speed
+        ``before``: this keeps the digits that speeds next to a dead point lose. Where it is little beside that work, it would lose
+        digits itself."""
+        plain = 0.5 * self.inertia(q) * v * v
+        if self.rest or plain < LITTLE * self._most_work:
+            return plain
+        places = np.array([before[0], q])
+        low, high = self.table.low, self.table.high
+        turns = np.floor((places - low) / (high - low)) if self.table.periodic else np.zeros(2)
+        done = self._work(places - turns * (high - low))[:, 1] + turns * self._work(np.array([high]))[0, 1]
+        exact = 0.5 * self.inertia(before[0]) * before[1] ** 2 + float(done[1] - done[0])
+        return exact if abs(exact - plain) < SAME * plain else plain
+
+    def kept(self, before: tuple[float, float], q: Array, v: Array) -> Array:
+        """The speed (1,) at q (1,) at which `kinetic_energy` is what it says."""
+        energy = self.kinetic_energy(float(q[0]), float(v[0]), before)
+        return np.asarray(np.copysign(np.sqrt(2.0 * energy / self.inertia(float(q[0]))), v))
 
     def changing(self, q: Array, v: Array, t: Array) -> Array:
         """The part of Q (n,) that depends on speed or time."""
@@ -70,10 +108,53 @@ class Curve:
         return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
 
 
+def beside_singular(compiled: Compiled, x: Array) -> Array:
+    """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
+    end two neighbours are about as far apart as that is away.
+
+    How far that is tells the group's condition: its inverse falls in proportion, and hardly faster than its slope nearby says.
+    """
+
+    def distances(q: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = 1.0 / _unit(compiled, q).condition
+        return np.where(reached(compiled, q), found, np.nan)
+
+    near = distances(x)
+    for _ in range(DEEPEST):
+        widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
+        slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
+        slopes = np.maximum.reduce([slopes, np.append(0.0, slopes[:-1]), np.append(slopes[1:], 0.0)])
+        at = np.flatnonzero((least < slopes * widths) & (least < CLOSE))
+        if not len(at):
+            break
+        middle = 0.5 * (x[at] + x[at + 1])
+        x, near = np.insert(x, at + 1, middle), np.insert(near, at + 1, distances(middle))
+    return x
+
+
 def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
     fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST)))
-    return _curve(compiled, fit_panels(_values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
+    return _curve(compiled, _fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
+
+
+def _fitted(
+    compiled: Compiled,
+    values: Callable[[Array], Array],
+    low: float,
+    high: float,
+    *,
+    periodic: bool,
+    tolerance: float,
+    known: Array | None = None,
+) -> Panels:
+    """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
+    equal = np.linspace(low, high, EQUAL + 1)
+    borders = equal if compiled.changes is not None and compiled.changes.found else beside_singular(compiled, equal)
+    if np.diff(borders).min() > SHORT * (high - low) / EQUAL:
+        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
+    return fit_where_needed(values, borders, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
 
 
 def whole_turn(
@@ -101,7 +182,7 @@ def whole_turn(
     force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
     known = np.column_stack([inertia_of(unit), force])[: len(x)]
     values = _values(compiled, repeating, leads)
-    table = fit_panels(values, low, low + TURN, periodic=True, tolerance=tolerance, first=FIRST, known=known)
+    table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
 
 
@@ -150,7 +231,7 @@ def _values(
 def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
     first = table.derivative()
     second = first.derivative()
-    both = table.stacked(first).stacked(Panels(table.low, table.width, second.coefficients[:, :, :1], table.periodic))
+    both = table.stacked(first).stacked(second.only(0))
     return Curve(compiled, table, both, tuple(rest))
 
 

@@ -153,7 +153,10 @@ CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error 
 
 def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
-    unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range)."""
+    unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
+    the table's panels are not equal."""
+    if curve.table.borders is not None:
+        return None
     work = _Work(curve)
     inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
     kinetic = 0.5 * inertia * v0 * v0

@@ -100,13 +100,15 @@ def integrate(
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
     bends: Callable[[Window, float], float | None] | None = None,
+    keeps: Callable[[Array, Array], Array] | None = None,
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
     with every accepted window; a time that it returns ends the integration there. ``bends`` finds the first time in a window, later
-    than a given one, at which the equations change their form: windows end there. ``nodes``: of a window,
-    ``most``: longest window [s]. Raises `MechanismError` where no window however short succeeds.
+    than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at the end of a
+    window -> the speed that a first integral gives there. ``nodes``: of a window, ``most``: longest window [s]. Raises
+    `MechanismError` where no window however short succeeds.
     """
     s = nodes or nodes_for(tolerance)
     rule: Rule = radau(s) if stiff else gauss(s)
@@ -178,7 +180,7 @@ def integrate(
         if stop is not None:
             break
         end_q, end_v, end_a = window(np.array([t + h]))
-        q, v = end_q[0], end_v[0]
+        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
         t += h
         longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
         guess = _extrapolated(window, t + longer * rule.nodes, end_a)

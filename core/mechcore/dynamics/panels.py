@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -89,10 +89,11 @@ class Panels:
     def __call__(self, x: Array) -> Array:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
         if self.borders is not None:
+            if self.periodic:
+                x = x - (self.high - self.low) * np.floor((x - self.low) / (self.high - self.low))
             cell = np.clip(np.searchsorted(self.borders, x, side="right") - 1, 0, self.count - 1)
             z = 2.0 * (x - self.borders[cell]) / (self.borders[cell + 1] - self.borders[cell]) - 1.0
-            basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
-            return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
+            return self._at(cell, z)
         u = (x - self.low) / self.width
         if self.periodic:
             k = np.floor(u)
@@ -104,6 +105,10 @@ class Panels:
             outside = np.abs(z) > 1.0 + 1e-9
             if outside.any():
                 z = np.where(outside, np.nan, z)
+        return self._at(cell, z)
+
+    def _at(self, cell: NDArray[np.intp], z: Array) -> Array:
+        """Values of the functions at places z (n,) in [-1, 1] of panels ``cell`` (n,)."""
         basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
         return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
 
@@ -125,13 +130,30 @@ class Panels:
         p, n, c = self.coefficients.shape
         out = np.zeros((p, n + 1, c + 1))
         out[:, :n, :c] = self.coefficients
-        only = Panels(self.low, self.width, self.coefficients[:, :, k : k + 1], False, self.borders)
-        out[:, :, c] = only.integral().coefficients[:, :, 0]
+        out[:, :, c] = self.only(k).integral().coefficients[:, :, 0]
         return Panels(self.low, self.width, out, False, self.borders)
 
     def stacked(self, other: Panels) -> Panels:
         """Functions of both, side by side."""
-        return Panels(self.low, self.width, np.concatenate([self.coefficients, other.coefficients], axis=2), self.periodic)
+        return replace(self, coefficients=np.concatenate([self.coefficients, other.coefficients], axis=2))
+
+    def joined(self) -> Panels:
+        """The same functions without the jumps from panel to panel, which rounding leaves: both sides take the mean, and what
+        that changes grows in proportion to the place in the panel."""
+        left = self.coefficients[:, ::2].sum(axis=1) - self.coefficients[:, 1::2].sum(axis=1)
+        right = self.coefficients.sum(axis=1)
+        jumps = 0.5 * (left - np.roll(right, 1, axis=0))
+        if not self.periodic:
+            jumps[0] = 0.0
+        ends = np.roll(jumps, -1, axis=0)
+        coefficients = self.coefficients.copy()
+        coefficients[:, 0] += 0.5 * (ends - jumps)
+        coefficients[:, 1] += 0.5 * (ends + jumps)
+        return replace(self, coefficients=coefficients)
+
+    def only(self, k: int) -> Panels:
+        """Function k alone."""
+        return replace(self, coefficients=self.coefficients[:, :, k : k + 1])
 
     def tail(self) -> Array:
         """Largest of the last three coefficients of each function, relative to its largest (c,)."""
@@ -177,10 +199,16 @@ def fit_panels(
 
 
 def fit_where_needed(
-    function: Callable[[Array], Array], borders: Array, *, tolerance: float, most: int = 4096
+    function: Callable[[Array], Array],
+    borders: Array,
+    *,
+    tolerance: float,
+    most: int = 4096,
+    periodic: bool = False,
+    noise: float = NOISE,
 ) -> tuple[Panels, float]:
     """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
-    largest of all, or only rounding; and what the last coefficients are that are left."""
+    largest of all, or only rounding, which is less than ``noise``; and what the last coefficients are that are left."""
     edges = np.stack([borders[:-1], borders[1:]], axis=1)
     before = np.full(len(edges), np.inf)
     largest: Any = 0.0
@@ -193,7 +221,7 @@ def fit_where_needed(
         sizes = np.abs(coefficients)
         largest = np.maximum(largest, sizes.max(axis=(0, 1)))
         tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)
-        fine = (tail <= tolerance) | ((before < NOISE) & (tail > 0.3 * before)) | (width <= 1e-13 * (borders[-1] - borders[0]))
+        fine = (tail <= tolerance) | ((before < noise) & (tail > 0.3 * before)) | (width <= 1e-13 * (borders[-1] - borders[0]))
         count += len(edges)
         if not np.isfinite(tail).all() or count > most:
             fine[:] = True
@@ -206,5 +234,5 @@ def fit_where_needed(
         before = np.repeat(tail[~fine], 2)
     lows, found, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
     order = np.argsort(lows)
-    panels = Panels(float(borders[0]), np.nan, found[order], False, np.append(lows[order], borders[-1]))
+    panels = Panels(float(borders[0]), np.nan, found[order], periodic, np.append(lows[order], borders[-1]))
     return panels, float(tails.max())

@@ -123,7 +123,7 @@ class Progress:
                 why += f" '{s.name}' at {shown(s.at)}."
                 raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
         if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
-            q, v = self._take_over(q, v)
+            q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
         self.friction.begin(self.compiled, 0.0, q, v)
         v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
@@ -146,6 +146,7 @@ class Progress:
         """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
         q, v = self._touching(t, q, v)
         v = self._unpressed(t, q, v)
+        begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
         dry, led = self.friction.gauges()
         cams = self._contacts()
@@ -203,6 +204,7 @@ class Progress:
         bends = bend_finder(self.compiled)
         if len(q):
             known = self._known(t)
+            charted = isinstance(system, Curve) and (len(self.known) > 1 or system.table.borders is not None)
             solution = (integrate if known is None else partial(retrace, known=known))(
                 system,
                 q,
@@ -216,6 +218,7 @@ class Progress:
                 bends=bends,
                 nodes=self.original.accuracy.nodes,
                 most=self.original.accuracy.window,
+                keeps=partial(system.kept, begun) if charted else None,
             )
         else:
             solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)
@@ -232,7 +235,7 @@ class Progress:
                 q, v = self._part(time, q, v, self.limits[k][0])
                 v = self._settle(time, q, self._impact(time, q, v, k))
             elif kind == "border":
-                q, v = self._take_over(q, v)
+                q, v = self._take_over(q, v, begun)
             elif kind == "chart":
                 q, v = self._change_chart(time, q, v)
             elif kind == "dry":
@@ -272,12 +275,16 @@ class Progress:
                 return piece.known(self.scale)
         return None
 
-    def _take_over(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Another pair leads from now on; coordinates and rates in its chart."""
+    def _take_over(self, q: Array, v: Array, before: tuple[float, float]) -> tuple[Array, Array]:
+        """Another pair leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
+        began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
         lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
         tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
         if isinstance(lead.curve, Curve) and all(lead.curve.table is not table for table in tables):
             self.known.append(lead)
+        if isinstance(lead.curve, Curve) and isinstance(self.system, Curve):
+            energy = self.system.kinetic_energy(float(q[0]), float(v[0]), before)
+            rate = float(np.copysign(np.sqrt(2.0 * energy / lead.curve.inertia(place)), rate))
         self._lead(lead.compiled, lead.curve, lead.well)
         return np.array([place]), np.array([rate])
 

@@ -105,6 +105,7 @@ def retrace(
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
     bends: Callable[[Window, float], float | None] | None = None,
+    keeps: Callable[[Array, Array], Array] | None = None,
 ) -> Solution:
     """What `integrate` does, by what is ``known``; the other arguments and what it raises are those of that."""
     s = (nodes or nodes_for(tolerance)) + MORE
@@ -147,12 +148,24 @@ def retrace(
                     ends, cut = ends[1:], cut[1:]
                 break
         end_q, end_v, _ = found.windows[-1](np.array([t]))
-        q, v = end_q[0], end_v[0]
+        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
     found.evaluations = solver.evaluations
     if t < t1 - least:
         rest = integrate(
-            system, q, v, t, t1, tolerance=tolerance, scale=scale, stiff=stiff, nodes=nodes, most=most, after=after, bends=bends
-        )  # fmt: skip
+            system,
+            q,
+            v,
+            t,
+            t1,
+            tolerance=tolerance,
+            scale=scale,
+            stiff=stiff,
+            nodes=nodes,
+            most=most,
+            after=after,
+            bends=bends,
+            keeps=keeps,
+        )
         found.windows += rest.windows
         found.evaluations += rest.evaluations
     return found

@@ -102,8 +102,8 @@ def simulate(
         raise MechanismError(
             Fault(
                 "run.method",
-                '"energy" cannot find this motion: it needs one freedom that turns fully, forces that depend on '
-                "the position alone, no friction, no stops and no watches.",
+                '"energy" cannot find this motion: it needs one freedom that turns fully, no change point close by, forces that '
+                "depend on the position alone, no friction, no stops and no watches.",
                 'Choose "auto", "gauss" or "radau".',
             )
         )
