@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_scene import conforms
+from test_scene import SCHEMA, conforms
 
 from mechcore import MechanismError, compile_mechanism, default_times, solve_motion
 from mechcore.errors import Fault
 from mechcore.spec import Belt, Cylinder, Gear, PinSlot, Rack, Rolling, Weld
-from mechviz.scene import Scene, SceneBuilder, SceneError, json_schema, loads
+from mechviz.scene import Scene, SceneBuilder, SceneError, loads
 
 TURNING = {"speed": "60 rpm"}
 SWAYING = {"oscillation": {"centre": 700, "amplitude": 100, "frequency": 1}}
@@ -123,8 +123,7 @@ def test_every_kind_of_pair_survives_writing_and_reading_and_fits_the_schema(ent
     again = loads(scene.to_toml())
     assert again == scene
     assert again.mechanism.pairs[-1] == scene.mechanism.pairs[-1]
-    schema = json_schema()
-    assert conforms(data, schema, schema)
+    assert conforms(data, SCHEMA, SCHEMA)
 
 
 def test_the_carrier_is_the_frame_where_both_wheels_are_pinned_to_it_else_the_only_common_link():
@@ -421,9 +420,8 @@ def test_belts_that_do_not_fit_are_refused_by_the_core():
     ],
 )
 def test_the_json_schema_refuses_what_the_reader_refuses(key, value):
-    schema = json_schema()
     data = changed(X={"gear": ["a", "b"], key: value})
-    assert not conforms(data, schema, schema)
+    assert not conforms(data, SCHEMA, SCHEMA)
     assert faults_of(data)
 
 
