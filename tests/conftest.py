@@ -10,6 +10,7 @@ from hypothesis import settings
 
 # a worker for each core: threads of BLAS would only wait for each other (before numpy is loaded; processes of tests inherit it)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each would compile the packages anew
 
 # a busy machine fails no test: examples have no deadline, all else is as hypothesis chooses it (in CI it is another choice)
 settings.register_profile("without a clock", settings.default, deadline=None)

@@ -178,7 +178,7 @@ def chain(n: int):
     return Mechanism(name="chain", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), sketch=sketch)
 
 
-@pytest.mark.parametrize(("n", "frames"), [(1, 721), (8, 721), (40, 145), (2000, 9)])
+@pytest.mark.parametrize(("n", "frames"), [(1, 721), (8, 721), (40, 145), (300, 9)])
 def test_chain_of_parallelograms_through_its_singular_position(n, frames):
     """Every upright turns with the first, every coupler stays level, also at the frames where all of them lie flat."""
     motion = solve_motion(compile_mechanism(chain(n)), np.linspace(0.0, TURN, frames))

@@ -194,7 +194,7 @@ def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path:
 def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path, number, code):
     target = tmp_path / "x.rrd"
     process = subprocess.Popen(
-        [*COMMAND, "record", "ten-link", "-n", "60000", "-o", str(target)],
+        [*COMMAND, "record", "crank-rocker", "-n", "60000", "-o", str(target)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

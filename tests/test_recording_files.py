@@ -131,7 +131,7 @@ def leave(*_):
     sys.exit(143)
 
 signal.signal(signal.SIGTERM, leave)
-run = run_scene(mechviz.load("ten-link"), frames=12000)
+run = run_scene(mechviz.load("crank-rocker"), frames=12000)
 def slowly(done, total):
     print(done, flush=True)
     time.sleep({pause})
@@ -178,7 +178,7 @@ def test_a_disk_that_fills_up_on_the_way(tmp_path):
     """A limit on the size of files stands for the end of the disk."""
     path = tmp_path / "a.rrd"
     path.write_bytes(b"old")
-    process = child(path, pause=0.0, limit=30_000_000)
+    process = child(path, pause=0.0, limit=6_000_000)
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 1 and "ERROR" in out and "larger than the limit" in out
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.rrd": b"old"}
