@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.texts import Text, as_angle, as_coordinate
+
 from .files import OutputError, replacing
 
 if TYPE_CHECKING:
@@ -287,10 +289,11 @@ def _differences(run: Run) -> list[str]:
     lines = []
     for cam in placed_cams(run.motion):
         for first, last, at, miss in lost_ranges(cam):
-            size = f"{1e3 * abs(miss):.4g} mm" if cam.arm == 0.0 else f"{np.degrees(abs(miss)):.4g} deg"
-            a, b, c = (np.degrees(x) % 360.0 for x in (first, last, at))
-            lines.append(
-                f"'{cam.name}' is undercut: written is what the cutter leaves. From {a:.4g} to {b:.4g} deg of the cam the follower "
-                f"misses its law, by up to {size} at {c:.4g} deg."
+            size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+            a, b, c = (as_angle(x % (2.0 * np.pi), 4) for x in (first, last, at))
+            words = (
+                f"'{cam.name}' is undercut: written is what the cutter leaves. From {a} to {b} of the cam the follower misses its "
+                f"law, by up to {size} at {c}."
             )
+            lines.append(Text(words, run.scene.units))
     return lines

@@ -39,6 +39,7 @@ def cams(
     """
     with clear_errors(scene):
         from mechcore.spec import CamDrawn
+        from mechcore.texts import Text
 
         from .cam_report import cam_facts, cam_lines, drawn_lines
         from .scene.cam_ratings import step_fault, whole_step
@@ -53,7 +54,7 @@ def cams(
         angle = quantity_of(loaded, step, "step", "angle")
         whole = None if angle is None else whole_step(angle)
         if angle is not None and whole is None:
-            fail(f"--step {step}: {' '.join(step_fault(angle))}")
+            fail(f"--step {step}: {Text(' '.join(step_fault(angle)), loaded.units)}")
         run = solve(loaded, frames, None)
         warn_of_accuracy(run)
         facts = cam_facts(run.motion, run.forces, margin=least)

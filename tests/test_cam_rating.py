@@ -192,9 +192,9 @@ def test_what_is_not_asked_for_is_not_computed(monkeypatch):
         ("rating = { width = 8, poisson = [0.3, 0.3] }", "poisson goes with modulus."),
         ("rating = { margin = -3 }", "-3 is negative."),
         ('closure = "form"\nrating = { margin = 3 }', "a groove or yoke holds the follower whatever the force."),
-        ("rating = { width = 1e-300 }", "is below 1e-09 m"),
-        ("graphical = { step = 100 }", "less than 4. Give at most 90 deg."),
-        ("graphical = { step = 7 }", "7 deg do not make a turn."),
+        ("rating = { width = 1e-300 }", "is below 1e-06 mm"),
+        ("graphical = { step = 100 }", "less than 4. Give at most 90°."),
+        ("graphical = { step = 7 }", "7° do not make a turn."),
         ("graphical = { step = 10, lines = 'arc' }", "lines"),
     ],
 )
@@ -237,8 +237,8 @@ def test_the_command_tells_limits_springs_and_the_drawing():
     for arguments, words in (
         (["crank-rocker"], "the scene has no cam"),
         (["cam-roller", "--step", "30"], "--step and --lines are for --method graphical"),
-        (["cam-roller", "--method", "graphical", "--step", "7"], "7 deg do not make a turn"),
-        (["cam-roller", "--method", "graphical", "--step", "0.001"], "more than 100000. Give at least 0.0036 deg"),
+        (["cam-roller", "--method", "graphical", "--step", "7"], "7° do not make a turn"),
+        (["cam-roller", "--method", "graphical", "--step", "0.001"], "more than 100000. Give at least 0.0036°"),
         (["cam-roller", "--margin", "1e308 N"], "from zero to 1e+30 N"),
         (["cam-roller", "--margin", "3 mm"], "--margin"),
     ):

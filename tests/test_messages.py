@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import copy
+import random
 import re
+import tomllib
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mechcore.errors import Fault
+import mechviz
+from mechcore.errors import Fault, MechanismError
 from mechcore.events import Event
 from mechcore.texts import Kind, Text, as_angle, as_coordinate, as_force, as_length
 from mechviz.quantities.events import events_of
+from mechviz.report import check_lines
 from mechviz.run import run_scene
-from mechviz.scene import Scene, gallery_names, load
+from mechviz.scene import Scene, SceneError, gallery, gallery_names, load
+from mechviz.scene.catalogue import GALLERY_FOLDER
 from mechviz.scene.document import UnitsDocument
 from mechviz.scene.units import KINDS, Units
 
@@ -69,3 +77,103 @@ def test_events_and_check_are_in_the_units_of_the_scene(name):
     run = run_scene(scene)
     told = [e.text for e in events_of(run)]
     assert not [text for text in told if FOREIGN.search(text)]
+
+
+# --- faults: scenes whose numbers are changed -------------------------------------------------------------------------
+
+SCENES = [(entry.name, tomllib.loads(entry.path.read_text(encoding="utf-8"))) for entry in gallery()]
+SYSTEMS = {
+    Units(length="mm", angle="deg"): "(m|cm|in|rad|turn)",
+    Units(length="in", angle="rad"): "(mm|cm|m|deg|°|turn)",
+    Units(length="ft", angle="turn", force="kgf"): "(mm|cm|m|deg|°|rad)",
+}
+"""Units of scenes, and those that nothing may be told in."""
+
+
+def foreign(units: Units, words: str) -> bool:
+    """Whether a number with another unit of length or angle stands in a text, but for examples and what is quoted."""
+    unit = SYSTEMS[units]
+    return re.search(rf"(?<![\w'\"])-?[\d.]+(e[+-]?\d+)? ?{unit}(?![\w²³/^])(?! \w*['\"])", words) is not None
+
+
+def numbers(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Places of numbers of the scene's units in plain data."""
+    if isinstance(value, dict | list):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(inner, (*path, key))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
+    """A scene of the gallery with one number of its links, pairs or loads multiplied."""
+    name, raw = rng.choice(SCENES)
+    raw = copy.deepcopy(raw)
+    *parents, key = rng.choice([p for p in numbers(raw) if p[0] in ("links", "pairs", "loads")] or [("run",)])
+    if not parents:
+        return name, raw
+    table = raw
+    for part in parents:
+        table = table[part]
+    table[key] *= rng.choice([0, -1, 0.1, 0.5, 3, 10, 1000, 1e-6])
+    return name, raw
+
+
+@pytest.mark.parametrize("units", list(SYSTEMS), ids=lambda u: f"{u.length} {u.angle}")
+def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
+    rng, told = random.Random(units.length), 0
+    for _ in range(60):
+        name, raw = spoilt(rng)
+        if "free" in str(raw["pairs"]):
+            continue
+        if rng.random() < 0.3:  # its numbers are counted in other units: what the reader says of them
+            raw["units"] = vars(units)
+        try:
+            scene = Scene.build(name=name, folder=GALLERY_FOLDER, **raw)
+        except SceneError as error:
+            faults = [f for f in error.faults if raw.get("units") == vars(units)]
+        else:
+            scene = shown_in(scene, units)
+            try:
+                assert not [line for line in check_lines(scene) if foreign(units, line)], name
+                continue
+            except MechanismError as error:
+                faults = list(error.faults)
+            for f in faults:
+                assert f.path.partition(".")[0] in type(scene.document).model_fields, (name, str(f))
+        told += len(faults)
+        assert not [str(f) for f in faults if foreign(units, f"{f.message} {f.remedy}")], name
+    assert told > 5
+
+
+def test_a_fault_within_a_fault_is_in_the_units_too():
+    """The sketch of a mechanism that cannot be led to its start: words of one fault inside those of another."""
+    text = load("excavator-arm").text
+    raw = tomllib.loads(text)
+    drive = raw["pairs"]["C1"]["drive"]
+    place = next(iter(numbers(drive)))
+    table = drive
+    for part in place[:-1]:
+        table = table[part]
+    table[place[-1]] *= 1000
+    scene = shown_in(Scene.build(**raw), ODD)
+    with pytest.raises(MechanismError) as error:
+        check_lines(scene)
+    assert error.value.faults and not [str(f) for f in error.value.faults if FOREIGN.search(str(f))]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "path"),
+    [
+        ("cam-roller", ("over = 60 }", "over = 50 }"), "pairs.K.profile.lift"),
+        ("cam-barrel", ("roller = 8", "roller = 80"), "pairs.K.follower.roller"),
+        ("cam-inverse", ("groove = 8", "groove = 60"), "pairs.K.follower.groove"),
+        ("cam-oscillating-roller", ("base = ", "base = 9"), "pairs.K.profile.base"),
+    ],
+)
+def test_faults_of_cams_name_keys_that_exist(name, change, path):
+    text = load(name).text
+    assert change[0] in text
+    with pytest.raises(MechanismError) as error:
+        check_lines(mechviz.loads(text.replace(*change), folder=GALLERY_FOLDER))
+    assert [f.path for f in error.value.faults] == [path]

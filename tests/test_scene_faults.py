@@ -429,6 +429,29 @@ def test_one_slip_is_one_fault(change):
     assert len(faults_of(data)) == 1
 
 
+@pytest.mark.parametrize(
+    ("change", "meant"),
+    [
+        (("loads/S", {"spring": ["frame.A", "coupler.C"], "stiffness": "2 N/mm", "free": "80 mm"}), "free_length"),
+        (("loads/S", {"torsion_spring": ["frame", "coupler"], "stiffness": "2 N m/rad", "free": "80 deg"}), "free_angle"),
+        (("loads/S", {"torque": 1, "on": "coupler", "stiff": "1 N/mm"}), "stiffness"),
+        (("links/crank/centr", True), "centre"),
+        ((f"{DRIVE}/strt", [1, 2]), "start"),
+    ],
+)
+def test_a_guess_fits_the_value_and_makes_no_second_fault(change, meant):
+    """What an unknown key may have been meant for is a proposal; nothing is wrong but the key."""
+    (fault,) = faults_of(changed(change))
+    assert fault.message.startswith("unknown key") and fault.remedy == f"Did you mean '{meant}'?"
+
+
+def test_without_a_drive_no_drive_decides():
+    data = changed(("run", {"tolerance": 1e-6}))
+    del data["pairs"]["A"]["drive"]
+    words = " ".join(map(str, faults_of(data)))
+    assert "nothing moves" in words and "drive decides" not in words and "instead of its drive" not in words
+
+
 def test_a_misspelt_key_of_masses_does_not_make_the_rest_look_incomplete():
     data = changed(("effects", ["inertia"]), ("links/crank/center", [30, 0]), ("links/crank/inertia", 0.1))
     assert [(f.path, f.remedy) for f in faults_of(data)] == [("links.crank", "Did you mean 'centre'?")]

@@ -22,6 +22,10 @@ __all__ = ["BeltGrip", "belt_events", "belt_grip"]
 Real = NDArray[np.float64]
 
 
+MOST = 700.0
+"""Largest exponent: beyond it a belt of any slack tension carries what a double can hold."""
+
+
 @dataclass(frozen=True)
 class BeltGrip:
     """``wraps`` of the two pulleys [rad], and the greatest force [N] that a belt with this tension carries without slipping:
@@ -40,7 +44,8 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     lean = spans(motion, next(r for r in motion.model.relations if r.name == load.pair))[2]
     first = 2.0 * math.pi - 2.0 * math.acos(lean)
     wraps = (first, first if pair.crossed else 2.0 * math.pi - first)
-    most = load.slack * math.expm1(load.coefficient * min(wraps)) if load.coefficient else math.inf
+    ratio = load.coefficient * min(wraps)
+    most = load.slack * math.expm1(ratio) if 0.0 < ratio < MOST else math.inf
     return BeltGrip(load.pair, wraps, load.slack, most)
 
 

@@ -28,7 +28,7 @@ from .slots import Escape, escapes, has_ends
 from .spec import Mechanism, PinSlot, Prismatic
 from .start_pose import start_pose
 from .structure import gruebler, rank_mobility
-from .texts import as_coordinate, as_length
+from .texts import Text, as_coordinate, as_length
 from .tracking import Course, course_of, way_of
 from .unwrapped import Frames, LinkAngles, UnwrappedAngles, raw_angles
 from .waypoints import Waypoint
@@ -117,7 +117,8 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
     places = ", ".join(f"{d.pair} = {as_coordinate(q, rotary=model.rotary(d.pair), digits=4)}" for d, q in led_by)
     why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start: it"
     remedy = "Sketch the mechanism where its drives start"
-    raise MechanismError([Fault(f.path, f"{why} {f.message}", f"{remedy}, or: {f.remedy}") for f in faults])
+    said = [(f.path, Text.of(f.message).source, Text.of(f.remedy).source) for f in faults]
+    raise MechanismError([Fault(path, f"{why} {message}", f"{remedy}, or: {other}") for path, message, other in said])
 
 
 def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:

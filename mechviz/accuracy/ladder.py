@@ -278,7 +278,7 @@ def _tessellation(run: Run, budget: float) -> Iterator[Point]:
         made = solids_of(chosen)
         spent = timed(partial(solids_of, chosen), 0.0, least=1)
         note = f"{sum(len(s.faces) for s in made.links.values())} faces"
-        words = "as it is" if distance is None else f"{1e3 * distance:.3g} mm"
+        words = "as it is" if distance is None else run.scene.units.show(distance, "length", 3)
         options = {"chord": distance} if distance is not None else {}
         yield _at("tessellation", "chords", words, options, made.chord / size, spent, current=distance is None, note=note)
 

@@ -78,4 +78,5 @@ def _kept(run: Run, target: float) -> str:
     finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST:g} of the size unless chord says so"
     forces = " (links are to be in balance to 1e-8)" if run.forces is not None and kept.numbers == "float64" else ""
     every = "every recorded frame" if kept.pictures == 1 else f"every {kept.pictures}th recorded frame"
-    return f"drawn and kept: facets within {1e3 * kept.chord:.3g} mm{finer}; numbers in {kept.numbers}{forces}; arrows at {every}"
+    chord = run.scene.units.show(kept.chord, "length", 3)
+    return f"drawn and kept: facets within {chord}{finer}; numbers in {kept.numbers}{forces}; arrows at {every}"

@@ -11,6 +11,7 @@ from mechcore.events import SINGULAR, Event, find_events
 from mechcore.friction.events import friction_events
 from mechcore.load_events import load_events
 from mechcore.loads import BeltTension
+from mechcore.texts import as_force, as_torque
 
 from ..tables import joints_of, pair_unit, rounding_of_efforts
 from .simulated import simulation_events
@@ -66,18 +67,18 @@ def peak_events(run: Run) -> list[Event]:
     sound = motion.condition <= SINGULAR
     found = []
     for drive in motion.mechanism.drives:
-        what, unit = ("force", "N") if pair_unit(motion, drive.pair) == "m" else ("torque", "N m")
+        what, shown = ("force", as_force) if pair_unit(motion, drive.pair) == "m" else ("torque", as_torque)
         effort = forces.effort(drive.pair)
         k = _largest(effort, sound, rounding_of_efforts(run, pair_unit(motion, drive.pair)))
         if k is not None:
-            text = f"largest driving {what} of the run, {effort[k]:.5g} {unit}"
+            text = f"largest driving {what} of the run, {shown(float(effort[k]), 5)}"
             found.append(Event(float(motion.time[k]), "INFO", drive.pair, text))
     sizes = {j.name: np.hypot(*forces.reaction(j.name)[:, :2].T) for j in joints_of(motion)}
     places = {name: _largest(size, sound) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]
     if known:
         size, name, k = max(known)
-        found.append(Event(float(motion.time[k]), "INFO", name, f"largest joint reaction of the run, {size:.5g} N"))
+        found.append(Event(float(motion.time[k]), "INFO", name, f"largest joint reaction of the run, {as_force(size, 5)}"))
     return found
 
 

@@ -11,6 +11,7 @@ from mechcore.laws.free import Free
 from mechcore.reduction import Body
 from mechcore.slots import has_ends
 from mechcore.spec import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
+from mechcore.texts import as_length
 
 from .accuracies import accuracy_faults
 from .clearances import clearances_of
@@ -179,6 +180,6 @@ def _check_length(pair: PairDocument, law: Law, convert: Converter, path: str) -
     if pair.kinds == ["cylinder"] and start <= 0.0:
         convert.note(
             path,
-            f"the cylinder's length starts at {1e3 * start:g} mm.",
+            f"the cylinder's length starts at {as_length(start)}.",
             "Its coordinate is the distance of its two points: give a start, range or centre that is positive.",
         )

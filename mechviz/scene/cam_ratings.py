@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, model_validator
 
 from mechcore.spec import CamDrawn, CamRating
+from mechcore.texts import as_angle, as_length
 
 from .faults import did_you_mean
 from .fields import Angle, Effort, Number, Pressure, Range, Size, Text
@@ -95,7 +96,7 @@ def rating_of(rating: RatingDocument, path: str, convert: Converter) -> CamRatin
         poisson = (0.3, 0.3) if rating.poisson is None else (float(rating.poisson[0]), float(rating.poisson[1]))
     width = number(rating.width, "length", "width")
     if width is not None and width < _THINNEST:
-        convert.note(f"{path}.width", f"{width:g} m is below {_THINNEST:g} m.", "Check the number and its unit.")
+        convert.note(f"{path}.width", f"{as_length(width)} is below {as_length(_THINNEST)}.", "Check the number and its unit.")
     return CamRating(
         width=width,
         modulus=modulus,
@@ -129,9 +130,10 @@ def whole_step(step: float) -> float | None:
 def step_fault(step: float) -> tuple[str, str]:
     """What is wrong with a step [rad] that ``whole_step`` does not take, and the remedy."""
     turns = 2.0 * math.pi / step if step > 0.0 else math.inf
-    size = f"{math.degrees(step):g} deg"
+    size = as_angle(step)
     if step > 0.0 and turns > _MOST:
-        return f"{size} are {turns:.6g} steps of a turn, more than {_MOST}.", f"Give at least {360.0 / _MOST:g} deg."
+        return f"{size} are {turns:.6g} steps of a turn, more than {_MOST}.", f"Give at least {as_angle(2.0 * math.pi / _MOST)}."
     if turns < _FEWEST:
-        return f"{size} are {turns:.4g} steps of a turn, less than {_FEWEST}.", f"Give at most {360.0 / _FEWEST:g} deg."
-    return f"{size} do not make a turn.", "Usual are 30, 15, 10 or 5 deg."
+        return f"{size} are {turns:.4g} steps of a turn, less than {_FEWEST}.", f"Give at most {as_angle(2.0 * math.pi / _FEWEST)}."
+    usual = [as_angle(math.radians(degrees), 3) for degrees in (30, 15, 10, 5)]
+    return f"{size} do not make a turn.", f"Usual are {', '.join(usual[:3])} or {usual[3]}."

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from mechcore.errors import Fault
 from mechcore.spec import CamPair, Friction, Pair, SpatialBlank
+from mechcore.texts import as_angle
 
 from .cam_ratings import graphical_of, rating_of
 from .faults import did_you_mean
@@ -282,7 +283,8 @@ def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction
     if profile.pressure_limit is not None:
         limit = convert.si(profile.pressure_limit, "angle", f"{path}.profile.pressure_limit")
         if not 0.0 < limit < 0.5 * math.pi and not math.isnan(limit):
-            convert.note(f"{path}.profile.pressure_limit", f"{math.degrees(limit):g} deg.", "Usual are 30 to 45 deg.")
+            usual = f"Usual are {as_angle(math.radians(30.0), 3)} to {as_angle(math.radians(45.0), 3)}."
+            convert.note(f"{path}.profile.pressure_limit", f"{as_angle(limit)}.", usual)
     face = _face(follower, path, convert)
     second = None
     if follower.second is not None:
@@ -370,7 +372,7 @@ def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
     if follower.flat:
         tilt = convert.si(follower.tilt, "angle", f"{path}.follower.tilt")
         if abs(tilt) > _STEEPEST:
-            convert.note(f"{path}.follower.tilt", f"{math.degrees(tilt):g} deg.", "Give less than 89 deg.")
+            convert.note(f"{path}.follower.tilt", f"{as_angle(tilt)}.", f"Give less than {as_angle(_STEEPEST)}.")
             return None
         reach = (math.inf, math.inf) if follower.face is None else convert.row(follower.face, "length", f"{path}.follower.face")
         return None if any(map(math.isnan, (tilt, *reach))) else Flat(tilt=tilt, left=reach[0], right=reach[1])

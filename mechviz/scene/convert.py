@@ -44,7 +44,8 @@ class Converter:
         return self.unknown.isdisjoint((kind, "*"))
 
     def note(self, path: str, message: str, remedy: str = "") -> None:
-        self.faults.append(Fault(path, message, remedy))
+        """Notes a fault, its quantities (see `mechcore.texts`) in the scene's units."""
+        self.faults.append(Fault(path, message, remedy).in_units(self.units))
 
     def si(self, value: float | str, kind: str, path: str) -> float:
         if isinstance(value, float) and math.isnan(value):  # stands for one that could not be read

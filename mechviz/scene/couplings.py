@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from mechcore.errors import Fault
+from mechcore.texts import as_length
 
 from .cams import check_cam
 from .convert import Converter
@@ -203,7 +204,7 @@ def check_gear(
         word = "difference" if pair.internal else "sum"
         convert.note(
             f"{path}.radii",
-            f"their {word} is {1e3 * sum_of:.6g} mm, but the axes are {1e3 * distance:.6g} mm apart.",
+            f"their {word} is {as_length(sum_of)}, but the axes are {as_length(distance)} apart.",
             "Change the radii, or give teeth: then the pitch radii follow from the distance.",
         )
 

@@ -316,7 +316,7 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
     why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
     for key in ("steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
-            yield Fault(f"run.{key}", why, _ADD_FREE)
+            yield Fault(f"run.{key}", why, _ADD_FREE if driven else _ADD_FREE.replace(" instead of its drive", ""))
     yield from () if driven else _without_drives(document)
     for name, pair in document.pairs.items():
         if pair.stops:

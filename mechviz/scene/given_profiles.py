@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mechcore.errors import MechanismError
 from mechcore.laws import Segment, program
+from mechcore.texts import as_length
 
 from .programs import ProgramSegment
 
@@ -50,7 +51,8 @@ def given_contour(profile: ProfileDocument, base: float, path: str, convert: Con
     if place is None:
         return found
     key = next(k for k in SHAPES if getattr(profile, k) is not None)
-    why = f"it crosses itself near [{1e3 * place.real:.4g}, {1e3 * place.imag:.4g}] mm: profiles that cross themselves are no cam."
+    near = f"x = {as_length(place.real, 4)}, y = {as_length(place.imag, 4)}"
+    why = f"it crosses itself near {near}: profiles that cross themselves are no cam."
     convert.note(f"{path}.{key}", why, "Give the points once round the cam, in order.")
     return None
 
@@ -75,7 +77,7 @@ def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter)
             if curve is None:
                 return None
             if abs(curve.advance) > 1e-12 * max(base, 1e-3):
-                convert.note(f"{path}.radius", "it does not end where it starts.", f"Let it return to {1e3 * base:g} mm.")
+                convert.note(f"{path}.radius", "it does not end where it starts.", f"Let it return to {as_length(base)}.")
                 return None
             return shapes.polar_contour(curve)
     except MechanismError as error:
@@ -101,7 +103,7 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
     stated = None if profile.file_unit is None else convert.si(profile.file_unit, "length", f"{path}.file_unit")
     if stated is not None and not stated >= _FINEST_UNIT:  # NaN is noted already
         if not math.isnan(stated):
-            convert.note(f"{path}.file_unit", f"{stated:g} m is no unit of a drawing.", 'Give one such as "1 mm".')
+            convert.note(f"{path}.file_unit", f"{as_length(stated)} is no unit of a drawing.", 'Give one such as "1 mm".')
         return None
     tolerance = 0.0 if profile.tolerance is None else convert.si(profile.tolerance, "length", f"{path}.tolerance")
     if name.lower().endswith(".dxf"):
@@ -116,7 +118,7 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
         convert.note(f"{path}.file_unit", f"'{name}' does not say its unit.", 'Add file_unit = "1 mm".')
         return None
     if unit is not None and abs(scale - unit) > 1e-9 * unit:
-        why = f"{1e3 * scale:g} mm, but '{name}' says that its unit is {1e3 * unit:g} mm."
+        why = f"{as_length(scale)}, but '{name}' says that its unit is {as_length(unit)}."
         convert.note(f"{path}.file_unit", why, "Leave it out, or correct the file.")
         return None
     if math.isnan(tolerance):

@@ -22,7 +22,7 @@ from mechcore.errors import Fault
 from .faults import closest
 from .fields import Quantity, UnitName
 from .tables import Table, Unknown
-from .wording import Loc, meant_key, missing_key, path_text, unknown_key, words_of
+from .wording import Loc, meant_keys, missing_key, misspelt, path_text, unknown_key, words_of
 
 __all__ = ["Meant", "read_table"]
 
@@ -46,12 +46,12 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
     hints, before = _hints_of(cls), len(faults)
     values: dict[str, Any] = {}
     unread: set[str] = set()
-    for key, written in _keys_as_meant(raw, list(hints), loc, faults).items():
+    meant = _keys_as_meant(raw, hints, loc, faults)
+    for key, written in meant.items():
         own: list[Fault] = []
         values[key], whole = _read(hints[key], raw[written], (*loc, written), own)
-        if written != key:  # a value that does not fit at all may be meant for something else
-            place = path_text((*loc, written))
-            own = [fault for fault in own if fault.path != place or " where " not in fault.message]
+        if written != key:  # a value that does not fit may be meant for something else
+            own = [fault for fault in own if fault.path != path_text((*loc, written))]
         faults += own
         if not whole:
             unread.add(key)
@@ -66,20 +66,39 @@ def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Tab
             unread.add(key)
     table = cls.model_construct(_fields_set=given, **values)
     table.mark_unread(unread)
-    faults += _faults_of_the_whole(table, raw, loc, faulty=len(faults) > before)
+    whole_table = _faults_of_the_whole(table, raw, loc, faulty=len(faults) > before)
+    guessed = {key for key, written in meant.items() if written != key} & given
+    if guessed and whole_table:  # only what holds without the guesses, too
+        left = {key: value for key, value in values.items() if key not in guessed or cls.model_fields[key].is_required()}
+        without = cls.model_construct(_fields_set=given - guessed, **left)
+        without.mark_unread(unread | guessed)
+        known = _faults_of_the_whole(without, raw, loc, faulty=True)
+        whole_table = [fault for fault in whole_table if fault in known]
+    faults += whole_table
     return table
 
 
-def _keys_as_meant(raw: Mapping[str, Any], known: list[str], loc: Loc, faults: list[Fault]) -> dict[str, str]:
-    """Known key -> the key as it is written. Unknown keys are noted."""
-    taken = {key: key for key in raw if key in known}
+def _keys_as_meant(raw: Mapping[str, Any], hints: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
+    """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
+    taken = {key: key for key in raw if key in hints}
+    known = list(hints)
     for written in raw:
-        if written not in known:
-            faults.append(unknown_key((*loc, written), known))
-            meant = meant_key(str(written), known)
+        if written not in hints:
+            likely = meant_keys(str(written), known)
+            fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
+            meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
+            faults.append(unknown_key((*loc, written), known, meant))
             if meant:
                 taken.setdefault(meant, written)
     return taken
+
+
+def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
+    """Whether a value is of the kind that is wanted at a place, whatever is wrong inside it."""
+    faults: list[Fault] = []
+    _read(annotation, raw, loc, faults)
+    place = path_text(loc)
+    return not any(fault.path == place for fault in faults)
 
 
 def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, *, faulty: bool) -> list[Fault]:

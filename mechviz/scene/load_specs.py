@@ -33,6 +33,7 @@ from mechcore.spec import (
     TorsionSpring,
     Viscous,
 )
+from mechcore.texts import as_force, as_length, as_torque
 
 from .convert import LARGEST, Converter
 from .document import LoadDocument, SceneDocument
@@ -302,7 +303,7 @@ class _Maker:
         assert self.load.belt_tension is not None
         slack, coefficient = self.si("slack", "force"), self.load.coefficient or 0.0
         if slack < 0.0:
-            self.convert.note(f"{self.path}.slack", f"{slack:g} N is negative: belts only pull.", "Give a positive force.")
+            self.convert.note(f"{self.path}.slack", f"{as_force(slack)} is negative: belts only pull.", "Give a positive force.")
         pair = self.document.pairs.get(self.load.belt_tension)
         if coefficient and pair is not None and pair.kind == "chain":
             self.convert.note(f"{self.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
@@ -339,7 +340,7 @@ class _Maker:
         assert self.load.induction_motor is not None
         torque, speed = self.si("breakdown_torque", "torque"), self.si("synchronous_speed", "angular speed")
         if self.load.breakdown_torque is not None and torque <= 0.0:
-            why = f"{torque:g} N m is not positive."
+            why = f"{as_torque(torque)} is not positive."
             self.convert.note(f"{self.path}.breakdown_torque", why, "The sign of the synchronous speed is the direction.")
         if self.load.synchronous_speed is not None:
             self.not_zero(synchronous_speed=speed)
@@ -362,7 +363,8 @@ class _Maker:
         assert self.load.governor is not None
         least, most = self.convert.row(self.load.limits or (math.nan, math.nan), "torque", f"{self.path}.limits")
         if least >= most:
-            self.convert.note(f"{self.path}.limits", f"{least:g} N m is no less than {most:g} N m.", "Write [least, greatest].")
+            why = f"{as_torque(least)} is no less than {as_torque(most)}."
+            self.convert.note(f"{self.path}.limits", why, "Write [least, greatest].")
         return Governor(
             **self.common,
             **self.driven(self.load.governor),
@@ -468,7 +470,7 @@ class _Maker:
         if not convert.increasing(x, f"{path}.displacement"):
             return None
         if abs(x[0]) > 1e-9 * stroke or abs(x[-1] - stroke) > 1e-6 * stroke:
-            why = f"runs from {1e3 * x[0]:g} mm to {1e3 * x[-1]:g} mm; the stroke is {1e3 * stroke:g} mm."
+            why = f"runs from {as_length(x[0])} to {as_length(x[-1])}; the stroke is {as_length(stroke)}."
             convert.note(f"{path}.displacement", why, "Let it run from 0 (top dead centre) to the stroke.")
             return None
         branches: dict[str, Any] = {}

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Literal
 
 from mechcore.spec import Belt, Cylinder, Friction, Gear, Pair, PinSlot, Planar, Prismatic, Rack, Revolute, Rolling, Vec2, Weld
+from mechcore.texts import as_angle
 
 from .cams import cam_pair
 from .convert import Converter
@@ -99,7 +100,7 @@ class _Maker:
         if not 0.0 <= value < _STEEPEST and not math.isnan(value) and self.convert.certain("angle"):
             self.convert.note(
                 f"{self.path}.pressure_angle",
-                f"{math.degrees(value):g} deg is no pressure angle of teeth: they lie below 45 deg.",
+                f"{as_angle(value)} is no pressure angle of teeth: they lie below {as_angle(_STEEPEST)}.",
                 'Usual is "20 deg".',
             )
         return value

@@ -22,6 +22,16 @@ _SECTIONS = {"dynamics": "run", "drives": "pairs"}
 """Parts of a mechanism that are called otherwise in a scene."""
 
 
+_OF_CAMS = {
+    "lift": "profile.lift", "base": "profile.base", "bed": "profile.bed", "sense": "profile.sense", "phase": "profile.phase",
+    "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
+    "left": "follower.face",
+}  # fmt: skip
+"""What a cam pair of the core states, in a scene; its face is one of `_FACES`."""
+
+_FACES = ("roller", "mushroom", "groove", "flat")
+
+
 @contextmanager
 def worded(scene: Scene) -> Iterator[None]:
     """Faults of the core that arise inside, in the words of the scene. Raises `MechanismError`."""
@@ -62,6 +72,8 @@ def document_path(document: SceneDocument, path: str) -> str:
     found, place = section, getattr(document, section, None)
     if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a pair brings along
         found, place = "pairs", document.pairs
+    if found == "pairs":
+        rest = _of_cam(document, rest)
     while rest:
         key, after = _split(place, rest)
         if key is None:
@@ -69,6 +81,19 @@ def document_path(document: SceneDocument, path: str) -> str:
         found, rest = f"{found}.{key}", after
         place = place[key] if isinstance(place, Mapping) else getattr(place, key, None)
     return found
+
+
+def _of_cam(document: SceneDocument, path: str) -> str:
+    """A path inside the pairs, with what a cam pair of the core calls otherwise as its scene calls it."""
+    name, inner = _split(document.pairs, path)
+    pair = document.pairs.get(name or "")
+    if pair is None or pair.kind != "cam":
+        return path
+    key, _, rest = inner.partition(".")
+    if key == "face" and pair.follower is not None:
+        stated = next((face for face in _FACES if getattr(pair.follower, face)), "")
+        return f"{name}.follower.{stated}"
+    return ".".join(filter(None, (name, _OF_CAMS.get(key, key), rest)))
 
 
 def _split(place: Any, path: str) -> tuple[str | None, str]:

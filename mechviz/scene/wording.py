@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from mechcore.errors import Fault
 
-from .faults import closest, listing
+from .faults import closest, listing, nearest
 from .fields import describe
 from .pairs import KINDS
 
-__all__ = ["Loc", "meant_key", "missing_key", "path_text", "unknown_key", "words_of"]
+__all__ = ["Loc", "meant_keys", "missing_key", "misspelt", "path_text", "unknown_key", "words_of"]
 
 Loc = tuple[int | str, ...]
 
@@ -37,15 +38,24 @@ _SYNONYMS = {
 }  # fmt: skip
 
 
-def meant_key(key: str, known: Sequence[str]) -> str:
-    """The known key that an unknown one probably stands for, or an empty text."""
-    synonym = _SYNONYMS.get(key, "")
-    return synonym if synonym in known else closest(key, known)
+_MISSPELT = 0.75
+"""Similarity from which a key is a misspelt one even if the value does not fit."""
 
 
-def unknown_key(loc: Loc, known: Sequence[str]) -> Fault:
-    """The fault of a key that a table does not have."""
-    meant = meant_key(str(loc[-1]), known)
+def meant_keys(key: str, known: Sequence[str]) -> list[str]:
+    """The known keys that an unknown one may stand for, the most probable first."""
+    longer = [name for name in known if name.startswith(f"{key}_")]
+    found = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
+    return [name for name in dict.fromkeys(found) if name in known]
+
+
+def misspelt(key: str, meant: str) -> bool:
+    """Whether an unknown key is a known one but for a letter or two, whatever its value is."""
+    return difflib.SequenceMatcher(a=key.casefold(), b=meant.casefold()).ratio() >= _MISSPELT
+
+
+def unknown_key(loc: Loc, known: Sequence[str], meant: str) -> Fault:
+    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, if any."""
     remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
 

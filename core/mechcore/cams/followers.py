@@ -213,11 +213,12 @@ class Follower:
         r = base + self.radius
         c = (d**2 + guide.arm**2 - r**2) / (2.0 * d * guide.arm)
         if not -1.0 <= c <= 1.0:
+            least = max(abs(d - guide.arm) - self.radius, 0.0)
             raise MechanismError(
                 Fault(
                     "cam.base",
                     f"the arm of {as_length(guide.arm)} at {as_length(d)} does not reach a base circle of {as_length(base)}.",
-                    f"Give between {as_length(abs(d - guide.arm) - self.radius)} and {as_length(d + guide.arm - self.radius)}.",
+                    f"Give between {as_length(least)} and {as_length(d + guide.arm - self.radius)}.",
                 )
             )
         return float(2.0 * np.arcsin(np.sqrt(0.5 * (1.0 - c))))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Fault, MechanismError
+from ..texts import Text, as_angle
 from .curve import MotionCurve, Piece
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ class Smoothing:
     def __str__(self) -> str:
         return (
             f"{self.points} points by a spline of {self.pieces} pieces: corrections {self.rms:.3g} rms, "
-            f"{self.largest:.3g} at most, at {np.degrees(self.at):.6g} deg"
+            f"{self.largest:.3g} at most, at {Text(as_angle(self.at))}"
         )
 
 

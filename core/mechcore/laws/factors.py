@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..texts import Text, as_angle
 from .curve import MotionCurve, Piece
 
 __all__ = ["Extreme", "Jump", "PeakFactors", "extremes", "jumps", "peak", "peak_factors"]
@@ -34,7 +35,7 @@ class Jump:
 
     def __str__(self) -> str:
         what = f"{ORDER_NAMES[self.order]} jumps from {self.left:.6g} to {self.right:.6g}"
-        return f"{what} at {np.degrees(self.angle):.6g} deg" + (" (infinite jerk)" if self.shock else "")
+        return f"{what} at {Text(as_angle(self.angle))}" + (" (infinite jerk)" if self.shock else "")
 
 
 @dataclass(frozen=True)

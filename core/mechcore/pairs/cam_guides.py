@@ -16,6 +16,9 @@ from .relation import Bearing, Curve, Relation
 
 __all__ = ["Terms", "bed_of", "fault_of", "guide_in", "levelled", "place_on", "relate", "renamed"]
 
+_KEYS = {"base": "base", "lift": "lift", "radius": "face.radius"}
+"""What a cam's geometry calls what a `CamPair` states."""
+
 Terms = tuple[tuple[str, float], ...]
 
 
@@ -58,11 +61,11 @@ def fault_of(pair: CamPair, key: str, message: str, remedy: str) -> MechanismErr
 
 
 def renamed(pair: CamPair, fault: Fault) -> Fault:
-    """A fault of the geometry, said of the scene's item."""
-    key = fault.path.partition(".")[2]
+    """A fault of the geometry, said of the pair and what it states."""
     if fault.path.startswith("pairs."):
         return fault
-    return Fault(f"pairs.{pair.name}" + (f".{key}" if key in ("base", "radius") else ""), fault.message, fault.remedy)
+    key = _KEYS.get(fault.path.partition(".")[2], "")
+    return Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
 
 
 def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
