@@ -12,9 +12,12 @@ from mechcore import MechanismError
 from mechcore.dynamics import simulate
 from mechcore.laws.free import Free
 from mechcore.spec import Drive, Link, Mechanism, Planar
+from mechviz.picture import picture_of
 from mechviz.record import write_recording
 from mechviz.record.inspection import Recording
 from mechviz.run import run_scene
+from mechviz.solids import solids_of
+from recordings import vectors_of
 
 THROWN = """
 units = { length = "mm", angle = "deg" }
@@ -166,3 +169,22 @@ def test_a_coordinate_without_a_drive_is_named():
     )
     with pytest.raises(MechanismError, match=r"B\.y"):
         simulate(mechanism, 1.0)
+
+
+def test_a_torque_on_a_free_body_is_drawn_at_its_centre():
+    """The link has no joint at which it could be drawn."""
+    text = """
+    effects = ["inertia"]
+    run = { duration = "0.2 s", frames = 4 }
+    [links]
+    frame = { points = { O = [0, 0] } }
+    body = { points = { P = [0, 0], Q = [0.3, 0] }, mass = 2, centre = [0.1, 0], inertia = 1 }
+    [pairs]
+    B = { planar = ["frame", "body"], at = "P", free = { vx = 1 } }
+    [loads]
+    spin = { torque = 3, on = "body" }
+    """
+    run = run_scene(mechviz.loads(text))
+    moment = vectors_of(run)[1]["applied"]["spin"]
+    np.testing.assert_allclose(moment.origin, run.motion.centre_of_mass("body"), atol=1e-12)
+    picture_of(run, solids_of(run))  # with the height of its arc

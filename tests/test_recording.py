@@ -88,7 +88,9 @@ def smooth(m: Made, motion: Any) -> np.ndarray:
     if m.run.simulation is not None:
         breaks = [h.time for h in m.run.simulation.happenings if h.kind != "watch"]
         for rows, part in motion.parts:  # forces whose laws bend: accelerations bend with them
-            for effect in (e for e in effects_of(part.mechanism) if e.piecewise):
+            effects = effects_of(part.mechanism)
+            breaks += [b for e in effects for b in (*e.breaks, *(x for law in e.laws for x in law.breaks))]
+            for effect in (e for e in effects if e.piecewise):
                 bent = np.flatnonzero(np.diff(np.broadcast_to(effect.phase(part), len(rows))))
                 breaks += [float(t[rows[k + j]]) for k in bent for j in (0, 1)]
     else:

@@ -44,6 +44,7 @@ def test_the_gallery_has_what_it_promises():
         "inertia-rotation-about-centre", "inertia-uniform-rotation-about-centre", "inertia-uniform-rotation",
         "counterweighted-four-bar", "lumped-rod",
         "coupled-antiparallelograms", "parallelogram-six-bar", "four-bar-chain",
+        "engine-mounts", "servo-arm", "stribeck-block", "lifted-boom", "thrown-wrench",
     }  # fmt: skip
     assert promised <= set(NAMES)
     assert sorted(NAMES) == NAMES
@@ -347,3 +348,71 @@ def test_a_group_of_one_link_is_called_redundant_only_if_it_is():
     model = compile_mechanism(mechviz.load("valve-spring").mechanism).model
     assert [(g.links, g.kind) for g in groups(model)] == [(("rocker",), ""), (("valve",), "with a higher pair")]
     assert not redundant_pairs(model)
+
+
+# --- signals, bushings, servos, actuators, free bodies ------------------------------------------------------------------
+
+
+def test_engine_mounts_are_swept_through_their_resonances():
+    """The natural frequencies of the body on its bushings, by hand, lie within the sweep; at its own each freedom moves most."""
+    from mechcore.dynamics.vibrations import small_vibrations
+
+    stiffness = np.zeros((3, 3))
+    for kx, ky, kt, rx, ry in ((60e3, 110e3, 400.0, -0.2, -0.13), (60e3, 90e3, 400.0, 0.22, -0.13)):
+        rows = np.array([[1.0, 0.0, -ry], [0.0, 1.0, rx], [0.0, 0.0, 1.0]])
+        stiffness += rows.T @ np.diag([kx, ky, kt]) @ rows
+    weight = np.diag([90.0, 90.0, 3.2])
+    wanted = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(weight, stiffness)).real)) / (2.0 * np.pi)
+    found = [mode.frequency for mode in small_vibrations(mechviz.load("engine-mounts").mechanism).modes]
+    assert found == pytest.approx(wanted, rel=5e-3)  # the weight presses them in
+    assert all(2.0 < f < 16.0 for f in found)
+    motion = motion_of("engine-mounts")
+    swept = 2.0 + 14.0 * motion.time / 3.0  # [Hz]
+    heave, roll = motion.point("engine", "C")[:, 1], motion.pose("engine")[:, 2]
+    for moved, frequency in ((heave, found[1]), (roll, found[2])):
+        assert swept[np.argmax(np.abs(moved - moved[0]))] == pytest.approx(frequency, abs=1.0)
+
+
+def test_servo_arm_reaches_its_targets():
+    """The integral leaves the shoulder no error but what the elbow's swing makes; the elbow, without one, hangs by its weight."""
+    run = ran("servo-arm")
+    late = run.motion.time > 1.5
+    shoulder, elbow = (run.catalogue.by_key[f"servo.{name}.error"].values()[:, 0] for name in ("shoulder", "elbow"))
+    assert np.abs(shoulder[late]).max() < 2.0 and np.abs(shoulder).max() > 4.0
+    assert 0.0 < elbow[late].mean() < 2.0
+    effort = run.forces.loads["elbow"].values[:, 2]
+    error = np.radians(elbow)
+    rate = np.radians(30.0) * 2.0 * np.pi * np.cos(2.0 * np.pi * run.motion.time) - run.motion.coordinate("B")[:, 1]
+    np.testing.assert_allclose(effort, 60.0 * error + 3.0 * rate, atol=1e-9 * np.abs(effort).max())
+
+
+def test_stribeck_block_sticks_and_slips():
+    """Caught, it rides with the belt until the spring pulls by the greatest friction, 0.3 of its weight."""
+    run = ran("stribeck-block")
+    kinds = [h.kind for h in run.simulation.happenings]
+    assert kinds[:4] == ["slip", "stick", "slip", "stick"]
+    place = run.motion.point("block", "G")[:, 0]
+    slips = [h.time for h in run.simulation.happenings if h.kind == "slip"]
+    at = np.interp(slips, run.motion.time, place)
+    assert at == pytest.approx(0.3 * 2.0 * 9.81 / 400.0, rel=2e-3)
+    slides = run.motion.coordinate("G")[:, 1]
+    force = run.forces.friction.wrench("G")[:, 0]
+    moving = np.abs(slides) > 1e-3
+    speed = slides[moving] / 0.08
+    wanted = -np.sign(speed) * 2.0 * 9.81 * (0.12 + 0.18 * np.exp(-(speed**2)))
+    np.testing.assert_allclose(force[moving], wanted, rtol=1e-6)
+
+
+def test_lifted_boom_ends_on_its_stop():
+    motion, forces = motion_of("lifted-boom"), forces_of("lifted-boom")
+    assert np.degrees(motion.coordinate("O")[-1, 0]) == pytest.approx(50.0, abs=1e-6)
+    push = forces.loads["lift"].values[:, :2]
+    assert np.hypot(*push.T) == pytest.approx(520.0 * np.minimum(motion.time / 0.4, 1.0), abs=1e-9)
+
+
+def test_thrown_wrench_flies_along_a_parabola_and_spins_evenly():
+    motion = motion_of("thrown-wrench")
+    t, pose = motion.time, motion.pose("wrench")
+    np.testing.assert_allclose(pose[:, 0], 1.5 * t, atol=1e-12)
+    np.testing.assert_allclose(pose[:, 1], 4.0 * t - 0.5 * 9.81 * t * t, atol=1e-12)
+    np.testing.assert_allclose(pose[:, 2], 6.0 * np.pi * t, atol=1e-11)

@@ -169,8 +169,12 @@ def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, si
 
 
 def _middle_of_joints(n: Numbers, link: str, places: dict[str, Real]) -> Real:
-    """Where a free moment on a link is drawn: at its joint on the frame if it has one, else in the middle of its joints."""
+    """Where a free moment on a link is drawn: at its joint on the frame if it has one, else in the middle of its joints; of a link
+    without any, a free body, at its centre of mass or origin."""
     joints = [j for j in n.joints.values() if link in j.links]
+    if not joints:
+        centre = n.values("data", "points", centre_name(link), "position")
+        return n.poses[link][:, :2] if centre is None else centre
     grounded = [j for j in joints if n.frame in j.links]
     return np.asarray(np.mean([places[j.name] for j in grounded[:1] or joints], axis=0))
 
