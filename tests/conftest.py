@@ -1,4 +1,7 @@
-"""Which tests run in one process: those that share something dear, a recording, its solids or a browser. No test has a deadline."""
+"""Which tests run in one process: those of a module, which share what it makes, and those of a scene's run and recording.
+
+No test has a deadline.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,18 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # processes of tests: each woul
 settings.register_profile("without a clock", settings.default, deadline=None)
 settings.load_profile("without a clock")
 
-PER_SCENE = {"test_recording", "test_one_picture", "test_meshes", "test_gltf", "test_scene_gallery", "test_dynamics_scenes"}
-PER_MODULE = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
+# modules whose tests of a gallery scene share its run, its solids and its recording
+PER_SCENE = {
+    "test_recording",
+    "test_one_picture",
+    "test_meshes",
+    "test_gltf",
+    "test_scene_gallery",
+    "test_dynamics_scenes",
+    "test_friction_scenes",
+}
+# what takes longest and cannot be divided begins first, so that all workers end together
+FIRST = {"test_viewer_browser", "test_inspector_browser", "test_share_browser", "test_drawing_browser"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -38,7 +51,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         module = item.path.stem
         scene = getattr(item, "callspec", None) and (item.callspec.params.get("name") or item.callspec.params.get("made"))
-        if module in PER_MODULE:
-            item.add_marker(pytest.mark.xdist_group(module))
-        elif module in PER_SCENE and isinstance(scene, str):
-            item.add_marker(pytest.mark.xdist_group(scene))
+        together = scene if module in PER_SCENE and isinstance(scene, str) else module
+        item.add_marker(pytest.mark.xdist_group(together))
+    items.sort(key=lambda item: item.path.stem not in FIRST)
