@@ -157,8 +157,8 @@ def _linkers(run: Run, solids: Solids) -> list[Mark]:
                 first, second = (motion.pose(link)[:, 2] for link in load.links)
                 found.append(_spiral(f"spring {load.name}", motion.pair_position(pin.name), first, second, size, solids.z_top))
         elif isinstance(load, Bushing):
-            (outer, a), (inner, b) = zip(load.links, load.points, strict=True)
-            places = motion.point(outer, a), motion.point(inner, b)
+            (outer, hole), (inner, pivot) = zip(load.links, load.points, strict=True)
+            places = motion.point(outer, hole), motion.point(inner, pivot)
             found += _bushing(f"bushing {load.name}", *places, motion.pose(inner)[:, 2], size, solids.z_top + 0.01 * size)
     return found
 

@@ -321,11 +321,11 @@ def _answer(compute: Callable[[], Any], key: Any) -> Real:
     return values if values.ndim > 1 else values[:, None]
 
 
-def _led(motion: Motion, servo: Servo) -> Real:
-    """Target, coordinate, and how far it is behind (F, 3) [rad or m]."""
+def _led(motion: Motion, servo: Servo, chosen: slice) -> Real:
+    """Chosen columns of target, coordinate, and how far it is behind (F, n) [rad or m]."""
     target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
     reached = motion.coordinate(servo.pair)[:, 0]
-    return np.column_stack([target, reached, target - reached])
+    return np.column_stack([target, reached, target - reached])[:, chosen]
 
 
 def _loads(run: Run) -> Iterator[Table]:
@@ -339,9 +339,9 @@ def _loads(run: Run) -> Iterator[Table]:
     for servo in run.motion.mechanism.loads:
         if isinstance(servo, Servo):
             path, unit = ("data", "servos", servo.name), pair_unit(run.motion, servo.pair)
-            led = partial(_led, run.motion, servo)
-            yield Table((*path, "position"), servo.name, (("target", unit), ("reached", unit)), lambda led=led: led()[:, :2])
-            yield Table((*path, "error"), servo.name, (("error", unit),), lambda led=led: led()[:, 2:])
+            both: Columns = (("target", unit), ("reached", unit))
+            yield Table((*path, "position"), servo.name, both, partial(_led, run.motion, servo, slice(0, 2)))
+            yield Table((*path, "error"), servo.name, (("error", unit),), partial(_led, run.motion, servo, slice(2, 3)))
     forces = run.forces
     labels = power_labels(forces)
     if labels:

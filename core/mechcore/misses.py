@@ -8,6 +8,7 @@ distance minimised by the method of Levenberg and Marquardt from many starts.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from .positions import initial_state
 __all__ = ["greatest_miss", "least_miss"]
 
 Array = Any
+Equations = Callable[[Array], tuple[Array, Array]]  # unknowns (..., n) -> values (..., m), derivatives (..., m, n)
 MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
 STARTS = 32
 ITERATIONS = 60
@@ -74,7 +76,7 @@ def least_miss(model: Model, block: Block, state: bl.State) -> Array:
     for signs in _openings(model, block):
         x = np.broadcast_to(starts, (*frames, *starts.shape))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            found = _minimised(lambda x, signs=signs: _opened(*equations(x), signs), x)
+            found = _minimised(partial(_opened, equations, signs), x)
         least = np.fmin(least, np.fmin.reduce(found, axis=-1))
     return least * model.size
 
@@ -97,8 +99,9 @@ def _openings(model: Model, block: Block) -> list[Array]:
     return [np.array(signs) for signs in sorted(unique)]
 
 
-def _opened(r: Array, jacobian: Array, signs: Array) -> tuple[Array, Array]:
+def _opened(equations: Equations, signs: Array, x: Array) -> tuple[Array, Array]:
     """Equations (..., m) and derivatives (..., m, n) with those of the open joint first, the others weighted."""
+    r, jacobian = equations(x)
     contours = len(signs)
     first = int(np.flatnonzero(signs)[0])
     mix = np.eye(r.shape[-1])
@@ -111,7 +114,7 @@ def _opened(r: Array, jacobian: Array, signs: Array) -> tuple[Array, Array]:
     return r @ mix.T, mix @ jacobian
 
 
-def _minimised(function: Callable[[Array], tuple[Array, Array]], x: Array) -> Array:
+def _minimised(function: Equations, x: Array) -> Array:
     """Length (...) of the first two of the values (..., m) of a function where their sum of squares is least, from starts
     (..., n); infinite where the others are not closed there."""
     r, jacobian = function(x)
