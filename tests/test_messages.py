@@ -122,7 +122,7 @@ def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
 @pytest.mark.parametrize("units", list(SYSTEMS), ids=lambda u: f"{u.length} {u.angle}")
 def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
     rng, told = random.Random(units.length), 0
-    for _ in range(60):
+    while told < 10:
         name, raw = spoilt(rng)
         if "free" in str(raw["pairs"]):
             continue
@@ -143,7 +143,6 @@ def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
                 assert f.path.partition(".")[0] in type(scene.document).model_fields, (name, str(f))
         told += len(faults)
         assert not [str(f) for f in faults if foreign(units, f"{f.message} {f.remedy}")], name
-    assert told > 5
 
 
 def test_a_fault_within_a_fault_is_in_the_units_too():
@@ -177,3 +176,46 @@ def test_faults_of_cams_name_keys_that_exist(name, change, path):
     with pytest.raises(MechanismError) as error:
         check_lines(mechviz.loads(text.replace(*change), folder=GALLERY_FOLDER))
     assert [f.path for f in error.value.faults] == [path]
+
+
+# --- remedies ---------------------------------------------------------------------------------------------------------
+
+SIX_BAR = """
+units = { length = "mm", angle = "deg" }
+
+[links]
+frame = { points = { A = [0, 0], D = [150, 0], G = [150, 150] } }
+crank = { points = { A = [0, 0], B = [40, 0] } }
+rod = { points = { B = [0, 0], C = [120, 0] } }
+rocker = { points = { D = [0, 0], C = [90, 0] } }
+link = { points = { C = [0, 0], H = [70, 0] } }
+arm = { points = { G = [0, 0], H = [70, 0] } }
+
+[pairs]
+A = { revolute = ["frame", "crank"], drive = { oscillation = { centre = 60, amplitude = 20, period = "1 s" } } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "rocker"], side = "right" }
+D = { revolute = ["frame", "rocker"] }
+L = { revolute = ["rocker", "link"], at = ["C", "C"] }
+G = { revolute = ["frame", "arm"] }
+H = { revolute = ["link", "arm"], side = "left" }
+"""
+"""A four-bar whose C lies above or below its coupler; only from above do 140 mm reach to G."""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("", ""), 'at the start.*or take the other mode at C, side = "left", in which it fits.'),
+        (("G = [150, 150]", "G = [150, 60]"), 'or take the other mode at C, side = "left", in which it runs.'),
+    ],
+)
+def test_the_other_assembly_mode_of_a_group_before_is_named_where_it_fits(change, words):
+    scene = mechviz.loads(SIX_BAR.replace(*change))
+    with pytest.raises(MechanismError, match=rf"(?s)pairs.H: .*{words}"):
+        check_lines(scene)
+    check_lines(mechviz.loads(SIX_BAR.replace(*change).replace('"right"', '"left"')))
+    far = mechviz.loads(SIX_BAR.replace("G = [150, 150]", "G = [150, 400]"))
+    with pytest.raises(MechanismError) as error:
+        check_lines(far)
+    assert "the other mode" not in str(error.value)

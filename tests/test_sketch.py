@@ -93,7 +93,10 @@ def test_a_sketch_from_which_nothing_leads_to_the_start_is_refused():
         compile_mechanism(four_bar(lengths, -drawn, sketch))
     (fault,) = refused.value.faults
     assert fault.path == "pairs.C" and "the sketch is drawn at A = 40°" in fault.message and "cannot be led" in fault.message
-    assert fault.remedy.startswith("Sketch the mechanism where its drives start")
+    assert fault.remedy.startswith("Sketch the mechanism where its drives start, or state the assembly mode of the start instead: ")
+    for mode in ("left", "right"):
+        assert f'side = "{mode}" at C' in fault.remedy
+        compile_mechanism(replace(four_bar(lengths, -drawn, {}), modes={"C": mode}))
 
 
 def test_a_rough_sketch_of_the_start_need_not_be_one_that_can_be_assembled():

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,21 @@ from .errors import Fault, MechanismError
 from .model import Block, Model
 from .positions import initial_state
 from .sketch import sketched_angle, sketched_slide
+from .spec import Mechanism
 from .texts import Text, as_angle, as_length
 
-__all__ = ["Assembly", "all_modes", "assemble", "group_modes"]
+__all__ = ["Assembly", "all_modes", "assemble", "fitting_statements", "group_modes", "other_modes"]
 
 Array = Any
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
+_MOST_CHOICES = 2  # groups whose modes are told in all combinations
+
+_OTHER = {
+    "left": ("side", "right"), "right": ("side", "left"), "ahead": ("branch", "behind"), "behind": ("branch", "ahead"),
+    "open": ("assembly", "crossed"), "crossed": ("assembly", "open"),
+}  # fmt: skip
+"""Assembly modes: the key that states each, and the other one."""
+
 WORDS = {"theta_theta": ("left", "right"), "theta_slide": ("ahead", "behind"), "arm_slide": ("ahead", "behind")}
 
 
@@ -34,8 +44,9 @@ class Assembly:
     state: State  # positions at the start
 
 
-def assemble(model: Model, drives: Sequence[float]) -> Assembly:
-    """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show."""
+def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> Assembly:
+    """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show; ``others``:
+    where a group does not fit, the remedy names another assembly mode in which it does."""
     m = model.mechanism
     faults: list[Fault] = []
     known_names = {b.name for b in model.blocks}
@@ -52,7 +63,7 @@ def assemble(model: Model, drives: Sequence[float]) -> Assembly:
             if block.kind in TWO_MODES:
                 miss = float(bl.gap(model, block, state))
                 if miss > 1e-14 * model.size:
-                    faults.append(_apart(model, block, miss))
+                    faults.append(_apart(model, block, miss, _fitting_mode(model, drives) if others else ""))
                     break
                 if block.kind != "theta_slide" and bl.span(model, block, state) <= 1e-14 * model.size:
                     faults.append(_unspanned(block))
@@ -112,11 +123,48 @@ def _stated(model: Model) -> dict[str, str]:
     return found
 
 
-def _apart(model: Model, block: Block, miss: float) -> Fault:
+def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
+    """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
+    the pair ``beside``."""
+    for pair, word in mechanism.modes.items():
+        if pair != beside and word in _OTHER:
+            key, other = _OTHER[word]
+            remedy = f', or take the other mode at {pair}, {key} = "{other}"'
+            yield replace(mechanism, modes={**mechanism.modes, pair: other}), remedy
+
+
+def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
+    """Another assembly mode in which the mechanism can be put together at the start, as the rest of a remedy; "" for none."""
+    for other, remedy in other_modes(model.mechanism):
+        try:
+            assemble(replace(model, mechanism=other), drives, others=False)
+        except MechanismError:
+            continue
+        return f"{remedy}, in which it fits"
+    return ""
+
+
+def fitting_statements(model: Model, drives: Sequence[float]) -> str:
+    """Assembly modes that fit at the start, to be stated instead of a sketch, as the rest of a remedy; "" for none."""
+    choices = [block for block in model.blocks if block.kind in TWO_MODES]
+    if len(choices) > _MOST_CHOICES or any(block.kind == "general" for block in model.blocks):
+        return ""
+    found = []
+    for words in product(*(WORDS[block.kind] for block in choices)):
+        modes = dict(zip((block.name for block in choices), words, strict=True))
+        try:
+            assemble(replace(model, mechanism=replace(model.mechanism, sketch={}, modes=modes)), drives, others=False)
+        except MechanismError:
+            continue
+        found.append(" and ".join(f'{_OTHER[word][0]} = "{word}" at {pair}' for pair, word in modes.items()))
+    return f", or state the assembly mode of the start instead: {' or '.join(found)} fits there" if found else ""
+
+
+def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
     return Fault(
         f"pairs.{block.name}",
         f"cannot be assembled at the start: the links miss each other by {as_length(miss)}.",
-        "Change a length or the start of the drive.",
+        f"Change a length or the start of the drive{other}.",
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .accuracy import DEFAULT, Accuracy
-from .assembly import Assembly, assemble
+from .assembly import Assembly, assemble, fitting_statements, other_modes
 from .changes import TWO_MODES, Changes, find_changes, needs_span, passages
 from .errors import Fault, MechanismError
 from .events import SINGULAR, at_drive
@@ -116,7 +116,7 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
     led_by = zip(mechanism.drives, drawn, strict=True)
     places = ", ".join(f"{d.pair} = {as_coordinate(q, rotary=model.rotary(d.pair), digits=4)}" for d, q in led_by)
     why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start: it"
-    remedy = "Sketch the mechanism where its drives start"
+    remedy = f"Sketch the mechanism where its drives start{fitting_statements(model, start)}"
     said = [(f.path, Text.of(f.message).source, Text.of(f.remedy).source) for f in faults]
     raise MechanismError([Fault(path, f"{why} {message}", f"{remedy}, or: {other}") for path, message, other in said])
 
@@ -408,8 +408,21 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
     if not block.redundant:
-        remedy += _within_reach(compiled, motion, bad, time)
+        remedy += _within_reach(compiled, motion, bad, time) + _in_other_mode(compiled, block, time)
     return Fault(f"pairs.{block.name}", words, f"{remedy}.")
+
+
+def _in_other_mode(compiled: Compiled, block: Block, time: Array) -> str:
+    """The rest of a remedy: an assembly mode of another group in which a run over ``time`` can be assembled, if there is one."""
+    for other, remedy in other_modes(compiled.mechanism, beside=block.name):
+        try:
+            led = compile_mechanism(other, compiled.accuracy)
+            motion = solve_motion(led, time, strict=False)
+        except MechanismError:
+            continue
+        if all(_placed(led.model, each, motion).all() for each in led.model.blocks):
+            return f"{remedy}, in which it runs"
+    return ""
 
 
 def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
