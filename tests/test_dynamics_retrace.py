@@ -91,16 +91,25 @@ class Bent:
         return -100.0 * (q < 0.0)[:, :, None].astype(float), -0.5 * (q < 0.0)[:, :, None].astype(float)
 
 
-def bend(window: Window, after: float) -> float | None:
-    """First time at which x passes zero, by halving."""
-    t = np.linspace(max(after, window.start), window.start + window.length, 65)
-    for _ in range(10):
-        below = window(t)[0][:, 0] < 0.0
-        changed = np.flatnonzero(below[1:] != below[:-1])
-        if not len(changed):
-            return None
-        t = np.linspace(t[changed[0]], t[changed[0] + 1], 65)
-    return float(t[-1])
+class Passing:
+    """Bends where x passes zero."""
+
+    def __call__(self, window: Window, after: float) -> float | None:
+        """First time at which x passes zero, by halving."""
+        t = np.linspace(max(after, window.start), window.start + window.length, 65)
+        for _ in range(10):
+            below = window(t)[0][:, 0] < 0.0
+            changed = np.flatnonzero(below[1:] != below[:-1])
+            if not len(changed):
+                return None
+            t = np.linspace(t[changed[0]], t[changed[0] + 1], 65)
+        return float(t[-1])
+
+    def stated(self, after: float) -> float:
+        return np.inf
+
+
+bend = Passing()
 
 
 def test_windows_end_where_the_law_changes_in_the_new_motion():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +13,7 @@ from .free import Free
 from .phases import senses
 from .reduced import free_of, motion_at
 
-__all__ = ["bend_finder"]
+__all__ = ["Bends", "bend_finder"]
 
 Array = NDArray[np.float64]
 SAMPLES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
@@ -24,39 +22,47 @@ _FINE = np.linspace(0.0, 1.0, 97)
 ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
 
 
-def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] | None:
-    """Window, time -> the first time [s] in it, later than that, at which the law of some force or cam changes its form; None where
-    none does. None at once where nothing in the mechanism has several forms. Switching points in time that loads and the laws of
-    drives state are taken as they are; all else is looked for."""
-    laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-    laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
-    laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
-    breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
-    effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
-    cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
-    driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end pieces
-    searched = bool(effects or cams or driven)
-    if not (searched or len(breaks) or laws):
-        return None
+class Bends:
+    """Where the law of some force or cam changes its form. Switching points in time that loads and the laws of drives state are
+    taken as they are; all else is looked for along a window."""
 
-    def forms(window: Window, t: Array) -> Array:
+    def __init__(self, compiled: Compiled):
+        self.compiled = compiled
+        laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
+        laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
+        self.laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
+        self.breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
+        self.effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
+        self.cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
+        self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end pieces
+        self.searched = bool(self.effects or self.cams or self.driven)
+
+    def stated(self, after: float) -> float:
+        """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
+        k = int(np.searchsorted(self.breaks, after, side="right"))
+        found = float(min([*self.breaks[k : k + 1], *(_next_break(law, after) for law in self.laws)], default=np.inf))
+        if not np.isfinite(found):
+            return found
+        return found - 2.0 * float(np.spacing(found))  # the last node of a window that ends there is before it, however rounded
+
+    def _forms(self, window: Window, t: Array) -> Array:
         q, v, _ = window(t)
-        motion = motion_at(compiled, q, v, t)
-        found = [*(e.phase(motion) for e in effects), *(c.segment(motion) for c in cams)]
-        found += list(senses(motion).T) if driven else []
+        motion = motion_at(self.compiled, q, v, t)
+        found = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]
+        found += list(senses(motion).T) if self.driven else []
         return np.stack([np.broadcast_to(x, t.shape) for x in found])
 
-    def first(window: Window, after: float) -> float | None:
+    def __call__(self, window: Window, after: float) -> float | None:
+        """The first time [s] in a window, later than another one, at which a law changes its form; None where none does."""
         low, high = max(after, window.start), window.start + window.length
-        stated = min([*breaks[breaks > low][:1], *(_next_break(law, low) for law in laws)], default=np.inf)
-        stated -= 2.0 * np.spacing(stated)  # so that the last node of the window is before it, whichever way its time is rounded
-        known = float(stated) if low < stated < high else None
-        if not searched:
+        stated = self.stated(low)
+        known = stated if low < stated < high else None
+        if not self.searched:
             return known
         high = high if known is None else known
         t = np.concatenate([[low], low + (high - low) * _X, [high]])
         for _ in range(ROUNDS):
-            found = forms(window, t)
+            found = self._forms(window, t)
             changed = np.flatnonzero((found[:, 1:] != found[:, :-1]).any(axis=0))
             if not len(changed):
                 return known
@@ -66,7 +72,11 @@ def bend_finder(compiled: Compiled) -> Callable[[Window, float], float | None] |
             t = t[k] + (t[k + 1] - t[k]) * _FINE
         return float(t[min(int(changed[0]) + 1, len(t) - 1)])
 
-    return first
+
+def bend_finder(compiled: Compiled) -> Bends | None:
+    """What finds the bends of a mechanism's laws; None where nothing in it has several forms."""
+    found = Bends(compiled)
+    return found if found.searched or len(found.breaks) or found.laws else None
 
 
 def _next_break(law: Law, after: float) -> float:

@@ -12,13 +12,22 @@ from numpy.typing import NDArray
 from ..errors import Fault, MechanismError
 from .collocation import Rule, Window, gauss, integrals_and_values, radau, solve_window
 
-__all__ = ["Solution", "System", "integrate", "nodes_for", "tails"]
+__all__ = ["Bending", "Solution", "System", "integrate", "nodes_for", "tails"]
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
 MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits
 CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
+
+
+class Bending(Protocol):
+    """Where the equations change their form: the first time [s] in a window that is later than another one, or None; and the
+    first one, later than another, that is known without a window."""
+
+    def __call__(self, window: Window, after: float) -> float | None: ...
+
+    def stated(self, after: float) -> float: ...
 
 
 class System(Protocol):
@@ -99,7 +108,7 @@ def integrate(
     nodes: int | None = None,
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
-    bends: Callable[[Window, float], float | None] | None = None,
+    bends: Bending | None = None,
     keeps: Callable[[Array, Array], Array] | None = None,
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
@@ -128,6 +137,9 @@ def integrate(
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
+        stated = bends.stated(t + 10.0 * least) if bends is not None and not cuts else np.inf
+        if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
+            cuts, uncut, h = 1, h, stated - t
         solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * float(np.min(scale)))
         if solved is not None:
             nodes_a, count = solved

@@ -17,14 +17,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MechanismError
 from .collocation import Rule, Window, gauss, integrals, radau
-from .integrate import Solution, System, integrate, nodes_for, tails
+from .integrate import Bending, Solution, System, integrate, nodes_for, tails
 
 __all__ = ["Known", "retrace"]
 
@@ -104,7 +103,7 @@ def retrace(
     nodes: int | None = None,
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
-    bends: Callable[[Window, float], float | None] | None = None,
+    bends: Bending | None = None,
     keeps: Callable[[Array, Array], Array] | None = None,
 ) -> Solution:
     """What `integrate` does, by what is ``known``; the other arguments and what it raises are those of that."""
@@ -118,6 +117,8 @@ def retrace(
     ends, cut = np.minimum(known.borders[1:][keep], t1), known.cut[keep]
     if len(ends) and most is not None and np.diff(np.append(t0, ends)).max() > most:
         ends, cut = ends[:0], cut[:0]
+    if bends is not None:  # what a law states in time is where it was
+        cut = cut & np.array([abs(bends.stated(end - 20.0 * least) - end) > 20.0 * least for end in ends], bool)
     block = max(1, MOST // s)
     bent = 0
     while len(ends) and bent <= 2 * len(known.cut):
@@ -187,7 +188,7 @@ class _Solver:
         except MechanismError:  # some equations say it where they have no solution; what is known may have led there
             return None
 
-    def until(self, window: Window, bend: float, bends: Any, least: float) -> Window:
+    def until(self, window: Window, bend: float, bends: Bending, least: float) -> Window:
         """A window that ends at its first bend. Raises no error: where that is not found, the window as long as it was guessed."""
         for _ in range(5):
             borders = np.array([window.start, bend])

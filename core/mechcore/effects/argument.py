@@ -11,7 +11,7 @@ from ..laws import Table
 from ..loads import Factor
 from .base import Configuration
 
-__all__ = ["bends", "breaks_of", "coordinate", "counts_turns", "factor_of", "needs_of", "phase_of", "rate"]
+__all__ = ["bends", "bends_in_time", "breaks_of", "coordinate", "counts_turns", "factor_of", "needs_of", "phase_of", "rate"]
 
 Array = Any
 
@@ -79,6 +79,12 @@ def bends(factor: Factor | None) -> bool:
     """Whether some derivative of a factor jumps: at the points of a table, or where it ends."""
     f = None if factor is None else factor.function
     return isinstance(f, Table) and bool(f.knots)
+
+
+def bends_in_time(factor: Factor | None) -> tuple[float, ...]:
+    """Times [s] at which some derivative of a factor jumps, all of them, where it depends on time and does not repeat."""
+    f = None if factor is None or factor.of != "time" else factor.function
+    return tuple(f.knots) if isinstance(f, Table) and f.period is None else ()
 
 
 def counts_turns(factor: Factor | None) -> bool:

@@ -92,7 +92,8 @@ class Effect:
 
     @property
     def piecewise(self) -> bool:
-        """Whether its law changes its form somewhere, with a bend or a jump; then `phase` says which form holds."""
+        """Whether its law changes its form somewhere else than at its `breaks`, with a bend or a jump; then `phase` says which form
+        holds."""
         return False
 
     def phase(self, at: Configuration) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 from ..loads import Force, Torque
 from ..model import Model
 from ..statics import Acting
-from .argument import bends, breaks_of, counts_turns, factor_of, needs_of, phase_of
+from .argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
 from .base import Configuration, Effect
 from .wrench import Wrench
 
@@ -26,11 +26,11 @@ class Varied(Effect):
 
     @property
     def piecewise(self) -> bool:
-        return bends(self.load.factor)
+        return bends(self.load.factor) and not bends_in_time(self.load.factor)
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        return breaks_of(self.load.factor)
+        return breaks_of(self.load.factor) or bends_in_time(self.load.factor)
 
     @property
     def counts_turns(self) -> bool:
