@@ -132,7 +132,7 @@ def retrace(
         ends, cut = ends[count:], cut[count:]
         for window in stretch.windows(rule):
             bend = None if bends is None else bends(window, window.start + 10.0 * least)
-            if bend is not None and bend < window.start + window.length * (1.0 - NEAR):
+            if bends is not None and bend is not None and bend < window.start + window.length * (1.0 - NEAR):
                 window = solver.until(window, bend, bends, least)
                 bent += 1
             else:
