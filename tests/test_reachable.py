@@ -16,7 +16,7 @@ from mechviz.cli import app
 from mechviz.report import check_lines
 from mechviz.run import run_scene
 from mechviz.scene import Scene, SceneError
-from mechviz.scene.swings import MARGIN
+from mechviz.scene.swings import MARGIN, swinging
 from mechviz.viewer.studio import Status, Studio
 
 ROCKER = """
@@ -243,3 +243,18 @@ def test_crossing_grashof_with_a_slider_swings():
         assert studio.wait() and told[-1].fault == "" and "reachable" not in studio.run.scene.to_toml()
     finally:
         studio.close()
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        'speed = "60 rpm", travel = 40',
+        "speed = 0",
+        'speed = "60 rpm", sine = { period = 1 }',
+        "speed = 5, range = [0, 9]",
+        REACHABLE,
+    ],
+)
+def test_only_a_drive_that_says_no_more_than_its_speed_is_made_to_swing(drive):
+    assert not swinging(rocker(drive).document)
+    assert not swinging(mechviz.load("swinging-double-pendulum").document)

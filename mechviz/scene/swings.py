@@ -16,6 +16,7 @@ from mechcore.reach import reachable_ranges
 from mechcore.spec import Drive, Mechanism
 
 from .document import SceneDocument
+from .units import magnitude
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -32,11 +33,11 @@ TURN = 2.0 * math.pi
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the drive of a document swing within its reach: none where no drive could."""
-    driven = {name: pair.drive for name, pair in document.pairs.items() if pair.drive is not None}
-    plain = [
-        name for name, drive in driven.items() if drive.laws == ["speed"] and not (drive.travel or drive.range or drive.signals)
-    ]
-    return {("pairs", plain[0], "drive", "range"): REACHABLE} if len(plain) == 1 == len(driven) else {}
+    led = [name for name, pair in document.pairs.items() if pair.led]
+    drive = document.pairs[led[0]].drive if len(led) == 1 else None
+    if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
+        return {}
+    return {("pairs", led[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
 
 
 def swings(scene: Scene) -> tuple[str, ...]:
