@@ -113,6 +113,6 @@ def closure_tolerance(run: Run) -> float:
 
 
 def cycle_of(run: Run) -> float:
-    """How long a cycle takes [s]; the whole run where that is unknown."""
+    """How long a cycle takes [s]; the whole run where that is unknown, 1 of one instant."""
     cycle = run.motion.mechanism.cycle
-    return cycle if np.isfinite(cycle) and cycle > 0.0 else max(float(np.ptp(run.motion.time)), 1e-9)
+    return cycle if np.isfinite(cycle) and cycle > 0.0 else float(np.ptp(run.motion.time)) or 1.0

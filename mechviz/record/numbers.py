@@ -48,7 +48,7 @@ def numbers_in(recording: Recording) -> Numbers:
         loads={name: LoadInfo(str(load["kind"]), tuple(load["links"])) for name, load in model["loads"].items()},
         traced=tuple(model.get("traced", [p[2] for p in paths if p[:2] == ("mechanism", "paths")])),
         tables=tables,
-        cycle=float(said.get("cycle", float(np.ptp(time)) or 1e-9)),
+        cycle=float(said.get("cycle", float(np.ptp(time)) or 1.0)),
         length_scale=scale,
         tolerance=float(said["tolerance"]),
     )
