@@ -167,7 +167,8 @@ def solve_motion(
     if strict and drives is None and len(time):
         _check_way(compiled, positions)
     constants = compiled.assembly.constants
-    solved, starts, parameter, course = model, None, None, None
+    solved, parameter, course = model, None, None
+    starts: Mapping[str, Array] | None = None
     modes: Sequence[Array] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
