@@ -286,7 +286,7 @@ def _differences(run: Run) -> list[str]:
     """In words, where profiles differ from what their laws ask for."""
     from mechcore.cams.happenings import lost_ranges, placed_cams
 
-    lines = []
+    lines: list[str] = []
     for cam in placed_cams(run.motion):
         for first, last, at, miss in lost_ranges(cam):
             size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)

@@ -17,7 +17,7 @@ from mechcore.laws import ConstantSpeed
 from mechcore.laws.free import Free
 from mechcore.leastnorm import indeterminate
 from mechcore.load_events import idle_table, load_events
-from mechcore.loads import BeltTension
+from mechcore.loads import BeltTension, Factor
 from mechcore.plan import Plan
 from mechcore.reach import reachable_ranges
 from mechcore.spec import CamPair, PinSlot, Planar
@@ -225,13 +225,12 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
     duration = scene.simulation.duration if scene.simulation is not None else np.nan
     lines = []
     for load in scene.mechanism.loads:
-        factor = getattr(load, "factor", None)
-        span = None
+        factor: Factor | None = getattr(load, "factor", None)
+        words = ""
         if factor is not None and factor.of == "time" and np.isfinite(duration):
-            span = (0.0, duration)
+            words = idle_table(load, False, 0.0, duration)
         elif factor is not None and factor.of == "position" and factor.pair in (None, first) and len(ranges) == 1:
-            span = ranges[0]
-        words = "" if span is None else idle_table(load, compiled.model.rotary(first) and factor.of != "time", *span)
+            words = idle_table(load, compiled.model.rotary(first), *ranges[0])
         lines += [f"{load.name}: {Text(words, scene.units)}"] if words else []
     return _section("load", lines)
 

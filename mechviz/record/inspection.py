@@ -138,8 +138,8 @@ def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
         if about["kind"] != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
             moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
-            turns = about["kind"] in MOMENTS or (moment is not None and moment.value != 0.0)
-            found.append(moment if turns and force is not None and force.value == 0.0 else force)
+            is_moment = about["kind"] in MOMENTS or (moment is not None and moment.value != 0.0)
+            found.append(moment if is_moment and force is not None and force.value == 0.0 else force)
     return [p for p in found if p is not None]
 
 
