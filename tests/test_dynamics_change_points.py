@@ -77,6 +77,19 @@ def test_a_change_point_four_bar_turns_six_times(name: str):
     assert np.abs(found.drift(t)).max() < 1e-9
 
 
+@pytest.mark.parametrize("pair", "BCD")
+def test_a_change_point_four_bar_led_by_another_pair(pair: str):
+    sizes = (2.0, 4.0, 3.0, 5.0)
+    mechanism, linkage = four_bar(sizes, "left", np.pi / 3, -12.0, gravity=False)
+    at = solve_motion(compile_mechanism(mechanism), [0.0])
+    start, speed, _ = (float(x) for x in at.coordinate(pair)[0])
+    poses = {name: tuple(float(x) for x in at.pose(name)[0]) for name in LINKS}
+    led = replace(mechanism, drives=(Drive(pair=pair, law=Free(start, speed)),), modes={}, sketch=poses)
+    t, angles = change_point_way(sizes, linkage, side_of(mechanism), np.pi / 3, -12.0, 3.0, 24)
+    found = simulate(led, float(t[-1]), tolerance=1e-11)
+    assert np.abs(np.exp(1j * angles_of(found.motion(t))) - np.exp(1j * angles)).max() < 1e-9
+
+
 def test_the_four_bar_of_a_scene_that_stopped_after_a_turn():
     """Its crank's mass is no uniform bar's."""
     text = """

@@ -114,7 +114,8 @@ def _rates(motion: Motion) -> dict[str, Array]:
                 rate = speeds.slide[j]
             else:
                 first, second = model.ends[j]
-                rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
+                with np.errstate(invalid="ignore"):  # infinite where a group is singular
+                    rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
             out[joint.name] = rate if joint.coordinate == "angle" else rate / model.size
     return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 
