@@ -345,39 +345,44 @@ def equations(model: Model, block: Block, state: State, frames: Any = None) -> C
         parts.append((at(known), {g: at(a) for g, a in arms.items()}, [(j, at(d)) for j, d in slides]))
     ties = [(at(known), unknown) for known, unknown in (relation_sum(model, k, state, block) for k in block.relations)]
     n_angles = len(block.angles)
+    angle_at = {g: k for k, g in enumerate(block.angles)}
+    slide_at = {j: k for k, j in enumerate(block.slides, n_angles)}
     carrier = {j: model.angles.spin_group[g] for c in block.contours for j, g, _ in model.spin_contours[c].slides}
+    # in units of the size: what a relation has, and the place and the factor of each of its unknowns; likewise of the contours
+    tied = [
+        (known / size, [(angle_at[g], c / size) if what == "angle" else (slide_at[g], c) for (what, g), c in unknown.items()])
+        for known, unknown in ties
+    ]
+    contours = [
+        (-target / size, [(angle_at[g], a / size) for g, a in arms.items()], [(slide_at[j], carrier[j], d) for j, d in slides])
+        for target, arms, slides in parts
+    ]
 
     def residual(x: Array) -> tuple[Array, Array]:
-        e = dict(zip(block.angles, np.moveaxis(np.exp(1j * x[..., :n_angles]), -1, 0), strict=True))
-        s = dict(zip(block.slides, np.moveaxis(x[..., n_angles:], -1, 0), strict=True))
+        e = np.exp(1j * x[..., :n_angles])
         rows = 2 * len(parts) + len(ties)
         r = np.empty((*x.shape[:-1], rows))
         jac = np.zeros((*x.shape[:-1], rows, x.shape[-1]))
-        for i, (known, unknown) in enumerate(ties, 2 * len(parts)):
-            total = known / size
-            for (what, item), c in unknown.items():
-                k = block.angles.index(item) if what == "angle" else n_angles + block.slides.index(item)
-                c = c / size if what == "angle" else c
+        for i, (total, unknowns) in enumerate(tied, 2 * len(parts)):
+            for k, c in unknowns:
                 total = total + c * x[..., k]
                 jac[..., i, k] = c
             r[..., i] = total
-        for i, (target, arms, slides) in enumerate(parts):
-            total = -target / size
-            for g, a in arms.items():
-                z = a / size * e[g]
+        for i, (total, arms, slides) in enumerate(contours):
+            for k, a in arms:
+                z = a * e[..., k]
                 total = total + z
-                jac[..., 2 * i, block.angles.index(g)] += -z.imag
-                jac[..., 2 * i + 1, block.angles.index(g)] += z.real
-            for j, d in slides:
-                g = carrier[j]
-                dd = d * e[g] if g in block.angles else d
-                total = total + s[j] * dd
-                k = n_angles + block.slides.index(j)
-                jac[..., 2 * i, k] += dd.real
-                jac[..., 2 * i + 1, k] += dd.imag
-                if g in block.angles:
-                    jac[..., 2 * i, block.angles.index(g)] += -(s[j] * dd).imag
-                    jac[..., 2 * i + 1, block.angles.index(g)] += (s[j] * dd).real
+                jac[..., 2 * i, k] -= z.imag
+                jac[..., 2 * i + 1, k] += z.real
+            for k, g, d in slides:
+                along = d * e[..., angle_at[g]] if g in angle_at else d
+                moved = x[..., k] * along
+                total = total + moved
+                jac[..., 2 * i, k] += along.real
+                jac[..., 2 * i + 1, k] += along.imag
+                if g in angle_at:
+                    jac[..., 2 * i, angle_at[g]] -= moved.imag
+                    jac[..., 2 * i + 1, angle_at[g]] += moved.real
             r[..., 2 * i], r[..., 2 * i + 1] = total.real, total.imag
         return r, jac
 
