@@ -20,6 +20,7 @@ from mechviz.meshes import Solids
 from mechviz.picture.arrows import arrows_of
 from mechviz.record import Recording, RecordingSummary, write_recording
 from mechviz.run import Run, run_scene
+from mechviz.scene import Scene
 from mechviz.solids import solids_of
 from mechviz.vectors import Moment, Scales, Vector
 
@@ -60,9 +61,15 @@ class Made:
 
 
 @cache
+def gallery_scene(name: str) -> Scene:
+    """A gallery scene."""
+    return mechviz.load(name)
+
+
+@cache
 def ran(name: str, frames: int = FRAMES) -> Run:
     """A gallery scene, run."""
-    return run_scene(mechviz.load(name), frames=frames)
+    return run_scene(gallery_scene(name), frames=frames)
 
 
 def motion_of(name: str, frames: int) -> Any:

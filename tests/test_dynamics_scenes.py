@@ -16,9 +16,9 @@ from mechcore.texts import Text
 from mechviz.cli import app
 from mechviz.record import Recording, write_recording
 from mechviz.run import run_scene
-from recordings import made
+from recordings import NAMES, gallery_scene, made
 
-SIMULATED = [e.name for e in mechviz.gallery() if mechviz.load(e.name).simulation is not None]
+SIMULATED = [name for name in NAMES if gallery_scene(name).simulation is not None]
 
 PENDULUM = """
 title = "pendulum"

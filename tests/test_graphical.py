@@ -16,9 +16,10 @@ from mechcore.graphical.images import layout
 from mechcore.loads import Spring
 from mechcore.reduction import resultant
 from mechcore.spec import Force
+from recordings import gallery_scene
 from tests.mechanisms import case, four_bar
 
-NAMES = [entry.name for entry in mechviz.gallery() if mechviz.load(entry.name).simulation is None]
+NAMES = [entry.name for entry in mechviz.gallery() if gallery_scene(entry.name).simulation is None]
 
 
 def motion_of(name, frames=72):

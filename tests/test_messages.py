@@ -24,6 +24,7 @@ from mechviz.scene import Scene, SceneError, gallery, gallery_names, load
 from mechviz.scene.catalogue import GALLERY_FOLDER
 from mechviz.scene.document import UnitsDocument
 from mechviz.scene.units import KINDS, Units
+from recordings import gallery_scene
 
 ODD = Units(length="in", angle="turn", force="kgf")
 FOREIGN = re.compile(r"(?<![\w'\"])-?[\d.]+(e[+-]?\d+)? ?(mm|cm|m|deg|rad|°)(?![\w²³/^])(?! \w*['\"])")
@@ -68,7 +69,7 @@ def test_the_units_of_a_scene_have_all_kinds_of_quantities_of_texts():
 
 # --- units of what a run says -----------------------------------------------------------------------------------------
 
-QUICK = [name for name in gallery_names() if load(name).simulation is None]
+QUICK = [name for name in gallery_names() if gallery_scene(name).simulation is None]
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 import trimesh
 
-import mechviz
 from mechcore.cams.happenings import placed_cams
 from mechcore.clearance import journals_of
 from mechcore.effects import effects_of
 from mechcore.events import find_events
 from mechcore.laws.free import Free
 from mechcore.spec import CamPair, Prismatic, Revolute
-from recordings import NAMES, Made, made, motion_of, place, points_of, size_of
+from recordings import NAMES, Made, gallery_scene, made, motion_of, place, points_of, size_of
 
-MECHANISMS = {name: mechviz.load(name).mechanism for name in NAMES}
+MECHANISMS = {name: gallery_scene(name).mechanism for name in NAMES}
 WITH_FORCES = [name for name, m in MECHANISMS.items() if m.effects or m.loads]
 KINEMATIC = [name for name in NAMES if name not in WITH_FORCES]
 

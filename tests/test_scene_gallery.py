@@ -8,14 +8,14 @@ import pytest
 import mechviz
 from mechcore import Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.structure import groups, gruebler, rank_mobility, redundant_pairs
-from recordings import ran
+from recordings import gallery_scene, ran
 
 NAMES = [entry.name for entry in mechviz.gallery()]
 
 
 def motion_of(name: str, *, at: float | None = None) -> Motion:
     """A gallery scene over its own run, or at one position of its first drive [rad] with the speed of the start."""
-    scene = mechviz.load(name)
+    scene = gallery_scene(name)
     if scene.simulation is not None:
         return ran(name).motion
     compiled = compile_mechanism(scene.mechanism)
@@ -62,7 +62,7 @@ def test_every_gallery_scene_runs_and_closes(name):
     assert motion.closure.max() <= 1e-12 * size_of(motion)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if mechviz.load(name).effects])
+@pytest.mark.parametrize("name", [name for name in NAMES if gallery_scene(name).effects])
 def test_forces_of_every_gallery_scene_balance_their_power(name):
     forces = forces_of(name)
     known = np.ones(forces.motion.frames, bool) if forces.friction is None else ~forces.friction.jammed
