@@ -193,8 +193,10 @@ def test_every_part_is_closed_and_its_normals_point_outwards(built, name):
 
 def placed(shape: shapely.Geometry, poses: np.ndarray, size: float) -> np.ndarray:
     """A shape in the world at some poses (n, 3): geometries (n,)."""
-    around = [np.array([[np.cos(q), np.sin(q)], [-np.sin(q), np.cos(q)]]) for q in poses[:, 2]]
-    return np.array([shapely.transform(shape, lambda xy, k=k: xy @ around[k] + poses[k, :2] / size) for k in range(len(poses))])
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn = np.moveaxis(np.array([[c, s], [-s, c]]), 2, 0)
+    points = shapely.get_coordinates(shape) @ turn + poses[:, None, :2] / size
+    return shapely.set_coordinates(np.full(len(poses), shape), points.reshape(-1, 2))
 
 
 def meeting_links(spec: Mechanism, poses: Poses, solids: Solids, every: int = 3) -> set[tuple[str, str]]:
