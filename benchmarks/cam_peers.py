@@ -80,8 +80,10 @@ def measure() -> None:
     from mechanism import Cam as Peer
     from scipy.spatial import cKDTree
 
-    from mechcore.cams import Cam, Follower, Requirement, Roller, Translating, find_limits, least_base
-    from mechcore.laws import Segment, program
+    from mechcore.cams.followers import Follower, Roller, Translating
+    from mechcore.cams.limits import Requirement, find_limits, least_base
+    from mechcore.cams.synthesis import Cam
+    from mechcore.laws.program import Segment, program
 
     angles = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
     turns = [np.radians(s[-1]) for s in SEGMENTS]

@@ -144,8 +144,9 @@ def ours(wanted, offset: float, roller: float, which: int) -> dict:
     """mechcore and the closed form."""
     import numpy as np
 
-    from mechcore.cams import Cam, Follower, Knife, Roller, Translating
-    from mechcore.laws import Segment, program
+    from mechcore.cams.followers import Follower, Knife, Roller, Translating
+    from mechcore.cams.synthesis import Cam
+    from mechcore.laws.program import Segment, program
 
     turns = np.radians(TURNS)
     rise = program([Segment(turns[0]), Segment(turns[1], LIFT), Segment(turns[2]), Segment(turns[3], 0.0)])

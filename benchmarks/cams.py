@@ -15,21 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mechcore.cams import (
-    Cam,
-    Flat,
-    Follower,
-    Oscillating,
-    Requirement,
-    Roller,
-    Translating,
-    analyse,
-    best_offset,
-    cam_contour,
-    find_limits,
-    least_base,
-)
-from mechcore.laws import Segment, program
+from mechcore.cams.analysis import analyse
+from mechcore.cams.contour import cam_contour
+from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
+from mechcore.cams.limits import Requirement, best_offset, find_limits, least_base
+from mechcore.cams.synthesis import Cam
+from mechcore.laws.program import Segment, program
 
 DATA = Path(__file__).parent.parent / "tests" / "reference" / "cams.json"
 CASE = next(c for c in json.loads(DATA.read_text())["cases"] if c["id"] == "cam-rdrd-roller-flat")

@@ -59,8 +59,7 @@ def slug(title: str) -> str:
 
 def draw_curves(title: str, error: str, curves: Sequence[Curve], path: Path) -> Path:
     """Draw curves and points, with the Pareto front below them and their names beside them; ``error``: what it is relative to."""
-    from mechviz.accuracy.canvas import Canvas
-    from mechviz.accuracy.panel import decades, seconds_words, time_ticks
+    from mechviz.accuracy.diagram import Canvas, decades, seconds_words, time_ticks
 
     seconds, errors = ([v for c in curves for v in getattr(c, name)] for name in ("seconds", "errors"))
     ticks, (low, high) = time_ticks(seconds), decades(errors)

@@ -41,10 +41,10 @@ from dynamics_peers import (
 )
 from scipy.integrate import solve_ivp
 
-from mechcore import compile_mechanism
-from mechcore.dynamics import simulate
-from mechcore.dynamics.chart import Chart
-from mechcore.dynamics.crosscheck import right_hand_side
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.simulate import simulate
+from mechcore.dynamics.simulation import right_hand_side
+from mechcore.motion.solve import compile_mechanism
 
 Row = tuple[str, str, Callable[[], float]]  # who, setting, computes the final angle
 

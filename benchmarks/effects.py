@@ -4,7 +4,7 @@
 
 Nothing is compiled or planned in the jobs: each solves the motion with accelerations, and the forces where the plan calls for them.
 Least processor times of 25 turns. The price of the reactions, which any effect brings along, is that of a mere constant force.
-Every effect and load of the registry (`mechcore.effects`) is here, or it refuses to run.
+Every effect and load of the registry (`mechcore.effects.registry`) is here, or it refuses to run.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from dataclasses import replace
 from functools import partial
 
 import mechviz
-from mechcore import Compiled, compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.clearance import Clearance, with_clearances
-from mechcore.effects import EFFECTS
-from mechcore.effects import LOADS as REGISTRY
-from mechcore.indicator import Compressor
-from mechcore.laws import ConstantSpeed
-from mechcore.loads import JournalContact, JournalLoss
-from mechcore.plan import make_plan
-from mechcore.spec import (
+from mechcore.effects.plan import make_plan
+from mechcore.effects.registry import EFFECTS
+from mechcore.effects.registry import LOADS as REGISTRY
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.laws.indicator import Compressor
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.spec.clearance import Clearance, with_clearances
+from mechcore.spec.loads import (
     Actuator,
     BeltTension,
     Bushing,
@@ -37,16 +37,14 @@ from mechcore.spec import (
     Drag,
     Factor,
     Force,
-    Friction,
     GasPressure,
     GasSpring,
     Governor,
     InductionMotor,
+    JournalContact,
+    JournalLoss,
     Load,
-    Mechanism,
     Polynomial,
-    Prismatic,
-    Revolute,
     Servo,
     Spring,
     Torque,
@@ -54,6 +52,7 @@ from mechcore.spec import (
     TorsionSpring,
     Viscous,
 )
+from mechcore.spec.mechanism import Friction, Mechanism, Prismatic, Revolute
 
 ENGINE = mechviz.load("four-stroke-cycle").mechanism
 BARE = replace(ENGINE, loads=(), effects=())

@@ -16,7 +16,8 @@ import numpy as np  # isort: skip
 from scipy.optimize import fsolve
 
 import mechviz
-from mechcore import compile_mechanism, solve_forces, solve_motion
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, solve_motion
 
 SCENE = mechviz.load("kinetostatic-four-bar")
 COMPILED = compile_mechanism(SCENE.mechanism)

@@ -46,10 +46,10 @@ REPEATS = 3
 def works(folder: str) -> dict[str, Callable[[], object]]:
     """The three paths, what they start from ready."""
     from mechviz.accuracy.estimate import integration_error
-    from mechviz.record import write_recording
+    from mechviz.outputs.rerun.writer import write_recording
+    from mechviz.picture.solids import solids_of
     from mechviz.run import run_scene
-    from mechviz.scene import load
-    from mechviz.solids import solids_of
+    from mechviz.scene.scene import load
 
     runs = [run_scene(load(name)) for name in MOVED]
     solids = [solids_of(run) for run in runs]

@@ -19,7 +19,7 @@ from typing import Any
 import rerun as rr
 
 import mechviz
-from mechviz.record import write_recording
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.run import Run, run_scene
 
 

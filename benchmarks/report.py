@@ -113,7 +113,7 @@ def draw_peers(text: str, folder: Path) -> list[Path]:
 
 def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) -> Path:
     """Numbered points on logarithmic axes, and who they are."""
-    from mechviz.accuracy.canvas import Canvas
+    from mechviz.accuracy.diagram import Canvas
 
     sheet = Canvas(940, 330)
     across = tuple(
@@ -144,7 +144,7 @@ def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) ->
 
 def draw_growth(text: str, folder: Path) -> list[Path]:
     """Time against size, both logarithmic, of the tables whose first column counts something."""
-    from mechviz.accuracy.canvas import Canvas
+    from mechviz.accuracy.diagram import Canvas
 
     drawn = []
     for k, (_, table) in enumerate(tables(text)):
@@ -286,7 +286,7 @@ PARTS: tuple[Part, ...] = (
 
 LADDERS = """
 import sys
-from mechviz.cli import app
+from mechviz.commands.main import app
 for name in ("crank-rocker", "slider-crank-compressor"):
     more = ["--quick"] if sys.argv[2] == "quick" else []
     app(["accuracy", name, "--target", "1e-6", "--again", "-o", f"{sys.argv[1]}/accuracy-{name}.svg", *more], standalone_mode=False)

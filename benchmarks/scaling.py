@@ -15,10 +15,10 @@ import tracemalloc
 
 import numpy as np
 
-from mechcore import compile_mechanism, solve_motion
-from mechcore.laws import ConstantSpeed
-from mechcore.spec import Drive, Link, Mechanism, Revolute
-from mechcore.sweep import sweep
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.motion.sweep import sweep
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 
 
 def chain(n: int) -> Mechanism:

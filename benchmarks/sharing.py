@@ -18,13 +18,14 @@ import tempfile
 import time
 from pathlib import Path
 
-from mechviz import loads
-from mechviz.record import Recording, write_recording
+from mechviz.outputs.images.browser import ChromiumError
+from mechviz.outputs.images.drawing import write_svg
+from mechviz.outputs.images.pictures import Look, Moment, shot
+from mechviz.outputs.page.frames import MOST_FRAMES
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.run import run_scene
-from mechviz.share.browser import ChromiumError
-from mechviz.share.drawing import write_svg
-from mechviz.share.frames import MOST_FRAMES
-from mechviz.share.pictures import Look, Moment, shot
+from mechviz.scene.scene import loads
 
 # The command line, and then what it has used: processor time [s], most memory [KiB]
 SHARE = """

@@ -18,9 +18,9 @@ sys.path[:0] = [str(ROOT / "core"), str(ROOT / "tests")]
 import numpy as np
 from dynamic_mechanisms import double_pendulum, slider_crank, squeezer, swinging_five_bar
 
-from mechcore import compile_mechanism
-from mechcore.dynamics import simulate
-from mechviz.hard.mechanisms import bars
+from mechcore.dynamics.simulate import simulate
+from mechcore.motion.solve import compile_mechanism
+from mechviz.hard_cases.mechanisms import bars
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)
 WIDTH, HEIGHT, EDGE = 560, 420, 60

@@ -35,9 +35,10 @@ import viser
 import websockets
 
 import mechviz
+from mechviz.outputs.viewer import playback
+from mechviz.outputs.viewer.app import Viewer
 from mechviz.run import run_scene
-from mechviz.scene import Scene
-from mechviz.viewer import Viewer, playback
+from mechviz.scene.scene import Scene
 
 ARGS = ["--no-sandbox", "--disable-quic", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 ARGS += ["--disable-gpu-compositing", "--enable-precise-memory-info", "--js-flags=--expose-gc"]

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from mechviz.accuracy.cache import keep, kept
-from mechviz.accuracy.canvas import Canvas
-from mechviz.accuracy.diagram import diagram, write_diagram
+from mechviz.accuracy.diagram import Canvas, diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder
 from mechviz.accuracy.timing import machine, used
 from mechviz.run import run_scene
-from mechviz.scene import load
+from mechviz.scene.scene import load
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"
@@ -170,7 +169,8 @@ def effects_block() -> str:
 
 def hard_tables() -> dict[str, str]:
     """The suite as tables."""
-    from mechviz.hard import FAMILIES, all_cases
+    from mechviz.hard_cases.families import FAMILIES
+    from mechviz.hard_cases.suite import all_cases
 
     blocks = {}
     for family in FAMILIES:
@@ -188,12 +188,15 @@ def hard_tables() -> dict[str, str]:
 
 def hard_pictures() -> None:
     """One picture a family, from what the program computes."""
-    from mechcore import compile_mechanism, solve_motion
-    from mechcore.cams import Follower, Roller, Translating, cam_on_base, cut_profile
-    from mechcore.dynamics import Stop, simulate
-    from mechcore.laws import Segment, program
-    from mechviz.hard.friction import sleeve
-    from mechviz.hard.mechanisms import TURN, four_bar, load_at, pendulum
+    from mechcore.cams.cutting import cut_profile
+    from mechcore.cams.followers import Follower, Roller, Translating
+    from mechcore.cams.synthesis import cam_on_base
+    from mechcore.dynamics.events import Stop
+    from mechcore.dynamics.simulate import simulate
+    from mechcore.laws.program import Segment, program
+    from mechcore.motion.solve import compile_mechanism, solve_motion
+    from mechviz.hard_cases.mechanisms import TURN, four_bar, load_at, pendulum
+    from mechviz.hard_cases.rubbing import sleeve
 
     t = np.linspace(0.0, 2.0 * TURN, 721)
     curves: list[Curve] = []
@@ -244,8 +247,9 @@ def hard_pictures() -> None:
 
 def input_picture() -> None:
     """The report of a scene with seven slips."""
-    from mechviz.hard.input import seven_slips
-    from mechviz.scene import Scene, SceneError
+    from mechviz.hard_cases.input import seven_slips
+    from mechviz.scene.faults import SceneError
+    from mechviz.scene.scene import Scene
 
     try:
         Scene.build(name="mine", **seven_slips())

@@ -13,9 +13,9 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 import mechviz
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.run import run_scene
-from mechviz.viewer import Viewer
-from mechviz.viewer.solids3d import link_path
 
 HERE = Path(__file__).parent / "images"
 ARGS = [

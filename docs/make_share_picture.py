@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 import mechviz
+from mechviz.outputs.images.browser import Chromium
+from mechviz.outputs.images.pictures import SETTLED, moment
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.page.source import recorded
 from mechviz.run import run_scene
-from mechviz.share import make_page
-from mechviz.share.browser import Chromium
-from mechviz.share.pictures import SETTLED, moment
-from mechviz.share.source import recorded
 
 TO = Path(__file__).parent / "images" / "share.png"
 

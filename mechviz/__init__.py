@@ -10,9 +10,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .scene import Scene, SceneBuilder, SceneError, dump, gallery, load, loads
-
-__all__ = ["Scene", "SceneBuilder", "SceneError", "dump", "gallery", "load", "loads"]
+    from mechviz.scene.builder import SceneBuilder
+    from mechviz.scene.faults import SceneError
+    from mechviz.scene.folder import gallery
+    from mechviz.scene.scene import Scene, dump, load, loads
 
 
 def __getattr__(name: str) -> Any:
@@ -20,3 +21,6 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(".scene", __name__), name)
+
+
+__all__ = ["Scene", "SceneBuilder", "SceneError", "dump", "gallery", "load", "loads"]

@@ -6,8 +6,6 @@ import os
 import signal
 from typing import Any
 
-__all__ = ["main"]
-
 
 def _leave(number: int, frame: Any) -> None:
     """Ends the program at once. For as long as no file has been begun: a library that is loading may swallow an exception."""
@@ -20,7 +18,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
             signal.signal(number, _leave)
-    from .cli import main as command
+    from mechviz.commands.main import main as command
 
     command()
 

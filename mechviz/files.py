@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["OutputError", "check_target", "put_in_place", "reason", "replacing"]
-
 
 class OutputError(Exception):
     """A file that could not be written or read: what happened and what to do about it.

@@ -11,29 +11,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore import Compiled, Forces, Motion, compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.accuracy import DEFAULT, Accuracy, accuracy_for
-from mechcore.plan import OUTPUTS, Plan, make_plan
-from mechcore.studies import StudyResults
-from mechcore.studies import compute as compute_studies
+from mechcore.constructions.studies import StudyResults
+from mechcore.constructions.studies import compute as compute_studies
+from mechcore.effects.plan import OUTPUTS, Plan, make_plan
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
 from mechcore.texts import Text
-
-from .quantities import Catalogue, Numbers, numbers_of
-from .scene.worded import in_scene_words
+from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.numbers import Numbers, numbers_of
+from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
-    from mechcore.dynamics.progress import Method
-    from mechcore.dynamics.steady import SteadyRun
+    from mechcore.dynamics.event_integrator import Method
+    from mechcore.dynamics.rest.steady import SteadyRun
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.accuracy.estimate import ErrorEstimate
+    from mechviz.accuracy.fit import Fit
+    from mechviz.scene.document import Place
+    from mechviz.scene.scene import Scene
 
-    from .accuracy.estimate import ErrorEstimate
-    from .accuracy.fit import Fit
-    from .scene import Scene
-    from .scene.changing import Place
 
+if TYPE_CHECKING:
     Resimulate = Callable[..., Simulation]  # of a tolerance, perhaps a method, perhaps a motion that is like it
-
-__all__ = ["Run", "Stage", "run_scene", "stopwatch", "with_run"]
 
 
 @dataclass(frozen=True)
@@ -78,20 +79,20 @@ class Run:
     @cached_property
     def errors(self) -> ErrorEstimate:
         """What the run says of its own errors."""
-        from .accuracy.estimate import estimate_errors
+        from mechviz.accuracy.estimate import estimate_errors
 
         return estimate_errors(self)
 
     @cached_property
     def kept(self) -> Accuracy:
         """The dials with those of what is drawn and recorded, which follow from the target: chord, profile, numbers, pictures."""
-        from .accuracy.kept import kept_dials
+        from mechviz.accuracy.kept import kept_dials
 
         return kept_dials(self)
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a run shows itself: solids, plots and events on one timeline."""
-        from .share.notebook import mime_bundle
+        from mechviz.outputs.notebook import mime_bundle
 
         return mime_bundle(self)
 
@@ -130,7 +131,7 @@ def run_scene(
     far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration; ``warn`` is told
     before it begins what will take long.
 
-    Only what the plan for ``outputs`` (of `mechcore.plan.OUTPUTS`) calls for is computed; by default all that the scene calls for.
+    Only what the plan for ``outputs`` (of `OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
     ``accuracy``: the wanted relative error or the dials, instead of the scene's. A wanted error decides the number of frames, too,
     unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
@@ -205,8 +206,8 @@ def run_scene(
 
 def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     """The steady run of a scene's machine, and the machine with its speed at the start."""
-    from mechcore.dynamics import Free
-    from mechcore.dynamics.steady import steady_run
+    from mechcore.dynamics.rest.steady import steady_run
+    from mechcore.laws.timed import Free
 
     found = steady_run(compiled, turns=turns)
     mechanism = compiled.mechanism
@@ -225,7 +226,7 @@ def _resimulate(
 ) -> Resimulate:
     """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
     from a motion that is like it; only the first motion is observed while it is found."""
-    from mechcore.dynamics import simulate
+    from mechcore.dynamics.simulate import simulate
 
     spec = scene.simulation
     assert spec is not None
@@ -257,7 +258,7 @@ def _simulate(scene: Scene, dials: Accuracy, again: Resimulate, *, asked: bool) 
     """The motion under forces; ``asked``: its accuracy goes before the scene's own."""
     assert scene.simulation is not None
     if dials.target is not None and (asked or scene.document.run.tolerance is None):
-        from .accuracy.fit import simulated
+        from mechviz.accuracy.fit import simulated
 
         return simulated(dials, again)
     return again(dials.integrator if asked and dials.integrator is not None else scene.simulation.tolerance)
@@ -272,7 +273,7 @@ def _dials(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
 
 def _fit(scene: Scene, dials: Accuracy, simulation: Simulation | None) -> Fit:
     """The frames that an accuracy needs."""
-    from .accuracy.fit import fit_frames
+    from mechviz.accuracy.fit import fit_frames
 
     return fit_frames(scene, dials, simulation)
 

@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.plan import OUTPUTS, make_plan
-
-from .run import Run
+from mechcore.effects.plan import OUTPUTS, make_plan
+from mechviz.run import Run
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.scene.scene import Scene
 
-    from .scene import Scene
-
-__all__ = ["Running"]
 
 Real = NDArray[np.float64]
 BLOCKS = 40  # of a run that goes on to its end

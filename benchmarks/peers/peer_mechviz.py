@@ -12,10 +12,10 @@ PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mpmath==1.3.0")  # what mechcore a
 
 
 def four_bar(accuracy=None, rates=(0, 1, 2)):
-    from mechcore import compile_mechanism, solve_motion
     from mechcore.accuracy import DEFAULT
-    from mechcore.laws import ConstantSpeed
-    from mechcore.spec import Drive, Link, Mechanism, Revolute
+    from mechcore.laws.timed import ConstantSpeed
+    from mechcore.motion.solve import compile_mechanism, solve_motion
+    from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 
     p = FOUR_BAR
     points = {
@@ -44,10 +44,12 @@ def four_bar(accuracy=None, rates=(0, 1, 2)):
 
 
 def slider_crank(accuracy=None):
-    from mechcore import compile_mechanism, solve_forces, solve_motion
     from mechcore.accuracy import DEFAULT
-    from mechcore.laws import ConstantSpeed
-    from mechcore.spec import Drive, Force, Link, Mechanism, Prismatic, Revolute
+    from mechcore.forces.kinetostatics import solve_forces
+    from mechcore.laws.timed import ConstantSpeed
+    from mechcore.motion.solve import compile_mechanism, solve_motion
+    from mechcore.spec.loads import Force
+    from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
 
     p = SLIDER_CRANK
     o = (0.0, 0.0)
@@ -87,10 +89,10 @@ ROWS = {"four-bar": {"mechviz": four_bar}, "slider-crank": {"mechviz": slider_cr
 
 def triad(stop):
     """The residual at which Newton's method stops is a dial: the group has no closed form."""
-    from mechcore import compile_mechanism, solve_motion
     from mechcore.accuracy import Accuracy
-    from mechcore.laws import ConstantSpeed
-    from mechcore.spec import Drive, Link, Mechanism, Revolute
+    from mechcore.laws.timed import ConstantSpeed
+    from mechcore.motion.solve import compile_mechanism, solve_motion
+    from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 
     p = TRIAD
     o = (0.0, 0.0)
@@ -140,7 +142,7 @@ def by_differences(build):
 
 def between_frames(order):
     """Frames of a turn joined by cubics or quintics, with the rates as slopes."""
-    from mechcore.between import between
+    from mechcore.numerics.interpolation import between
 
     solve = four_bar()
 

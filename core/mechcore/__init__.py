@@ -5,10 +5,10 @@ motion = solve_motion(compiled, default_times(mechanism))
 forces = solve_forces(motion)
 """
 
-from .errors import Fault, MechanismError
-from .kinetostatics import Forces, solve_forces
-from .motion import Motion
-from .solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
 
 __all__ = [
     "Compiled",

@@ -9,9 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
-from .errors import Fault, MechanismError
-
-__all__ = ["DEFAULT", "DIALS", "Accuracy", "Differentiation", "accuracy_for"]
+from mechcore.errors import Fault, MechanismError
 
 Differentiation = Literal["exact", "differences", "graphical"]
 Numbers = Literal["float64", "float32"]

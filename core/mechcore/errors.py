@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .texts import Text, UnitSystem
-
-__all__ = ["Fault", "MechanismError"]
+from mechcore.texts import Text, UnitSystem
 
 
 @dataclass(frozen=True)

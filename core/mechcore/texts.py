@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from math import pi
 from typing import Literal, Protocol
 
-__all__ = ["Kind", "Text", "UnitSystem", "as_angle", "as_coordinate", "as_force", "as_length", "as_quantity", "as_torque", "shown"]
-
 Kind = Literal["length", "angle", "linear speed", "angular speed", "force", "torque", "stiffness", "torsional stiffness"]
 
 

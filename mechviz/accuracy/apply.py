@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mechcore.accuracy import DIALS
-
-from ..scene.accuracies import ORDERS
-from ..scene.changing import Place, stated
-from ..scene.tables import Table
+from mechviz.scene.document import Place, stated
+from mechviz.scene.fields import Table
+from mechviz.scene.kinds.accuracy import ORDERS
 
 if TYPE_CHECKING:
-    from ..run import Run
-    from ..scene.document import SceneDocument
+    from mechviz.run import Run
+    from mechviz.scene.document import SceneDocument
 
-__all__ = ["in_use", "setting_changes", "target_changes"]
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}
 """What the options of a dial mean where they do not say it."""

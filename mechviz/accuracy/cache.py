@@ -10,13 +10,11 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .ladder import Point
-from .timing import machine
+from mechviz.accuracy.ladder import Point
+from mechviz.accuracy.timing import machine
 
 if TYPE_CHECKING:
-    from ..scene import Scene
-
-__all__ = ["Measured", "keep", "kept"]
+    from mechviz.scene.scene import Scene
 
 
 SHARED = 0.8  # below this share others have used the processor too
@@ -52,7 +50,7 @@ def _folder() -> Path:
 
 
 def _file(scene: Scene, target: float | None) -> Path:
-    from ..record.describe import package_version
+    from mechviz.outputs.rerun.describe import package_version
 
     files = {name: hashlib.sha256(data).hexdigest() for name, data in scene.files.items()}
     text = json.dumps([scene.to_toml(), files, package_version(), machine(), target, _code()])

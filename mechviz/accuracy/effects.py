@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.errors import MechanismError
-from mechcore.spec import EFFECTS
-
-from ..scene.worded import in_scene_words
-from ..tables import joints_of
-from .timing import Timed, side_by_side
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import EFFECTS
+from mechviz.accuracy.timing import Timed, side_by_side
+from mechviz.quantities.tables import joints_of
+from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
-    from ..scene import Scene
-    from ..scene.changing import Place
+    from mechviz.scene.document import Place
+    from mechviz.scene.scene import Scene
 
-__all__ = ["Answer", "Influence", "influence_lines", "influences"]
 
 Real = NDArray[np.float64]
 
@@ -89,7 +88,7 @@ def answer_of(scene: Scene) -> Answer:
 @in_scene_words
 def _compute(scene: Scene) -> tuple[Any, Any, Any]:
     if scene.simulation is not None:
-        from ..run import run_scene
+        from mechviz.run import run_scene
 
         run = run_scene(scene, outputs=("accelerations", "forces"))
         return run.motion, run.forces, run.simulation

@@ -5,7 +5,7 @@
   have the rounding of the largest force.
 - Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance; of a motion that its energy
   gave, from collocation at its tightest. Extrapolating from a looser companion is wrong by up to a hundred, as the error does not
-  follow the tolerance so well. The companion starts from the motion that it judges (`mechcore.dynamics.retrace`), which makes it
+  follow the tolerance so well. The companion starts from the motion that it judges (`parallel_shooting`), which makes it
   cheap, but does not believe it: it solves the equations of motion themselves, evaluated anew, by a rule with other nodes and of a
   higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
   looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
@@ -29,25 +29,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.between import between
-
-from .poles import Passage, passages_of, size_at
-from .quantities import Quantity, pace_of_rest, quantities, stands_still
+from mechcore.numerics.interpolation import between
+from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passages_of, quantities, size_at, stands_still
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.run import Run
 
-    from ..run import Run
-
-__all__ = [
-    "COLUMNS",
-    "ErrorEstimate",
-    "estimate_errors",
-    "integration_error",
-    "interpolation_error",
-    "lost_turns",
-    "poses_apart",
-]
 
 Real = NDArray[np.float64]
 
@@ -212,7 +200,7 @@ def _friction_residual(run: Run) -> Real:
 
 def _difference_errors(run: Run) -> tuple[float, float]:
     """Errors of rates by differences: those with twice the distance of frames beside them, by the order of the method."""
-    from mechcore.differences import differentiate
+    from mechcore.motion.differences import differentiate
 
     motion, accuracy = run.motion, run.accuracy
     drawn = accuracy.differentiation == "graphical"

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
 from mechcore.accuracy import Accuracy
-
-from .quantities import Quantity, errors_between, quantities
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.accuracy.quantities import Quantity, errors_between, quantities
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.scene.scene import Scene
 
-    from ..scene import Scene
-
-__all__ = ["Fit", "achieved", "fit_frames", "provider", "simulated"]
 
 Real = NDArray[np.float64]
 Provider = Callable[[Real], list[Quantity]]
@@ -192,7 +190,7 @@ def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
 
 def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
     """The motion under forces with the tolerance tightened until its estimated error is within the target."""
-    from .estimate import integration_error
+    from mechviz.accuracy.estimate import integration_error
 
     assert accuracy.target is not None and accuracy.integrator is not None
     tolerance = accuracy.integrator

@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
-
-from .quantities import Quantity, quantities
+from mechviz.accuracy.quantities import Quantity, quantities
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from mechviz.run import Run
 
-__all__ = ["FINEST", "PROFILE", "kept_dials", "plain_stride", "plane_cams", "profile_away", "rounding"]
 
 Real = NDArray[np.float64]
 

@@ -10,24 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import default_times, solve_forces, solve_motion
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.errors import MechanismError
-
-from .estimate import poses_apart
-from .fit import achieved, duration, fit_frames, provider
-from .kept import PROFILE, plane_cams, profile_away
-from .quantities import quantities
-from .timing import Timed, timed
-from .words import ORDERS
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import default_times, solve_motion
+from mechviz.accuracy.estimate import poses_apart
+from mechviz.accuracy.fit import achieved, duration, fit_frames, provider
+from mechviz.accuracy.kept import PROFILE, plane_cams, profile_away
+from mechviz.accuracy.quantities import quantities
+from mechviz.accuracy.timing import Timed, timed
+from mechviz.accuracy.words import ORDERS
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.run import Run
+    from mechviz.scene.scene import Scene
 
-    from ..run import Run
-    from ..scene import Scene
-
-__all__ = ["Point", "cheapest", "ladder", "pareto"]
 
 Real = NDArray[np.float64]
 Advance = Callable[[int, int], None]
@@ -89,7 +87,7 @@ def ladder(
 
     Dials that it has no use for are left out: what is not iterated has no tolerance.
     """
-    from ..run import run_scene
+    from mechviz.run import run_scene
 
     base = run_scene(scene)
     general = any(b.kind == "general" for b in base.compiled.model.blocks)
@@ -193,7 +191,7 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
 
 def _rates_error(run: Run, time: Real) -> Real:
     """What the program says of its exact rates: they are not compared with themselves."""
-    from .estimate import estimate_errors
+    from mechviz.accuracy.estimate import estimate_errors
 
     motion = solve_motion(replace(run.compiled, accuracy=DEFAULT), time)
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
@@ -218,7 +216,7 @@ def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], b
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
     """The motion under forces with a setting, and nothing else."""
-    from ..run import run_scene
+    from mechviz.run import run_scene
 
     found = run_scene(scene, accuracy=accuracy, outputs=()).simulation
     assert found is not None
@@ -269,7 +267,7 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
 
 def _tessellation(run: Run, budget: float) -> Iterator[Point]:
     """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
-    from ..solids import solids_of
+    from mechviz.picture.solids import solids_of
 
     size = run.motion.model.size
     asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
@@ -288,8 +286,8 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
     import tempfile
     from pathlib import Path
 
-    from ..record import write_recording
-    from ..solids import solids_of
+    from mechviz.outputs.rerun.writer import write_recording
+    from mechviz.picture.solids import solids_of
 
     solids = solids_of(run)
     at, end, order = (
@@ -316,7 +314,7 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
 
 def _profiles(run: Run, budget: float) -> Iterator[Point]:
     """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
-    from ..meshes.profiles import profile_points
+    from mechviz.picture.meshes.kinds.cam_profiles import profile_points
 
     cams, size = plane_cams(run), run.motion.model.size
 

@@ -7,13 +7,9 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from ..files import replacing
-from .canvas import Canvas
-from .diagram import dials_of
-from .ladder import Point
-from .panel import COLOURS, PANEL, draw_panel
-
-__all__ = ["write_rrd"]
+from mechviz.accuracy.diagram import COLOURS, PANEL, Canvas, dials_of, draw_panel
+from mechviz.accuracy.ladder import Point
+from mechviz.files import replacing
 
 SCALE = 2.0  # dots of a picture for a pixel of the sheet
 

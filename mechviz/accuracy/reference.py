@@ -16,21 +16,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore import blocks as bl
-from mechcore import compile_mechanism, default_times, solve_forces, solve_motion
-from mechcore.motion import Motion
-
-from .estimate import poses_apart
-from .fit import provider
-from .quantities import errors_between, quantities
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.kinematics import blocks as bl
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.accuracy.estimate import poses_apart
+from mechviz.accuracy.fit import provider
+from mechviz.accuracy.quantities import errors_between, quantities
 
 if TYPE_CHECKING:
-    from mechcore.dynamics import Simulation
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.run import Run
+    from mechviz.scene.scene import Scene
 
-    from ..run import Run
-    from ..scene import Scene
-
-__all__ = ["between_error", "extended", "integration_truth", "position_errors", "reaction_error"]
 
 Real = NDArray[np.float64]
 LONG = np.longdouble
@@ -146,7 +144,7 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
     """
     from scipy.integrate import solve_ivp
 
-    from mechcore.dynamics.chart import Chart
+    from mechcore.dynamics.equations.chart import Chart
     from mechcore.errors import MechanismError
 
     q = simulation(t)[0]

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Timed", "machine", "one_thread", "side_by_side", "timed", "used"]
-
 LEAST, MOST = 3, 25
 BUDGET = 0.25  # seconds of repeats: quick work is repeated more often
 

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .estimate import integration_error
-from .fit import MOST, MOST_FRAMES, Fit
-from .kept import FINEST
+from mechviz.accuracy.estimate import integration_error
+from mechviz.accuracy.fit import MOST, MOST_FRAMES, Fit
+from mechviz.accuracy.kept import FINEST
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from mechviz.run import Run
 
-__all__ = ["ORDERS", "target_words"]
 
 ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
 """How frames are joined, by the order of the interpolation."""

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..quantities.numbers import Numbers
-from ..vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
-from .nodes import Arc, Arrow, Node
+from mechviz.picture.nodes import Arc, Arrow, Node
+from mechviz.quantities.numbers import Numbers
+from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from mechviz.run import Run
 
-__all__ = ["LONGEST", "SHORTEST", "Arrows", "arrows_of", "friction_circles", "key_of", "visible", "with_scales"]
 
 Real = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -8,24 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coils import COLOR as COIL
-from ..coils import Coil, find_coils
-from ..heights import arc_height, arrow_height, path_height
-from ..linkers import find_linkers
-from ..proportions import ARC_RADIUS
-from ..riders import find_riders
-from ..scene.bodies import lumps_of
-from ..scene.convert import Converter
-from ..turns import about_z
-from ..vectors import point_name
-from .arrows import Arrows, arrows_of, key_of
-from .nodes import Body, Lines, Mesh, Picture, Points, Poses
+from mechviz.picture.arrows import Arrows, arrows_of, key_of
+from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
+from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
+from mechviz.picture.springs import COLOR as COIL
+from mechviz.picture.springs import Coil, find_coils
+from mechviz.picture.strut_glyphs import find_linkers
+from mechviz.picture.surface_marks import find_riders
+from mechviz.quantities.vectors import point_name
+from mechviz.scene.bodies.shapes import lumps_of
+from mechviz.scene.convert import Converter
 
 if TYPE_CHECKING:
-    from ..meshes import Solids
-    from ..run import Run
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
 
-__all__ = ["bare_picture", "joint_nodes", "picture_of", "solid_nodes"]
 
 Real = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -99,7 +96,7 @@ def solid_nodes(run: Run, solids: Solids) -> Iterator[Body]:
         mesh = Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3])
         poses = None
         if solid.spin is not None:
-            from ..meshes.spatial import spin_transforms
+            from mechviz.picture.meshes.kinds.spatial_cams import spin_transforms
 
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
             places, turns = spin_transforms(solid.spin, turned)

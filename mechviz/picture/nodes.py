@@ -10,9 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..vectors import Moment, Scales, Vector
-
-__all__ = ["Arc", "Arrow", "Body", "Lines", "Mesh", "Node", "Picture", "Points", "Poses"]
+from mechviz.quantities.vectors import Moment, Scales, Vector
 
 Real = NDArray[np.float64]
 Single = NDArray[np.float32]

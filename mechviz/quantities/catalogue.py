@@ -11,11 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import Table
-from .entries import UNITS, Entry, Names, entries
-from .numbers import Numbers
-
-__all__ = ["Axis", "Catalogue", "Health", "Quantity"]
+from mechviz.quantities.entries import UNITS, Entry, Names, entries
+from mechviz.quantities.numbers import Numbers
+from mechviz.quantities.tables import Table
 
 Real = NDArray[np.float64]
 

@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import Columns
-
-__all__ = ["UNITS", "Entry", "Names", "entries"]
+from mechviz.quantities.tables import Columns
 
 Real = NDArray[np.float64]
 Path = tuple[str, ...]

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables import JointInfo, Table, joints_of, links_of, tables
-from ..vectors import centre_name, point_name
+from mechviz.quantities.tables import JointInfo, Table, joints_of, links_of, tables
+from mechviz.quantities.vectors import centre_name, point_name
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from mechviz.run import Run
 
-__all__ = ["LoadInfo", "Numbers", "closure_tolerance", "cycle_of", "numbers_of"]
 
 Real = NDArray[np.float64]
 

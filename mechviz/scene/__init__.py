@@ -10,10 +10,32 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .builder import SceneBuilder
-    from .catalogue import GalleryEntry, gallery, gallery_names
-    from .faults import SceneError
-    from .scene import Scene, dump, json_schema, load, loads
+    from mechviz.scene.builder import SceneBuilder
+    from mechviz.scene.faults import SceneError
+    from mechviz.scene.folder import GalleryEntry, gallery, gallery_names
+    from mechviz.scene.scene import Scene, dump, json_schema, load, loads
+
+
+_HOMES = {
+    "GalleryEntry": "folder",
+    "Scene": "scene",
+    "SceneBuilder": "builder",
+    "SceneError": "faults",
+    "dump": "scene",
+    "gallery": "folder",
+    "gallery_names": "folder",
+    "json_schema": "scene",
+    "load": "scene",
+    "loads": "scene",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Names on first use: listing the gallery must not load the machinery that reads scenes."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+
 
 __all__ = [
     "GalleryEntry",
@@ -27,23 +49,3 @@ __all__ = [
     "load",
     "loads",
 ]
-
-_HOMES = {
-    "GalleryEntry": "catalogue",
-    "Scene": "scene",
-    "SceneBuilder": "builder",
-    "SceneError": "faults",
-    "dump": "scene",
-    "gallery": "catalogue",
-    "gallery_names": "catalogue",
-    "json_schema": "scene",
-    "load": "scene",
-    "loads": "scene",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Names on first use: listing the gallery must not load the machinery that reads scenes."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

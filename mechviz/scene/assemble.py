@@ -6,21 +6,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from mechcore.errors import Fault
-from mechcore.laws import Law, moves
-from mechcore.laws.free import Free
-from mechcore.reduction import Body
-from mechcore.slots import has_ends
-from mechcore.spec import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
+from mechcore.laws.timed import Free, Law, moves
+from mechcore.motion.slots import has_ends
+from mechcore.reduction.bodies import Body
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
-
-from .accuracies import accuracy_faults
-from .clearances import clearances_of
-from .convert import Converter
-from .couplings import check_couplings
-from .drawn import drawn_bodies, drawn_links
-from .drives import jumping_speeds, law_of
-from .folder import SceneFolder
-from .free_motion import (
+from mechviz.scene.bodies.masses import links_that_cannot_turn, mass_properties
+from mechviz.scene.convert import Converter
+from mechviz.scene.drawn import drawn_bodies, drawn_links
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.kinds.accuracy import accuracy_faults
+from mechviz.scene.kinds.couplings import check_couplings
+from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
+from mechviz.scene.kinds.free_motion import (
     SimulationSpec,
     free_law,
     planar_starts,
@@ -29,20 +27,24 @@ from .free_motion import (
     standstill,
     stated_duration,
 )
-from .frictions import idle_effect
-from .load_references import check_loads, split_point
-from .load_specs import load_specs
-from .masses import links_that_cannot_turn, mass_properties
-from .meant import likely_sort, links_as_meant, points_as_meant, touched_links
-from .pair_specs import drawn_angle, drawn_place, modes_of, pair_spec
-from .pairs import KINDS, PairDocument
-from .placement import place_links
-from .references import check_joining, check_link_names, check_references, check_trace, resolve_trace
-from .studies import needs_inertia, studies_of
-from .swings import REACHABLE, with_swings
-from .validate import Reading
-
-__all__ = ["assemble"]
+from mechviz.scene.kinds.friction import clearances_of, idle_effect
+from mechviz.scene.kinds.joint_specs import drawn_angle, drawn_place, modes_of, pair_spec
+from mechviz.scene.kinds.joints import KINDS, PairDocument
+from mechviz.scene.kinds.load_specs import load_specs
+from mechviz.scene.kinds.reachable import REACHABLE, with_swings
+from mechviz.scene.kinds.studies import needs_inertia, studies_of
+from mechviz.scene.placement import place_links
+from mechviz.scene.recovery import Reading
+from mechviz.scene.references import (
+    check_joining,
+    check_link_names,
+    check_loads,
+    check_references,
+    check_trace,
+    resolve_trace,
+    split_point,
+)
+from mechviz.scene.spelling import likely_sort, links_as_meant, points_as_meant, touched_links
 
 
 def assemble(
@@ -164,11 +166,11 @@ def assemble(
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:
-        from mechcore.clearance import with_clearances
+        from mechcore.spec.clearance import with_clearances
 
         mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and has_ends(mechanism):
-        from mechcore.dynamics.happenings import with_slot_ends  # motion under forces is loaded by the scenes that have it
+        from mechcore.dynamics.events import with_slot_ends  # motion under forces is loaded by the scenes that have it
 
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return mechanism, simulation, []

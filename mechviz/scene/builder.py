@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from mechcore.errors import Fault
-
-from .faults import SceneError
-from .scene import Scene
-
-__all__ = ["SceneBuilder"]
+from mechviz.scene.faults import SceneError
+from mechviz.scene.scene import Scene
 
 Value = float | str
 """A number in the builder's units, or a text with its own unit such as ``"60 rpm"``."""

@@ -8,14 +8,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mechcore.errors import Fault
-
-from .folder import SceneFolder
-from .units import KINDS, QuantityError, Units, magnitude
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.units import KINDS, QuantityError, Units, magnitude
 
 if TYPE_CHECKING:
-    from .document import UnitsDocument
+    from mechviz.scene.document import UnitsDocument
 
-__all__ = ["LARGEST", "SMALLEST", "Converter"]
 
 LARGEST = 1e30
 """Largest magnitude of any value in SI: far beyond any machine, short of where squares and cubes of it overflow."""

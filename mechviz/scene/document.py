@@ -6,41 +6,40 @@ Values stay as the user wrote them (``"60 rpm"`` remains a text); units and cros
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from mechcore.spec import ANSWERS, EFFECTS
-
-from .accuracies import AccuracyEntry
-from .bodies import LumpDocument, MassDocument, MassEntry
-from .fields import (
+from mechcore.spec.mechanism import ANSWERS, EFFECTS
+from mechviz.scene.bodies.shapes import LumpDocument, MassDocument, MassEntry
+from mechviz.scene.fields import (
     Angle,
     Duration,
     GravityVector,
     Inertia,
     Name,
     Point,
+    Table,
     Text,
     UnitName,
     describe,
     fault,
+    refuse,
 )
-from .free_motion import Method, Tolerance, WatchDocument
-from .frictions import FrictionDefaults
-from .load_documents import LoadDocument
-from .pairs import PairDocument
-from .studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
-from .tables import Table, refuse
-
-__all__ = ["LinkDocument", "LoadDocument", "PairDocument", "Pose", "RunDocument", "SceneDocument", "UnitsDocument"]
+from mechviz.scene.kinds.accuracy import AccuracyEntry
+from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
+from mechviz.scene.kinds.friction import FrictionDefaults
+from mechviz.scene.kinds.joints import PairDocument
+from mechviz.scene.kinds.loads import LoadDocument
+from mechviz.scene.kinds.studies import PlanName, ShakingDocument, SubstituteDocument, SystemDocument
 
 EffectName = Literal["inertia", "gravity", "friction"]
 AnswerName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
 if set(get_args(AnswerName)) != set(ANSWERS):
-    raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.ANSWERS name different answers")
+    raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.mechanism.ANSWERS name different answers")
 if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; this keeps it equal to the core's list
-    raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.EFFECTS name different effects")
+    raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.mechanism.EFFECTS name different effects")
 
 
 class UnitsDocument(Table):
@@ -209,3 +208,48 @@ class SceneDocument(Table):
     """Force systems by name: the loads on a link, reduced and drawn."""
     substitutes: dict[Name, SubstituteDocument] = Field(default={})
     """Substitute masses, by the name of the link that they replace."""
+
+
+Place = tuple[str | int, ...]
+"""A place in a document: keys of tables, indices of lists."""
+
+
+def value_at(value: Any, path: Place) -> Any:
+    """The value at a place of a document, or of plain data. Raises `LookupError` or `AttributeError` where there is none."""
+    for part in path:
+        value = getattr(value, str(part)) if isinstance(value, Table) else value[part]
+    return value
+
+
+def stated(table: Table) -> dict[str, Any]:
+    """The keys of a table that are stated, with their values as they are; the document's tables, not plain data."""
+    return {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
+
+
+def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
+    """A document (or a part of it, or plain data) with other values at some places; None leaves a key out.
+
+    A list of the scene that is not stated, such as gravity, is the default one with one value changed. Raises pydantic's
+    `ValidationError` where a table of the document would not be valid.
+    """
+    if () in changes:
+        return changes[()]
+    inner: dict[str | int, dict[Place, Any]] = {}
+    for path, new in changes.items():
+        inner.setdefault(path[0], {})[path[1:]] = new
+    if isinstance(value, list | tuple):
+        items = list(value)
+        for k, change in inner.items():
+            items[int(k)] = with_values(items[int(k)], change)
+        return items
+    entries = stated(value) if isinstance(value, Table) else dict(value or {})
+    for key, change in inner.items():
+        old = getattr(value, str(key)) if isinstance(value, Table) else entries.get(str(key))
+        if old is None and () not in change and any(isinstance(path[0], int) for path in change):
+            old = SceneDocument.model_fields[str(key)].default
+        new = with_values(old, change)
+        if new is None:
+            entries.pop(str(key), None)
+        else:
+            entries[str(key)] = new
+    return type(value).model_validate(entries) if isinstance(value, Table) else entries

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 from shapely.geometry import Polygon
 
-from mechcore import compile_mechanism, default_times, solve_motion
-from mechcore.clearance import as_drawn
 from mechcore.errors import MechanismError
-from mechcore.laws.free import Free
-from mechcore.reduction import Body, area_of, combine
-from mechcore.spec import Mechanism
-
-from .bodies import MassDocument
-from .document import SceneDocument
-
-__all__ = ["drawn_bodies", "drawn_links"]
+from mechcore.laws.timed import Free
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.reduction.areas import area_of
+from mechcore.reduction.bodies import Body, combine
+from mechcore.spec.clearance import as_drawn
+from mechcore.spec.mechanism import Mechanism
+from mechviz.scene.bodies.shapes import MassDocument
+from mechviz.scene.document import SceneDocument
 
 
 def drawn_links(document: SceneDocument) -> list[str]:
@@ -37,7 +35,7 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Bod
         poses = {link.name: motion.pose(link.name) for link in mechanism.links}
     except MechanismError:
         poses = None
-    from ..meshes.drawn import drawn_outlines  # meshes are made by few scenes only
+    from mechviz.picture.meshes.drawn import drawn_outlines  # meshes are made by few scenes only
 
     found = drawn_outlines(as_drawn(mechanism), poses, links)
     return {name: combine(_body(p) for p in outlines) for name, outlines in found.items()}

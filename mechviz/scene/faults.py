@@ -9,8 +9,6 @@ from typing import Any
 
 from mechcore.errors import Fault, MechanismError
 
-__all__ = ["SceneError", "closest", "did_you_mean", "in_file_order", "listing", "nearest"]
-
 _WIDTH = 118
 _MANY = 500  # names, beyond which a close look at each of them takes too long
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
-from ..files import OutputError, check_target, replacing
-
-__all__ = ["SceneFolder", "copy_files"]
+from mechviz.files import OutputError, check_target, replacing
 
 
 def _working_folder() -> Path:
@@ -74,3 +74,36 @@ def copy_files(files: Mapping[str, bytes], folder: Path) -> list[Path]:
         with replacing(place) as temporary:
             temporary.write_bytes(data)
     return list(missing)
+
+
+GALLERY_FOLDER = Path(__file__).resolve().parent.parent / "gallery"
+
+
+@dataclass(frozen=True)
+class GalleryEntry:
+    """One scene of the gallery."""
+
+    name: str
+    title: str
+    teaches: str
+    path: Path
+
+
+def gallery_names() -> list[str]:
+    """Names of all scenes of the gallery, in order, without reading them."""
+    return sorted(path.stem for path in GALLERY_FOLDER.glob("*.toml"))
+
+
+@cache
+def _entries() -> tuple[GalleryEntry, ...]:
+    entries = []
+    for name in gallery_names():
+        path = GALLERY_FOLDER / f"{name}.toml"
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        entries.append(GalleryEntry(name, data["title"], data["teaches"], path))
+    return tuple(entries)
+
+
+def gallery() -> list[GalleryEntry]:
+    """All scenes of the gallery with title and lesson, in order of their names."""
+    return list(_entries())

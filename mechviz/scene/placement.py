@@ -10,12 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from .convert import Converter
-from .document import Pose, SceneDocument
-from .references import points_of_pair
-from .units import Units
-
-__all__ = ["Placement", "place_links"]
+from mechviz.scene.convert import Converter
+from mechviz.scene.document import Pose, SceneDocument
+from mechviz.scene.references import points_of_pair
+from mechviz.scene.units import Units
 
 Vec2 = tuple[float, float]
 Pose2 = tuple[float, float, float]

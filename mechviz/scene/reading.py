@@ -8,11 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from mechcore.errors import Fault
-
-from .catalogue import GALLERY_FOLDER, gallery_names
-from .faults import SceneError, closest, did_you_mean
-
-__all__ = ["DEEPEST_NESTING", "LARGEST_FILE", "find_scene", "parse_toml", "read_text"]
+from mechviz.scene.faults import SceneError, closest, did_you_mean
+from mechviz.scene.folder import GALLERY_FOLDER, gallery_names
 
 LARGEST_FILE = 8_000_000
 """Largest scene file [bytes]: far beyond any scene, short of what would keep a machine busy for minutes."""

@@ -11,24 +11,20 @@ from typing import Any
 from pydantic import ValidationError
 
 from mechcore.accuracy import Accuracy
-from mechcore.spec import Mechanism
-
-from ..files import replacing
-from .accuracies import accuracy_of
-from .assemble import assemble
-from .bodies import MassDocument
-from .changing import Place, with_values
-from .convert import Converter
-from .document import SceneDocument
-from .faults import SceneError, in_file_order
-from .folder import SceneFolder, copy_files
-from .free_motion import SimulationSpec
-from .reading import find_scene, parse_toml, read_text
-from .units import Units
-from .validate import Reading, read_document
-from .writing import toml_text
-
-__all__ = ["Scene", "assembled", "changed_document", "dump", "json_schema", "load", "loads"]
+from mechcore.spec.mechanism import Mechanism
+from mechviz.files import replacing
+from mechviz.scene.assemble import assemble
+from mechviz.scene.bodies.shapes import MassDocument
+from mechviz.scene.convert import Converter
+from mechviz.scene.document import Place, SceneDocument, with_values
+from mechviz.scene.faults import SceneError, in_file_order
+from mechviz.scene.folder import SceneFolder, copy_files
+from mechviz.scene.kinds.accuracy import accuracy_of
+from mechviz.scene.kinds.free_motion import SimulationSpec
+from mechviz.scene.reading import find_scene, parse_toml, read_text
+from mechviz.scene.recovery import Reading, read_document
+from mechviz.scene.units import Units
+from mechviz.scene.writing import toml_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +113,8 @@ class Scene:
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a scene is solved and shows itself. Raises `MechanismError`."""
-        from ..run import run_scene
-        from ..share.notebook import mime_bundle
+        from mechviz.outputs.notebook import mime_bundle
+        from mechviz.run import run_scene
 
         return mime_bundle(run_scene(self))
 

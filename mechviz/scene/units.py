@@ -17,10 +17,7 @@ from functools import cache
 from typing import Any
 
 from mechcore.texts import shown
-
-from .faults import closest
-
-__all__ = ["KINDS", "QUANTITY_PATTERN", "Kind", "QuantityError", "Units", "magnitude", "parse", "symbol_of", "unit_factor"]
+from mechviz.scene.faults import closest
 
 QUANTITY_PATTERN = r"^\s*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?\s*([A-Za-zµμ°(]|1\s*/).*$"
 """A number and a unit. The same pattern goes into the JSON Schema, where it must do without named groups."""

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from mechcore.errors import Fault, MechanismError
 
 if TYPE_CHECKING:
-    from .document import SceneDocument
-    from .scene import Scene
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.scene import Scene
 
-__all__ = ["document_path", "fault_of_scene", "in_scene_words", "worded"]
 
 P = ParamSpec("P")
 R = TypeVar("R")

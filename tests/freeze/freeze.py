@@ -36,7 +36,7 @@ def command(*arguments: str) -> tuple[int, str]:
     try:
         home = importlib.import_module("mechviz.commands.main")
     except ModuleNotFoundError:
-        home = importlib.import_module("mechviz.cli")
+        home = importlib.import_module("mechviz.commands.main")
     result = CliRunner().invoke(home.app, list(arguments))
     return result.exit_code, result.output
 
@@ -94,10 +94,11 @@ def scene(name: str) -> dict[str, Any]:
 
 
 def faults(part: int) -> dict[str, str]:
-    sys.path.insert(0, str(TESTS))
+    sys.path[:0] = [str(p.parent) for p in TESTS.rglob("test_scene_mutations.py")]
     import test_scene_mutations as mutations
 
-    from mechviz.scene import Scene, SceneError
+    from mechviz.scene.faults import SceneError
+    from mechviz.scene.scene import Scene
 
     found = {}
     for seed in range(60 * part, 60 * part + 60):

@@ -30,14 +30,30 @@ The way through the package::
 ``spatial`` barrel, end and globoidal cams; ``jets`` derivatives.
 """
 
-from .analysis import Bridge, Contact, analyse
-from .closures import Breadth, InverseCam, breadth, conjugate
-from .contour import Contour, arc, bulged, cam_contour, circle, line, polar_contour, polygon, spline_contour
-from .cutting import CutProfile, cut_profile
-from .design import Design, base_height_chart, best_offset, flat_base_chart, least_base, pressure_chart
-from .equivalent import EquivalentLinkage, equivalent_linkage
-from .followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from .forces import (
+from mechcore.cams.analysis import Bridge, Contact, analyse
+from mechcore.cams.closures import Breadth, InverseCam, breadth, conjugate
+from mechcore.cams.contour import (
+    Contour,
+    arc,
+    bulged,
+    cam_contour,
+    circle,
+    line,
+    polar_contour,
+    polygon,
+    spline_contour,
+)
+from mechcore.cams.cutting import CutProfile, cut_profile
+from mechcore.cams.equivalent import (
+    EquivalentLinkage,
+    OffsetError,
+    equivalent_linkage,
+    neglected_phase,
+    simplified_offset_error,
+    simplified_profile,
+)
+from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
+from mechcore.cams.forces import (
     Closure,
     HertzContact,
     Separation,
@@ -47,19 +63,90 @@ from .forces import (
     jamming_angle,
     least_spring,
 )
-from .graphical import Graphical, graphical
-from .lecture import OffsetError, neglected_phase, simplified_offset_error, simplified_profile
-from .limits import Limits, Reached, Requirement, Verdict, check_limits, find_limits, judge, undercut_ranges
-from .spatial import Barrel, BarrelArm, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
-from .synthesis import Cam, Synthesis, cam_on_base
+from mechcore.cams.given import Graphical, graphical
+from mechcore.cams.limits import (
+    Design,
+    Limits,
+    Reached,
+    Requirement,
+    Verdict,
+    base_height_chart,
+    best_offset,
+    check_limits,
+    find_limits,
+    flat_base_chart,
+    judge,
+    least_base,
+    pressure_chart,
+    undercut_ranges,
+)
+from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
 
 __all__ = [
-    "Arc", "Barrel", "BarrelArm", "Breadth", "Bridge", "Cam", "Closure", "Contact", "Contour", "CutProfile", "Design",
-    "EquivalentLinkage", "Flank", "Flat", "Follower", "Globoid", "Graphical", "HertzContact", "InverseCam", "Knife", "Limits",
-    "OffsetError", "Oscillating", "Reached", "Requirement", "Roller", "Separation", "SpatialCam", "SpatialLimits", "Synthesis",
-    "Translating", "Verdict", "analyse", "arc", "base_height_chart", "best_offset", "breadth", "bulged", "cam_contour",
-    "cam_on_base", "check_limits", "circle", "closing_force", "conjugate", "cut_profile", "equivalent_linkage", "find_limits",
-    "first_separation", "flat_base_chart", "graphical", "hertz", "jamming_angle", "judge", "least_base", "least_spring", "line",
-    "neglected_phase", "polar_contour", "polygon", "pressure_chart", "simplified_offset_error", "simplified_profile",
-    "spatial_limits", "spline_contour", "undercut_ranges",
-]  # fmt: skip
+    "Arc",
+    "Barrel",
+    "BarrelArm",
+    "Breadth",
+    "Bridge",
+    "Cam",
+    "Closure",
+    "Contact",
+    "Contour",
+    "CutProfile",
+    "Design",
+    "EquivalentLinkage",
+    "Flank",
+    "Flat",
+    "Follower",
+    "Globoid",
+    "Graphical",
+    "HertzContact",
+    "InverseCam",
+    "Knife",
+    "Limits",
+    "OffsetError",
+    "Oscillating",
+    "Reached",
+    "Requirement",
+    "Roller",
+    "Separation",
+    "SpatialCam",
+    "SpatialLimits",
+    "Synthesis",
+    "Translating",
+    "Verdict",
+    "analyse",
+    "arc",
+    "base_height_chart",
+    "best_offset",
+    "breadth",
+    "bulged",
+    "cam_contour",
+    "cam_on_base",
+    "check_limits",
+    "circle",
+    "closing_force",
+    "conjugate",
+    "cut_profile",
+    "equivalent_linkage",
+    "find_limits",
+    "first_separation",
+    "flat_base_chart",
+    "graphical",
+    "hertz",
+    "jamming_angle",
+    "judge",
+    "least_base",
+    "least_spring",
+    "line",
+    "neglected_phase",
+    "polar_contour",
+    "polygon",
+    "pressure_chart",
+    "simplified_offset_error",
+    "simplified_profile",
+    "spatial_limits",
+    "spline_contour",
+    "undercut_ranges",
+]

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-from ..laws.curve import MotionCurve
-from ..texts import as_angle
-from . import jets
-from .followers import Follower, Oscillating, Roller, Translating
-from .synthesis import Cam
-
-__all__ = ["Breadth", "InverseCam", "breadth", "conjugate"]
+from mechcore.cams.followers import Follower, Oscillating, Roller, Translating
+from mechcore.cams.synthesis import Cam
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve
+from mechcore.numerics import jets
+from mechcore.texts import as_angle
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

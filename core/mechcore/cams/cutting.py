@@ -12,14 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Fault, MechanismError
-from ..texts import as_angle
-from .analysis import analyse
-from .contour import CamPiece, Contour, cam_contour, joined
-from .followers import Flat
-from .synthesis import Cam
-
-__all__ = ["CutProfile", "cut_profile"]
+from mechcore.cams.analysis import analyse
+from mechcore.cams.contour import CamPiece, Contour, cam_contour, joined
+from mechcore.cams.followers import Flat
+from mechcore.cams.synthesis import Cam
+from mechcore.errors import Fault, MechanismError
+from mechcore.texts import as_angle
 
 Real = NDArray[np.float64]
 

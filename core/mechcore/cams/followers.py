@@ -14,11 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Fault, MechanismError
-from ..texts import as_length
-from . import jets
-
-__all__ = ["Arc", "Face", "Flat", "Follower", "Guide", "Knife", "Oscillating", "Roller", "Translating"]
+from mechcore.errors import Fault, MechanismError
+from mechcore.numerics import jets
+from mechcore.texts import as_length
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-from ..laws.curve import MotionCurve
-from ..texts import as_length, as_quantity
-
-__all__ = [
-    "Closure", "HertzContact", "Separation", "closing_force", "first_separation", "hertz", "jamming_angle", "least_spring",
-]  # fmt: skip
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve
+from mechcore.texts import as_length, as_quantity
 
 Real = NDArray[np.float64]
 

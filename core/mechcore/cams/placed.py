@@ -10,21 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Fault, MechanismError
-from ..texts import as_angle, as_coordinate, as_length
-from .analysis import Bridge
-from .closures import breadth
-from .contour import Contour, cam_contour
-from .design import least_base
-from .followers import Face, Flat, Oscillating, Translating
-from .limits import Requirement, find_limits
-from .synthesis import Cam, Synthesis
+from mechcore.cams.analysis import Bridge
+from mechcore.cams.closures import breadth
+from mechcore.cams.contour import Contour, cam_contour
+from mechcore.cams.followers import Face, Flat, Oscillating, Translating
+from mechcore.cams.limits import Requirement, find_limits, least_base
+from mechcore.cams.synthesis import Cam, Synthesis
+from mechcore.errors import Fault, MechanismError
+from mechcore.texts import as_angle, as_coordinate, as_length
 
 if TYPE_CHECKING:
-    from ..laws.curve import MotionCurve
-    from ..motion import Motion
+    from mechcore.laws.curve import MotionCurve
+    from mechcore.motion.motion import Motion
 
-__all__ = ["ContactRows", "PlacedCam", "argument_of", "on_knots", "rows_by_parts", "segment_of"]
 
 Array = Any
 Real = NDArray[np.float64]

@@ -1,11 +1,4 @@
-"""A spatial cam in a plane mechanism: a barrel, end or globoidal cam whose axis lies in the plane of the linkage.
-
-The cam's link has one revolute pair, whose angle is that of the cam about its own axis, counter-clockwise seen from the axis' tip.
-The follower moves in the plane by the law, exactly. The roller is pressed in the middle of its length. Of the force there the plane
-mechanism has the part in its plane, on the follower where the roller is; and as what turns the shaft is its moment about the cam's
-axis, its moment in the plane is taken by the shaft's bearings (`mechcore.pairs.relation.Bearing`). Across the plane, the follower
-and its guide carry what is left of it: that is not computed.
-"""
+"""Spatial and inverse cams in their mechanisms: rollers in grooves and on ribs, their laws, places and rolling."""
 
 from __future__ import annotations
 
@@ -15,17 +8,211 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Fault, MechanismError
-from ..texts import as_angle, as_length
-from .placed import ContactRows, rows_by_parts
-from .placed_roller import PlacedRoller
-from .spatial import Globoid, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.closures import InverseCam
+from mechcore.cams.followers import Roller
+from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, rows_by_parts, segment_of
+from mechcore.cams.spatial import Globoid, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.errors import Fault, MechanismError
+from mechcore.texts import as_angle, as_coordinate, as_length
 
 if TYPE_CHECKING:
-    from ..motion import Motion
-    from ..spec import SpatialBlank
+    from mechcore.motion.motion import Motion
+    from mechcore.spec.mechanism import SpatialBlank
 
-__all__ = ["PlacedSpatial", "Rubbing", "room_of_rollers"]
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedRoller:
+    """``links`` are those of the pair. A place w of the theory's ground axes in the plane lies at ``centre + axes w`` on the
+    ``carrier``; ``guide`` is the pair that guides the driven link, ``bed`` the one on which a driving link slides.
+
+    ``own``: where the theory's origin lies in the axes of the link that carries the groove.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    guide: str
+    cam: Any  # the theory: its ``law`` [m or rad] of the driving coordinate, and the roller's ``radius`` [m]
+    centre: complex
+    axes: complex
+    own: complex
+    sense: int
+    pressure_limit: float | None
+    form: bool
+    base: float = 0.0
+    phase: float = 0.0
+    bed: str | None = None
+    ahead: float = 1.0
+    bridges: tuple[Any, ...] = ()
+    lost: tuple[Any, ...] = ()
+    intended: None = None
+    mate: None = None
+
+    @property
+    def pace(self) -> float:
+        """How far the driven coordinate goes on per unit of the law's argument, on average; 0 where it returns."""
+        return 0.0
+
+    @property
+    def side(self) -> int:
+        return 1
+
+    @property
+    def face(self) -> Roller:
+        return Roller(self.cam.radius)
+
+    @property
+    def knots(self) -> Real:
+        return np.asarray(self.cam.law.knots)
+
+    def law(self, argument: Array) -> Array:
+        """The driven coordinate and its first two derivatives with respect to the law's argument, (3, ...)."""
+        x, known = self.known(argument)
+        values, law = self.cam.law(x, 2), self.cam.law
+        if law.repeats and law.advance != 0.0:  # arguments on a knot are those of the first cycle
+            values[0] += law.advance * np.rint((np.where(known, argument, x) - x) / law.length)
+        return np.where(known, values, np.nan)
+
+    def known(self, argument: Array) -> tuple[Array, Array]:
+        """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""
+        x = on_knots(self.cam.law, np.asarray(argument, float))
+        known = np.isfinite(x)
+        return np.where(known, x, self.cam.law.start), known
+
+    def argument(self, motion: Motion) -> Real:
+        """The law's argument (F): [rad] within one turn, or [m] of a driving link that slides."""
+        return argument_of(self, motion)
+
+    def segment(self, motion: Motion) -> Real:
+        """Number of the segment of the law in which the cam is, by frame (F)."""
+        return segment_of(self, motion)
+
+    def world(self, motion: Motion) -> Array:
+        """Direction of the theory's first axis in the world (F), complex."""
+        return self.axes * motion.rotation(motion.model.index[self.carrier])
+
+    def place(self, motion: Motion, w: Array) -> Array:
+        """Places of the theory's ground axes in the world."""
+        k = motion.model.index[self.carrier]
+        return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
+
+
+Array = Any
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+STEEPEST = np.radians(89.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedInverse(PlacedRoller):
+    """``links`` are (crank or slide, driven link). A point z of the driven link's theory is ``own + mount z`` in its own axes;
+    ``tip`` is the roller's centre on the driving link."""
+
+    cam: InverseCam
+    way: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
+    mount: complex
+    tip: complex
+    form: bool = True
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the driven link's coordinate: 1, or the theory's arm."""
+        return self.cam.crank if self.cam.turns else 1.0
+
+    @property
+    def arm(self) -> float:
+        return self.cam.crank if self.cam.turns else 0.0
+
+    def check(self) -> None:
+        """Raises where the roller jams in its groove, or undercuts a flank."""
+        theta = np.linspace(*self.way, 721)
+        steep = self.cam.pressure_angle(theta)
+        k = int(np.argmax(steep))
+        if not steep[k] < STEEPEST:
+            raise MechanismError(
+                Fault(
+                    "cam.lift", f"at {self._where(theta[k])} the groove lies along the motion: no drive.",
+                    "Move the driven link's pivot or guide off the roller's way, or give a smaller range.",
+                )
+            )  # fmt: skip
+        for side in (1, -1):
+            d = self.cam.pitch(theta, 2)
+            with np.errstate(divide="ignore"):  # a straight slot
+                bend = np.abs(d[1]) ** 3 / np.imag(np.conj(d[1]) * d[2]) * side
+            sharp = (bend > 0.0) & (bend < self.cam.radius)
+            if sharp.any():
+                k = int(np.argmax(sharp))
+                raise MechanismError(
+                    Fault(
+                        "cam.radius",
+                        f"a roller of {as_length(self.cam.radius)} undercuts the groove at {self._where(theta[k])}.",
+                        f"Give less than {as_length(float(bend[bend > 0.0].min()))}.",
+                    )
+                )
+
+    def argument(self, motion: Motion) -> Real:
+        """The law's argument (F): of a crank [rad] within half a turn of the middle of its way, of a slide [m]."""
+        return self._near(super().argument(motion))
+
+    def known(self, argument: Array) -> tuple[Array, Array]:
+        return super().known(self._near(argument))
+
+    def _near(self, x: Array) -> Real:
+        """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
+        x = np.asarray(x, float)
+        middle = 0.5 * (self.way[0] + self.way[1])
+        return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
+
+    def _where(self, x: float) -> str:
+        return f"{as_coordinate(x, rotary=self.bed is None)} of the {'crank' if self.bed is None else 'slide'}"
+
+    def _at(self, motion: Motion) -> tuple[Complex, Complex, Complex]:
+        """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""
+        theta, known = self.known(self.argument(motion))
+        pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
+        turned = np.exp(1j * q) if self.cam.turns else 1.0
+        lost = np.where(known, 1.0, np.nan)
+        return pin * lost, turned * self.cam.normal(theta), 1j * pin if self.cam.turns else np.full(theta.shape, 1j)
+
+    def contact(self, motion: Motion, multiplier: Array) -> tuple[Array, Array]:
+        """Where the roller presses on its flank, and the force on the driven link per multiplier."""
+        pin, n, away = self._at(motion)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            direction = self.scale * n / np.real(np.conj(n) * away)
+        push = direction / np.abs(direction) * np.where(np.real(multiplier) >= 0.0, 1.0, -1.0)
+        world = self.world(motion)
+        return self.place(motion, pin + self.cam.radius * push), direction * world
+
+    def pressing(self, motion: Motion, reaction: Complex) -> Real:
+        """Force along the normal (F) [N], positive where it drives the link the way its coordinate grows."""
+        return np.asarray(np.real(reaction * np.conj(self.rows(motion).normal)))
+
+    def rows(self, motion: Motion, multiplier: Array = 1.0) -> ContactRows:
+        """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        if hasattr(motion, "parts"):
+            return rows_by_parts(self, motion, multiplier)
+        angle, s = self.argument(motion), self.law(self.argument(motion))
+        _, n, away = self._at(motion)
+        n = n * np.sign(np.real(np.conj(n) * away))
+        world = self.world(motion)
+        known = np.where(np.isfinite(angle), angle, self.cam.law.start)
+        flank = self.cam.flank_radius(known, 1)
+        return ContactRows(
+            angle=angle,
+            place=np.array(np.broadcast_to(self.contact(motion, multiplier)[0], angle.shape)),
+            normal=np.array(np.broadcast_to(n * world, angle.shape)),
+            pressure_angle=self.cam.pressure_angle(known) * np.where(np.isfinite(angle), 1.0, np.nan),
+            radius=flank,
+            eccentricity=np.full(angle.shape, np.nan),
+            coordinate=s[0],
+            lift=s[0] - float(self.cam.law(self.way[0], 0)[0]),
+        )
+
 
 Array = Any
 Real = NDArray[np.float64]
@@ -235,3 +422,74 @@ class PlacedSpatial(PlacedRoller):
             coordinate=s[0],
             lift=s[0] - float(self.cam.law.pieces[0].at(0.0, 0)[0]),
         )
+
+
+Real = NDArray[np.float64]
+
+
+def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
+    """Angular velocity of the roller in the world (F) [rad/s]: its surface moves with the cam's where they touch.
+
+    ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns the other way.
+    Of a conjugate pair: the first roller; that of its second cam is the roller of ``cam.mate``. Of an inverse cam the roller on
+    the crank. Of barrel, rib and end cams: about the axis towards the viewer, half way along the roller; ``above`` 1 or -1 says
+    on which side of a rib it lies, along the axis. Of a globoid: against the arm, about the direction from its pivot to the
+    roller. Raises ``ValueError`` for a face that is none.
+    """
+    if not isinstance(cam.face, Roller):
+        raise ValueError(f"'{cam.name}' has no roller")
+    if isinstance(cam, PlacedInverse):
+        return _in_slot(motion, cam, force)
+    if isinstance(cam, PlacedSpatial):
+        return _in_space(motion, cam, force, above)
+    radius = cam.face.radius
+    s = cam.at(motion)
+    world = cam.axes * motion.rotation(motion.model.index[cam.carrier])
+    normal, centre = s.ground_normal * world, cam.place(motion, s.reference[0])
+    flank = np.where(np.asarray(force) < 0.0, -1.0, 1.0) if cam.groove else 1.0
+    place = centre - flank * radius * normal
+    spin = motion.model.angles.spin
+    k, f = (motion.model.index[name] for name in cam.links)
+
+    def velocity(link: int, at: Any) -> Any:
+        return motion.origin_velocities[link] + 1j * motion.speeds.spin[spin[link]] * (at - motion.origins[link])
+
+    tangent = 1j * normal
+    slip = np.real(np.conj(tangent) * (velocity(f, centre) - velocity(k, place)))
+    return np.array(np.broadcast_to(flank * slip / radius, (motion.frames,)))
+
+
+def _moved(motion: Motion, link: str, at: Any) -> Any:
+    """Velocity [m/s] of a link's material at a place of the world."""
+    k = motion.model.index[link]
+    return motion.origin_velocities[k] + 1j * motion.speeds.spin[motion.model.angles.spin[k]] * (at - motion.origins[k])
+
+
+def _in_slot(motion: Motion, cam: PlacedInverse, force: Any) -> Real:
+    crank, driven = cam.links
+    k = motion.model.index[crank]
+    centre = motion.origins[k] + motion.rotation(k) * cam.tip
+    place = cam.contact(motion, np.broadcast_to(np.asarray(force, float), (motion.frames,)))[0]
+    slip = _moved(motion, driven, place) - _moved(motion, crank, centre)
+    out = (place - centre) / cam.face.radius
+    return np.array(np.broadcast_to(np.real(np.conj(1j * out) * slip) / cam.face.radius, (motion.frames,)))
+
+
+def _in_space(motion: Motion, cam: PlacedSpatial, force: Any, above: int) -> Real:
+    """What slides past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
+    flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
+    across, _, _ = cam.rubbing(motion, flank)
+    side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0
+    arm = 0.0 if cam.blank.kind == "globoid" else motion.speeds.spin[motion.model.angles.spin[motion.model.index[cam.links[1]]]]
+    return np.array(np.broadcast_to(side * across.rate / cam.face.radius + arm, (motion.frames,)))
+
+
+def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:
+    """How far the roller has turned against the link that carries it since the first frame (F) [rad]: trapezoids between frames."""
+    link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
+    own = np.broadcast_to(np.asarray(motion.velocity(link)[:, 2], float), (motion.frames,))
+    if isinstance(cam, PlacedSpatial) and cam.blank.kind == "globoid":
+        own = np.zeros(motion.frames)  # the arm turns about another axis
+    rate = roller_speed(motion, cam, force, above) - own
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(motion.time)
+    return np.concatenate([[0.0], np.cumsum(steps)])

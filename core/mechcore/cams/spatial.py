@@ -15,12 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-from ..laws.curve import MotionCurve
-from ..texts import as_length
-from .limits import Reached
-
-__all__ = ["Barrel", "BarrelArm", "Flank", "Globoid", "SpatialCam", "SpatialLimits", "spatial_limits"]
+from mechcore.cams.limits import Reached
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve
+from mechcore.texts import as_length
 
 Real = NDArray[np.float64]
 

@@ -18,13 +18,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-from ..laws.curve import MotionCurve, Side
-from ..texts import as_length
-from . import jets
-from .followers import Arc, Flat, Follower, Translating
-
-__all__ = ["Cam", "Synthesis", "cam_on_base"]
+from mechcore.cams.followers import Arc, Flat, Follower, Translating
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve, Side
+from mechcore.numerics import jets
+from mechcore.texts import as_length
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -6,12 +6,11 @@ motion = simulation.motion(np.linspace(0.0, 2.0, 361))
 forces = simulation.forces(motion)
 """
 
-from .crosscheck import cross_check
-from .free import Free
-from .happenings import Happening, Stop, Watch
-from .liftoff import Liftoff
-from .progress import Method
-from .simulate import simulate
-from .simulation import Simulation
+from mechcore.dynamics.contact.separation import Liftoff
+from mechcore.dynamics.event_integrator import Method
+from mechcore.dynamics.events import Happening, Stop, Watch
+from mechcore.dynamics.simulate import simulate
+from mechcore.dynamics.simulation import Simulation, cross_check
+from mechcore.laws.timed import Free
 
 __all__ = ["Free", "Happening", "Liftoff", "Method", "Simulation", "Stop", "Watch", "cross_check", "simulate"]

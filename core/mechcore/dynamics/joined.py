@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import Wrench, power_of
-from ..effects.journal import IN_PAIRS, RUBBING, rubbing_name
-from ..kinetostatics import Forces, LoadResult
-from ..model import Model
-from ..motion import Motion
-from ..spec import Mechanism
-from .happenings import Stop
-from .reactions import STOP, stop_name
-
-__all__ = ["JoinedForces", "JoinedFriction", "JoinedMotion"]
+from mechcore.dynamics.events import Stop
+from mechcore.dynamics.segments import STOP, stop_name
+from mechcore.effects.base import Wrench, power_of
+from mechcore.effects.journal import IN_PAIRS, RUBBING, rubbing_name
+from mechcore.forces.kinetostatics import Forces, LoadResult
+from mechcore.kinematics.model import Model
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 

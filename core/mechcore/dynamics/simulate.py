@@ -13,27 +13,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import effects_of
-from ..errors import Fault, MechanismError
-from ..solve import MOST_TURNS, TURN, Compiled, compile_mechanism
-from ..spec import Drive, Mechanism
-from .chart import Chart
-from .charts import curve_around
-from .collocation import Window
-from .curve import Curve
-from .energy import by_energy
-from .fastest import Fastest, check_periods, fastest_vibration
-from .free import Free
-from .happenings import Happening, Stop, Watch, with_slot_ends
-from .integrate import Solution
-from .liftoff import Liftoff
-from .phases import braking_elements
-from .pieces import Piece
-from .progress import Method, Progress, table_tolerance
-from .reduced import free_of, integrating, reduce
-from .simulation import Simulation
-
-__all__ = ["simulate"]
+from mechcore.dynamics.contact.phases import braking_elements
+from mechcore.dynamics.contact.separation import Liftoff
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import curve_around
+from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.energy import by_energy
+from mechcore.dynamics.equations.reduced import free_of, integrating, reduce
+from mechcore.dynamics.event_integrator import Method, Progress, table_tolerance
+from mechcore.dynamics.events import Happening, Stop, Watch, with_slot_ends
+from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.windows import Solution
+from mechcore.dynamics.rest.equilibrium import Fastest, check_periods, fastest_vibration
+from mechcore.dynamics.segments import Piece
+from mechcore.dynamics.simulation import Simulation
+from mechcore.effects.registry import effects_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.motion.solve import MOST_TURNS, TURN, Compiled, compile_mechanism
+from mechcore.spec.mechanism import Drive, Mechanism
 
 Array = NDArray[np.float64]
 BESIDE = 0.1  # how far from the start, in scales, forces are compared with

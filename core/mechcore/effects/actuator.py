@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from ..loads import Actuator
-from .along_line import Line
-from .argument import factor_of
-from .base import Configuration
-from .pair_effort import pair_wrench
-from .prescribed import Varied
-from .wrench import Wrench
-
-__all__ = ["ConstantThrust"]
+from mechcore.effects.along_line import Line
+from mechcore.effects.argument import factor_of
+from mechcore.effects.base import Configuration, Wrench, pair_wrench
+from mechcore.effects.prescribed import Varied
+from mechcore.spec.loads import Actuator
 
 
 class ConstantThrust(Varied, Line):

@@ -6,13 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Fault, MechanismError
-from ..loads import Actuator, Damper, GasSpring, Spring
-from ..texts import as_length
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["Line", "LineDamper", "LineGasSpring", "LineSpring"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
+from mechcore.texts import as_length
 
 Array = Any
 

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Fault, MechanismError
-from ..laws import Table
-from ..loads import Factor
-from .base import Configuration
-
-__all__ = ["bends", "bends_in_time", "breaks_of", "coordinate", "counts_turns", "factor_of", "needs_of", "phase_of", "rate"]
+from mechcore.effects.base import Configuration
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Table
+from mechcore.spec.loads import Factor
 
 Array = Any
 

@@ -2,19 +2,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from ..kinematics import Rates
-from ..laws import Law
-from ..model import Model
-from ..statics import Acting
-from ..unwrapped import LinkAngles
-from .wrench import Wrench
+from mechcore.branches.unwrapped import LinkAngles
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.rates import Rates
+from mechcore.kinematics.statics import Acting
+from mechcore.laws.timed import Law
+from mechcore.numerics.frames import added, crossed, nothing
 
-__all__ = ["CAUSES", "NEEDS", "Configuration", "Effect"]
+Array = Any
+
+
+@dataclass(eq=False, slots=True)
+class Wrench:
+    """``force`` (complex, (F,) or one value) [N] and a free ``moment`` [N m] on a link.
+
+    The force acts at ``arm`` from the link's origin (world axes) [m]. On the link ``other``, where there is one, the opposite
+    force and moment act at the same point, ``other_arm`` from that link's origin.
+    """
+
+    name: str
+    kind: str  # "inertia", "gravity", "force", "torque", "spring" ...
+    link: int
+    force: Array
+    moment: Array
+    arm: Array
+    cause: str = "process"
+    other: int | None = None
+    other_arm: Array = 0j
+
+    @property
+    def links(self) -> tuple[int, ...]:
+        """The link that the wrench acts on, then the one that its opposite acts on."""
+        return (self.link,) if self.other is None else (self.link, self.other)
+
+
+def point_of(at: Configuration, wrench: Wrench) -> Array:
+    """Where a wrench acts in the world."""
+    origin = at.origins[wrench.link]
+    return origin if nothing(wrench.arm) else origin + wrench.arm
+
+
+def power_of(at: Configuration, wrench: Wrench) -> Array:
+    """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times spin."""
+    total: Array = 0.0
+    for k, arm, sign in ((wrench.link, wrench.arm, 1.0), (wrench.other, wrench.other_arm, -1.0)):
+        if not k:  # there is no other link, or it is the frame
+            continue
+        spin = at.speeds.spin[at.model.angles.spin[k]]
+        if not nothing(wrench.force):
+            velocity = at.origin_velocities[k]
+            if not nothing(arm):
+                velocity = velocity + 1j * spin * arm
+            total = total + sign * np.real(np.conj(wrench.force) * velocity)
+        total = total + sign * wrench.moment * spin
+    return total
+
+
+def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Array]]:
+    """Force on every link and moment about every link's origin.
+
+    Forces at the same arm are summed first, one moment for all, and constants before arrays.
+    """
+    force: list[Array] = [0j] * links
+    moment: list[Array] = [0.0] * links
+    acting: dict[tuple[int, int], list[Array]] = {}  # (link, arm by identity): link, arm, constant force, force
+    for w in wrenches:
+        for k, arm, sign in ((w.link, w.arm, 1), (w.other, w.other_arm, -1)):
+            if k is None:
+                continue
+            moment[k] = added(moment[k], w.moment, sign)
+            at = acting.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
+            which = 3 if isinstance(w.force, np.ndarray) else 2
+            at[which] = added(at[which], w.force, sign)
+    for k, arm, constant, f in acting.values():
+        f = added(f, constant)
+        if not nothing(f):
+            force[k] = added(force[k], f)
+            if not nothing(arm):
+                moment[k] = added(moment[k], crossed(arm, f))
+    return force, moment
+
 
 Array = Any
 
@@ -144,3 +217,19 @@ class Effect:
     def stores(self) -> bool:
         """Whether its work is a change of its potential energy."""
         return self.cause in ("gravity", "elastic")
+
+
+Array = Any
+
+
+def pair_wrench(at: Configuration, pair: str, effort: Array, *, name: str, kind: str, cause: str) -> Wrench:
+    """``effort`` [N m or N] in the direction of a pair's coordinate: on its second link, the opposite on its first."""
+    model = at.model
+    j = model.joint_index[pair]
+    joint, (first, second) = model.joints[j], model.ends[j]
+    place = at.joint_point(j)
+    arm, other_arm = place - at.origins[second], place - at.origins[first]
+    if joint.coordinate == "angle":
+        return Wrench(name, kind, second, 0j, effort, arm, cause, first, other_arm)
+    along = at.guide(j) * (1.0 if joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
+    return Wrench(name, kind, second, effort * along, 0.0, arm, cause, first, other_arm)

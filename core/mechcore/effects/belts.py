@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..loads import BeltTension
-from .base import Configuration, Effect
-from .wrench import Wrench
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.spec.loads import BeltTension
 
 if TYPE_CHECKING:
-    from ..pairs.relation import Relation
+    from mechcore.joints.base import Relation
 
-__all__ = ["BeltPull", "spans"]
 
 Array = Any
 
@@ -34,7 +32,7 @@ class BeltPull(Effect):
     """A tensioner holds the slack span at a constant tension: both spans pull the pulleys together by it, whatever they carry.
 
     It does no work: it presses on the bearings, and is what the belt has to drive by friction
-    (`mechcore.belts` tells where that is not enough).
+    (`mechcore.forces.crossings` tells where that is not enough).
     """
 
     cause = "elastic"

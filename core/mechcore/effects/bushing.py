@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..loads import Bushing, BushingDamper, TorsionDamper, TorsionSpring
-from .base import Configuration, Effect
-from .torsion import AngleDamper, AngleSpring
-from .wrench import Wrench
-
-__all__ = ["BushingDampers", "BushingSprings"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.effects.torsion import AngleDamper, AngleSpring
+from mechcore.spec.loads import Bushing, BushingDamper, TorsionDamper, TorsionSpring
 
 Array = Any
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..loads import Drag
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["MediumDrag"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.spec.loads import Drag
 
 
 class MediumDrag(Effect):

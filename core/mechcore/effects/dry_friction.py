@@ -1,10 +1,8 @@
-"""Dry friction in pairs: it depends on the reactions, and these on it, so that both are solved together (`mechcore.friction`)."""
+"""Dry friction in pairs: it depends on the reactions, and these on it, so that both are solved together (`solve`)."""
 
 from __future__ import annotations
 
-from .base import Effect
-
-__all__ = ["DryFriction"]
+from mechcore.effects.base import Effect
 
 
 class DryFriction(Effect):

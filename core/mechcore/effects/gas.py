@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Fault, MechanismError
-from ..loads import GasPressure
-from ..texts import as_length
-from .argument import coordinate, rate
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["CylinderGas"]
+from mechcore.effects.argument import coordinate, rate
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.loads import GasPressure
+from mechcore.texts import as_length
 
 Array = Any
 OVER = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres

@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Model
-from ..statics import Acting
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["Gravity"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.statics import Acting
 
 Array = Any
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from ..model import Model
-from ..motion import Motion
-from ..statics import Acting
-from .base import Effect
-from .wrench import Wrench
-
-__all__ = ["Inertia"]
+from mechcore.effects.base import Effect, Wrench
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.statics import Acting
+from mechcore.motion.motion import Motion
 
 
 class Inertia(Effect):

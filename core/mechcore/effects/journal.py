@@ -2,7 +2,7 @@
 
 The normal force is that of Hunt and Crossley (Coefficient of restitution interpreted as damping in vibroimpact, 1975),
 F = k d^n (1 + a d'), d the indentation; it needs no memory of the impact, pulls never, and starts and ends at zero. The effects
-act on the massless journal of a `mechcore.clearance` pair, so that the revolute pair that holds it transmits the whole force.
+act on the massless journal of a `mechcore.spec.clearance` pair, so that the revolute pair that holds it transmits the whole force.
 """
 
 from __future__ import annotations
@@ -11,11 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..loads import JournalContact, JournalLoss
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["IN_PAIRS", "RUBBING", "JournalFriction", "JournalPressure", "loss_factor", "rubbing_name"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.spec.loads import JournalContact, JournalLoss
 
 Array = Any
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"

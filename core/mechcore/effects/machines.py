@@ -6,13 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine
-from .argument import rate
-from .base import Configuration, Effect
-from .pair_effort import pair_wrench
-from .wrench import Wrench
-
-__all__ = ["ConstantPowerMachine", "DirectCurrent", "Governed", "Induction"]
+from mechcore.effects.argument import rate
+from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.spec.loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine
 
 Array = Any
 

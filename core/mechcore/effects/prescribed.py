@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..loads import Force, Torque
-from ..model import Model
-from ..statics import Acting
-from .argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["AppliedForce", "AppliedTorque", "Varied"]
+from mechcore.effects.argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.statics import Acting
+from mechcore.spec.loads import Force, Torque
 
 Array = Any
 

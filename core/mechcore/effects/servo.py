@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import Fault, MechanismError
-from ..laws import Law
-from ..loads import Servo
-from .argument import coordinate, rate
-from .base import Configuration, Effect
-from .pair_effort import pair_wrench
-from .wrench import Wrench
-
-__all__ = ["PositionServo"]
+from mechcore.effects.argument import coordinate, rate
+from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Law
+from mechcore.spec.loads import Servo
 
 Array = Any
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..loads import TorsionDamper, TorsionSpring
-from .base import Configuration, Effect
-from .wrench import Wrench
-
-__all__ = ["AngleDamper", "AngleSpring"]
+from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.spec.loads import TorsionDamper, TorsionSpring
 
 Array = Any
 

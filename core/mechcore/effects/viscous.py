@@ -6,16 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..loads import Viscous
-from .argument import rate
-from .base import Configuration, Effect
-from .pair_effort import pair_wrench
-from .wrench import Wrench
+from mechcore.effects.argument import rate
+from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
+from mechcore.spec.loads import Viscous
 
 if TYPE_CHECKING:
-    from ..pairs.relation import Relation
-
-__all__ = ["ViscousFriction"]
+    from mechcore.joints.base import Relation
 
 
 class ViscousFriction(Effect):

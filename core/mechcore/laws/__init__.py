@@ -10,8 +10,7 @@ B-splines from boundary conditions, measured tables smoothed, laws given by acce
 ``signals``: sine, step, ramp and chirp, which loads and the speeds of drives follow.
 """
 
-from .catalogue import RISES, rise
-from .conditions import (
+from mechcore.laws.boundary_conditions import (
     Condition,
     Smoothing,
     from_acceleration,
@@ -20,13 +19,24 @@ from .conditions import (
     polynomial_law,
     spline_law,
 )
-from .curve import MotionCurve
-from .factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
-from .harmonics import acceleration_zones, harmonic_sum, scca
-from .optimal import Optimum, least_peak
-from .program import Follow, Segment, constant_breadth, program
-from .signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
-from .timed import ConstantSpeed, Law, Oscillation, Piecewise, Rest, Table, TableLaw, moves, polynomial_through, zones
+from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, rise, scca
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
+from mechcore.laws.optimal import Optimum, least_peak
+from mechcore.laws.program import Follow, Segment, constant_breadth, program
+from mechcore.laws.signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
+from mechcore.laws.timed import (
+    ConstantSpeed,
+    Law,
+    Oscillation,
+    Piecewise,
+    Rest,
+    Table,
+    TableLaw,
+    moves,
+    polynomial_through,
+    zones,
+)
 
 __all__ = [
     "RISES",

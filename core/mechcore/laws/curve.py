@@ -16,9 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-
-__all__ = ["MotionCurve", "Piece", "Side"]
+from mechcore.errors import Fault, MechanismError
 
 Array = NDArray[np.float64]
 Side = Literal["left", "right"]

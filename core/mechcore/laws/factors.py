@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..texts import Text, as_angle
-from .curve import MotionCurve, Piece
-
-__all__ = ["Extreme", "Jump", "PeakFactors", "extremes", "jumps", "peak", "peak_factors"]
+from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.texts import Text, as_angle
 
 Array = NDArray[np.float64]
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")

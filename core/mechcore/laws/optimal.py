@@ -14,11 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Fault, MechanismError
-from .curve import MotionCurve, Piece
-from .factors import peak
-
-__all__ = ["Optimum", "least_peak"]
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.laws.factors import peak
 
 Array = NDArray[np.float64]
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]

@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-from .catalogue import rise
-from .curve import MotionCurve, Piece
-from .timed import ConstantSpeed, Law, polynomial_through
-
-__all__ = ["Follow", "Segment", "constant_breadth", "program"]
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.catalogue import rise
+from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.laws.timed import ConstantSpeed, Law, polynomial_through
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
@@ -123,7 +121,7 @@ class Follow:
     @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Times within a cycle at which the acceleration may jump: the master's own and those of the program's knots."""
-        from .factors import jumps
+        from mechcore.laws.factors import jumps
 
         angles = [j.angle for j in jumps(self.curve, (1, 2), ends=False)]
         own = list(self.master.breaks)

@@ -14,8 +14,6 @@ from typing import ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Chirp", "Ramp", "Signal", "SignalPosition", "SignalSpeed", "Sine", "Step"]
-
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 

@@ -1,9 +1,4 @@
-"""Drives: a coordinate as a function of time with its exact first and second derivatives.
-
-A law is called with an array of times and returns three arrays. ``duration`` is the time that one cycle takes; laws that
-repeat are continued beyond it by adding ``advance`` (one turn, or nothing) for every cycle. At a time where the acceleration
-jumps, the value belongs to the piece that ends there (zones are half-open on the left, as in the contour-graph article).
-"""
+"""Drives: a coordinate as a function of time with its exact derivatives, or free to follow from the forces."""
 
 from __future__ import annotations
 
@@ -15,19 +10,31 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "ConstantSpeed",
-    "Law",
-    "Oscillation",
-    "Piecewise",
-    "Rest",
-    "Smoothness",
-    "Table",
-    "TableLaw",
-    "moves",
-    "polynomial_through",
-    "zones",
-]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Free:
+    """Stands where a drive's law would: the mechanism is put together at ``start`` [rad or m], where it moves at ``speed``.
+
+    As a law it is the straight way through the start; forward dynamics replaces it by the motion that it finds.
+    """
+
+    start: float
+    speed: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        return 2.0 * np.pi / abs(self.speed) if self.speed else 2.0 * np.pi
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        t = np.asarray(t, float)
+        return self.start + self.speed * t, np.full_like(t, self.speed), np.zeros_like(t)
+
 
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]

@@ -1,12 +1,27 @@
 """Reduction: of force systems, of inertia forces, of bodies to point masses, of mechanisms to one link, of shaking to the frame."""
 
-from .areas import Area, area_of, circle, plate, stadium
-from .bodies import SOLIDS, Body, combine, solid
-from .inertia import acceleration_field, inertia_of_points, inertia_wrench, percussion_centre, single_resultant
-from .reduced import Reduced, reduce_mechanism
-from .shaking import Shaking, shaking
-from .substitute import PointMass, StaticReplacement, Substitution, static_replacement, substitute_masses
-from .systems import Resultant, moment_about, reduce_to, resultant
+from mechcore.reduction.areas import Area, area_of, circle, plate, stadium
+from mechcore.reduction.bodies import (
+    SOLIDS,
+    Body,
+    acceleration_field,
+    combine,
+    inertia_of_points,
+    inertia_wrench,
+    percussion_centre,
+    single_resultant,
+    solid,
+)
+from mechcore.reduction.reduced import Reduced, reduce_mechanism
+from mechcore.reduction.shaking import Shaking, shaking
+from mechcore.reduction.substitute import (
+    PointMass,
+    StaticReplacement,
+    Substitution,
+    static_replacement,
+    substitute_masses,
+)
+from mechcore.reduction.systems import Resultant, moment_about, reduce_to, resultant
 
 __all__ = [
     "SOLIDS",

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import Fault, MechanismError
-from ..texts import as_length
-from .bodies import Body, combine
-
-__all__ = ["Area", "area_of", "circle", "plate", "rounded_hull", "stadium"]
+from mechcore.errors import Fault, MechanismError
+from mechcore.reduction.bodies import Body, combine
+from mechcore.texts import as_length
 
 Vec2 = tuple[float, float]
 

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answers import per_unit
-from ..effects import Wrench, power_of
-from ..errors import Fault, MechanismError
-from ..motion import Motion
-
-__all__ = ["Reduced", "reduce_mechanism"]
+from mechcore.effects.base import Wrench, power_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion.metrics import per_unit
+from mechcore.motion.motion import Motion
 
 Array = Any
 Real = NDArray[np.float64]

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..closed_forms import cross
-from ..motion import Motion
-
-__all__ = ["Shaking", "shaking"]
+from mechcore.kinematics.dyads import cross
+from mechcore.motion.motion import Motion
 
 Array = Any
 Real = NDArray[np.float64]

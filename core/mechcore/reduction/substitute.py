@@ -17,9 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import Fault, MechanismError
-
-__all__ = ["PointMass", "StaticReplacement", "Substitution", "static_replacement", "substitute_masses"]
+from mechcore.errors import Fault, MechanismError
 
 Real = NDArray[np.float64]
 Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["KINDS", "Resultant", "moment_about", "reduce_to", "resultant"]
-
 Real = NDArray[np.float64]
 
 KINDS = ("equilibrium", "couple", "single force")

@@ -1,0 +1,517 @@
+"""Assembly modes: how each group is put together at the start. Stated in the mechanism or taken from its sketch, never guessed."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from mechcore.branches.sketch import sketched_angle, sketched_slide
+from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import State
+from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.positions import initial_state
+from mechcore.spec.mechanism import Mechanism
+from mechcore.texts import Text, as_angle, as_length
+
+Array = Any
+TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
+_MOST_CHOICES = 2  # groups whose modes are told in all combinations
+
+_OTHER = {
+    "left": ("side", "right"), "right": ("side", "left"), "ahead": ("branch", "behind"), "behind": ("branch", "ahead"),
+    "open": ("assembly", "crossed"), "crossed": ("assembly", "open"),
+}  # fmt: skip
+"""Assembly modes: the key that states each, and the other one."""
+
+WORDS = {"theta_theta": ("left", "right"), "theta_slide": ("ahead", "behind"), "arm_slide": ("ahead", "behind")}
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """``modes``: +1 or -1 for each block (0 where there is no choice). ``starts``: unknowns of general blocks at the start."""
+
+    modes: tuple[float, ...]
+    starts: dict[str, Array]  # and angles of groups, "angle <group>", beyond one turn
+    constants: tuple[float, ...]  # of the relations
+    state: State  # positions at the start
+
+
+def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> Assembly:
+    """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show; ``others``:
+    where a group does not fit, the remedy names another assembly mode in which it does."""
+    m = model.mechanism
+    faults: list[Fault] = []
+    known_names = {b.name for b in model.blocks}
+    stated = _stated(model)
+    used = set(stated.values())
+    constants = [0.0] * len(model.relations)
+    state = initial_state(model, [np.float64(q) for q in drives], constants)
+    modes: list[float] = []
+    starts: dict[str, Array] = {}
+    for block in model.blocks:
+        pair = stated.get(block.name)
+        mode = 0.0
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            if block.kind in TWO_MODES:
+                miss = float(bl.gap(model, block, state))
+                if miss > 1e-14 * model.size:
+                    faults.append(_apart(model, block, miss, _fitting_mode(model, drives) if others else ""))
+                    break
+                if block.kind != "theta_slide" and bl.span(model, block, state) <= 1e-14 * model.size:
+                    faults.append(_unspanned(block))
+                    break
+                mode, fault = _mode(model, block, state, pair)
+                faults += fault
+                bl.place(model, block, state, mode)
+            elif block.relations and block.kind != "general":
+                faults += _fix_relation(model, block, state, constants)
+                bl.place(model, block, state, 0.0)
+            elif block.kind == "general":
+                x, fault = _start_of_general(model, block, state)
+                faults += fault
+                if x is None:
+                    break
+                starts[block.name] = x
+                bl.place(model, block, state, 0.0, x)
+            else:
+                bl.place(model, block, state, 0.0)
+                if not np.isfinite([complex(state.slide[j]) for j in block.slides]).all():
+                    remedy = "Turn one of them, or add a drive that says where."
+                    faults.append(Fault(f"pairs.{block.name}", "its guides are parallel: where it slides to is left open.", remedy))
+                    break
+        modes.append(mode)
+    for pair in m.modes:
+        if pair not in used:
+            near = ", ".join(sorted(known_names)) or "none"
+            faults.append(
+                Fault(
+                    f"pairs.{pair}",
+                    f"an assembly mode ('{m.modes[pair]}') is stated here, but this pair decides nothing.",
+                    f"Pairs at which a group can be put together in two ways: {near}.",
+                )
+            )
+    if faults:
+        raise MechanismError(faults)
+    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.wound}
+    return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
+
+
+def _stated(model: Model) -> dict[str, str]:
+    """Block -> pair at which the mechanism states its mode: the block's own pair, or another one at its unknown links."""
+    found: dict[str, str] = {}
+    of_group = {g: block for block in model.blocks for g in block.angles}
+    own = {block.name for block in model.blocks}
+    for pair in model.mechanism.modes:
+        if pair in own:
+            found[pair] = pair
+            continue
+        if pair not in model.joint_index:
+            continue
+        groups = [model.angles.group[k] for k in model.ends[model.joint_index[pair]]]
+        blocks = [of_group[g] for g in groups if g in of_group]
+        for block in blocks:
+            if block.kind != "theta_theta" and block.name not in model.mechanism.modes:
+                found.setdefault(block.name, pair)
+    return found
+
+
+def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
+    """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
+    the pair ``beside``."""
+    for pair, word in mechanism.modes.items():
+        if pair != beside and word in _OTHER:
+            key, other = _OTHER[word]
+            remedy = f', or take the other mode at {pair}, {key} = "{other}"'
+            yield replace(mechanism, modes={**mechanism.modes, pair: other}), remedy
+
+
+def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
+    """Another assembly mode in which the mechanism can be put together at the start, as the rest of a remedy; "" for none."""
+    for other, remedy in other_modes(model.mechanism):
+        try:
+            assemble(replace(model, mechanism=other), drives, others=False)
+        except MechanismError:
+            continue
+        return f"{remedy}, in which it fits"
+    return ""
+
+
+def fitting_statements(model: Model, drives: Sequence[float]) -> str:
+    """Assembly modes that fit at the start, to be stated instead of a sketch, as the rest of a remedy; "" for none."""
+    choices = [block for block in model.blocks if block.kind in TWO_MODES]
+    if len(choices) > _MOST_CHOICES or any(block.kind == "general" for block in model.blocks):
+        return ""
+    found = []
+    for words in product(*(WORDS[block.kind] for block in choices)):
+        modes = dict(zip((block.name for block in choices), words, strict=True))
+        try:
+            assemble(replace(model, mechanism=replace(model.mechanism, sketch={}, modes=modes)), drives, others=False)
+        except MechanismError:
+            continue
+        found.append(" and ".join(f'{_OTHER[word][0]} = "{word}" at {pair}' for pair, word in modes.items()))
+    return f", or state the assembly mode of the start instead: {' or '.join(found)} fits there" if found else ""
+
+
+def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
+    return Fault(
+        f"pairs.{block.name}",
+        f"cannot be assembled at the start: the links miss each other by {as_length(miss)}.",
+        f"Change a length or the start of the drive{other}.",
+    )
+
+
+def _unspanned(block: Block) -> Fault:
+    return Fault(
+        f"pairs.{block.name}",
+        "the outer pins of its group are at the same point at the start: the group can turn about it freely.",
+        "Move a pin or start the drives a little before or after; if it is so in every position, drive one of its pins instead.",
+    )
+
+
+def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[float, list[Fault]]:
+    """The sign of a block with two assembly modes."""
+    m = model.mechanism
+    words = WORDS[block.kind]
+    if pair is not None:
+        word = m.modes[pair]
+        if word in words:
+            sign = 1.0 if word == words[0] else -1.0
+            return (sign * _orientation(model, block, pair), [])
+        if word in ("open", "crossed") and block.kind == "theta_theta":
+            found = _open_mode(model, block, state)
+            if found is not None:
+                return (found if word == "open" else -found), []
+            message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
+        else:
+            message = f"'{word}' is not an assembly mode of this group."
+            remedy = f"Use {' or '.join(words)}."
+        return 1.0, [Fault(f"pairs.{pair}", message, remedy)]
+    sketched = _sketched_mode(model, block, state)
+    if sketched is not None:
+        return sketched, []
+    plus = _solution(model, block, state, 1.0)
+    minus = _solution(model, block, state, -1.0)
+    if all(abs(plus[k] - minus[k]) < 1e-12 for k in plus):
+        return 1.0, []
+    key = "side" if words[0] == "left" else "branch"
+    sign = _orientation(model, block, block.name)
+    where = dict(zip(words, _mode_words(model, block, state, (sign, -sign)), strict=True))
+    options = ", or ".join(f'{key} = "{w}" (there {where[w]})' for w in words)
+    return 1.0, [
+        Fault(
+            f"pairs.{block.name}",
+            "the assembly mode is not stated, and the group can be put together in two ways.",
+            f"Add {options}; or give a [sketch] of the start position.",
+        )
+    ]
+
+
+def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tuple[str, int], complex | float]:
+    """A block's unknowns (rotations and displacements) in one mode, without changing ``state``."""
+    trial = state.copy()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bl.place(model, block, trial, mode)
+    out: dict[tuple[str, int], complex | float] = {
+        ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.spins_of[g][0]]
+    }
+    out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
+    return out
+
+
+def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
+    """Both modes of a block in words, by what tells them apart: the place of its pair, else displacement and angles."""
+    places = [f"{block.name} is at {_place_of(model, block, state, mode)}" for mode in modes]
+    if len(set(places)) == len(places):
+        return places
+    rows = []
+    for mode in modes:
+        found = _solution(model, block, state, mode)
+        slides = [f"{model.joints[j].name} is displaced by {as_length(float(found['slide', j].real), 4)}" for j in block.slides]
+        angles = [_angle_words(model, g, float(np.angle(found["angle", g]))) for g in block.angles]
+        rows.append([*slides, *angles])
+    telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
+    return [", ".join(row[k] for k in telling) or place for row, place in zip(rows, places, strict=True)]
+
+
+def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
+    """Where the block's pair is in one mode, for a message."""
+    trial = state.copy()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bl.place(model, block, trial, mode)
+    j = model.joint_index[block.name]
+    joint = model.joints[j]
+    side = 1 if joint.slide is not None and joint.guide == 0 else 0
+    k = model.ends[j][side]
+    start = trial.rot[model.angles.spin[k]]
+    if start is None:
+        return "a place that other groups decide"
+    z = (joint.b if side else joint.a) * model.turn[k] * start
+    while k:
+        i, p = model.tree.joint[k], model.tree.parent[k]
+        tree_side = 1 if model.ends[i][1] == k else 0
+        for link, s, sign in ((k, tree_side, -1), (p, 1 - tree_side, 1)):
+            tj = model.joints[i]
+            vector = tj.b if s else tj.a
+            if tj.slide is not None and tj.guide == s:
+                vector = vector + trial.slide.get(i, 0.0) * tj.slide
+            rot = trial.rot[model.angles.spin[link]]
+            if rot is None:
+                return "a place that other groups decide"
+            z = z + sign * vector * model.turn[link] * rot
+        k = p
+    noise = 1e-12 * model.size
+    x, y = (0.0 if abs(part) < noise else part for part in (complex(z).real, complex(z).imag))
+    return f"x = {as_length(x, 4)}, y = {as_length(y, 4)}"
+
+
+def _orientation(model: Model, block: Block, pair: str) -> float:
+    """+1 if the words stated at ``pair`` mean the closed form's +1 mode, -1 if its -1 mode.
+
+    'left': seen from the first link's other pin to the second link's other pin, the pair lies on the left. The closed form has its
+    first unknown group first. 'ahead': of the two displacements along the guide the larger one.
+    """
+    if block.kind == "theta_theta":
+        first = model.angles.group[model.ends[model.joint_index[pair]][0]]
+        return 1.0 if first == block.angles[0] else -1.0
+    # arm_slide: mode +1 has the larger displacement; theta_slide: the displacement is what the link leaves over, so it is smaller
+    return 1.0 if block.kind == "arm_slide" else -1.0
+
+
+def _open_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode in which a four-bar's links do not cross at the start."""
+    u, v = block.angles
+    pins = []
+    for g, other in ((u, v), (v, u)):
+        for j, (p, q) in enumerate(model.ends):
+            groups = (model.angles.group[p], model.angles.group[q])
+            if g in groups and other not in groups and model.joints[j].slide is None:
+                known = q if groups[0] == g else p
+                pins.append((j, known))
+                break
+    if len(pins) != 2:
+        return None
+    (jb, kb), (jd, kd) = pins
+    hinge = next((j for j, e in enumerate(model.ends) if set(e) == {kb, kd} and model.joints[j].slide is None), None)
+    if hinge is None:
+        return None
+    inner = model.joint_index[block.name]
+
+    def crossing(mode: float) -> bool:
+        trial = state.copy()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bl.place(model, block, trial, mode)
+
+        def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
+            joint = model.joints[j]
+            base = model.joints[hinge]
+            p = joint.a if model.ends[j][0] == link else joint.b
+            h = base.a if model.ends[hinge][0] == link else base.b
+            return complex((p - h) * model.turn[link] * trial.rot[model.angles.spin[link]])
+
+        a, b, d = 0j, at(jb, kb), at(jd, kd)
+        coupler = next(k for k in model.ends[jb] if k != kb)
+        jc, jbt = model.joints[inner], model.joints[jb]
+        pc = jc.a if model.ends[inner][0] == coupler else jc.b
+        pb = jbt.a if model.ends[jb][0] == coupler else jbt.b
+        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.spin[coupler]])
+        return _segments_cross(a, b, c, d) or _segments_cross(b, c, d, a)
+
+    plus, minus = crossing(1.0), crossing(-1.0)
+    if plus == minus:
+        return None
+    return -1.0 if plus else 1.0
+
+
+def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
+    def turn(p: complex, q: complex, r: complex) -> float:
+        return ((q - p).conjugate() * (r - p)).imag
+
+    return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
+
+
+def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
+    """Take a relation's constant from the start: its unknown is where the sketch has it, else at zero."""
+    r = block.relations[0]
+    given = model.sums[r].constant
+    if given is not None:
+        constants[r] = given
+        return []
+    known, unknown = bl.relation_sum(model, r, state, block)
+    total = float(known)
+    faults: list[Fault] = []
+    for (what, i), c in unknown.items():
+        start = sketched_angle(model, i, state) if what == "angle" else sketched_slide(model, i)
+        if start is None and what == "angle":
+            start = 0.0
+            for k in model.angles.links_of[i]:
+                arms = {point for p, q in ((0, 0), (1, 1)) for j, e in enumerate(model.ends) if e[p] == k
+                        for point in [model.joints[j].b if q else model.joints[j].a]}  # fmt: skip
+                if len(arms) > 1:  # pins off its axis: where they stand at the start matters
+                    faults.append(
+                        Fault(
+                            f"pairs.{model.sums[r].name}",
+                            f"nothing says how '{model.links[k]}' stands at the start.",
+                            f"Sketch it: [sketch] {model.links[k]} = {{ at = [x, y], angle = ... }}.",
+                        )
+                    )
+                    break
+        total += c * (start or 0.0)
+    constants[r] = total
+    return faults
+
+
+def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode nearest to the sketch, None where the sketch does not tell."""
+    errors = []
+    for mode in (1.0, -1.0):
+        error, told = 0.0, False
+        for (what, i), value in _solution(model, block, state, mode).items():
+            if what == "angle":
+                angle = sketched_angle(model, i, state)
+                if angle is not None:
+                    error, told = error + abs(value - cmath.exp(1j * angle)), True
+            else:
+                slide = sketched_slide(model, i)
+                if slide is not None:
+                    error, told = error + abs(value - slide) / model.size, True
+        if not told:
+            return None
+        errors.append(error)
+    if abs(errors[0] - errors[1]) < 1e-9:
+        return None
+    return 1.0 if errors[0] < errors[1] else -1.0
+
+
+def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array | None, list[Fault]]:
+    """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
+    angles = [sketched_angle(model, g, state) for g in block.angles]
+    slides = [sketched_slide(model, j) for j in block.slides]
+    if block.relations:
+        faults = _fix_relations_of_group(model, block, state, angles, slides)
+        if faults:
+            return None, faults
+    found = group_modes(model, block, state, near=[*angles, *slides])
+    if len(found) == 0:
+        return None, [
+            Fault(
+                f"pairs.{block.name}",
+                "cannot be assembled at the start: no position of its group closes the contours.",
+                "Change a length or the start of the drive.",
+            )
+        ]
+    if all(a is None for a in angles) and all(s is None for s in slides):
+        if len(found) == 1:
+            return found[0], []
+        listed = "; ".join(_describe(model, block, x) for x in found[:8])
+        return None, [
+            Fault(
+                f"pairs.{block.name}",
+                f"the assembly mode is not stated; this group has {len(found)} at the start.",
+                f"Add a [sketch] with rough angles of its links, near one of: {listed}.",
+            )
+        ]
+    guess = np.array([np.nan if a is None else a for a in angles] + [np.nan if s is None else s for s in slides])
+    n = len(block.angles)
+    error = np.abs(np.exp(1j * found[:, :n]) - np.exp(1j * guess[:n]))
+    error = np.nansum(error, axis=-1) + np.nansum(np.abs(found[:, n:] - guess[n:]), axis=-1) / model.size
+    best = np.argsort(error)
+    if len(best) > 1 and error[best[1]] - error[best[0]] < 1e-6:
+        return None, [
+            Fault(f"pairs.{block.name}", "the sketch fits two assembly modes equally.", "Sketch more links of this group.")
+        ]
+    return found[best[0]], []
+
+
+def _fix_relations_of_group(
+    model: Model, block: Block, state: State, angles: Sequence[float | None], slides: Sequence[float | None]
+) -> list[Fault]:
+    """Constants of the relations inside a simultaneous group, from the sketch, which then has to be exact in their phase."""
+    start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
+    faults = []
+    for r in block.relations:
+        given = model.sums[r].constant
+        if given is not None:
+            state.constants[r] = given  # type: ignore[index]  # a list while the mechanism is put together
+            continue
+        known, unknown = bl.relation_sum(model, r, state, block)
+        if any(start[u] is None for u in unknown):
+            faults.append(
+                Fault(
+                    f"pairs.{model.sums[r].name}",
+                    "nothing says how its links stand to each other at the start.",
+                    "Give a [sketch] with the angles of its links: the sketch sets the phase of the gears.",
+                )
+            )
+            continue
+        state.constants[r] = float(known) + sum(c * float(start[u] or 0.0) for u, c in unknown.items())  # type: ignore[index]
+    return faults
+
+
+def _describe(model: Model, block: Block, x: Array) -> str:
+    words = []
+    for i, g in enumerate(block.angles):
+        words.append(_angle_words(model, g, float(x[i])))
+    return ", ".join(words)
+
+
+def _angle_words(model: Model, group: int, angle: float) -> str:
+    """The first link of a group of parallel links and its angle; ``angle`` is the group's [rad]."""
+    k = model.angles.links_of[group][0]
+    turned = (angle + model.angles.offset[k] + np.pi) % (2.0 * np.pi) - np.pi
+    return f"{model.links[k]} {as_angle(turned, 4)}"
+
+
+def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Array:
+    """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts; ``near`` is one more start.
+
+    Angles lie within half a turn of zero, or of ``near`` where relations make whole turns matter.
+    """
+    rng = np.random.default_rng(12345)  # the same answer every time
+    n, k = len(block.angles), len(block.slides)
+    x = np.concatenate([rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.size], axis=-1)
+    if near:
+        x[0] = [0.0 if v is None else v for v in near]
+    trial = state.copy()
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        bl.place(model, block, trial, 0.0, x)
+    found = trial.newton[block.name].x
+    found = found[np.isfinite(found).all(axis=-1)]
+    if not block.relations:
+        found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
+    unique: list[tuple[Array, Array]] = []
+    for row in found:
+        key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])
+        if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):
+            unique.append((key, row))
+    rows = sorted((row for _, row in unique), key=lambda r: [round(float(v), 9) for v in r])
+    return np.array(rows) if rows else np.empty((0, n + k))
+
+
+def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list[tuple[str, list[tuple[Text, bool]]]]:
+    """Every group's assembly modes at the start in words, the groups before it as assembled; the flag marks the assembled one."""
+    state = initial_state(model, [np.float64(q) for q in drives], assembly.constants)
+    out = []
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for block, mode in zip(model.blocks, assembly.modes, strict=True):
+            found: list[tuple[Text, bool]] = []
+            if block.kind in TWO_MODES:
+                sign = _orientation(model, block, block.name)
+                signs = (sign, -sign)
+                for word, s, text in zip(WORDS[block.kind], signs, _mode_words(model, block, state, signs), strict=True):
+                    found.append((Text(f"{word}: {text}"), s == mode))
+            elif block.kind == "general":
+                start = assembly.starts[block.name]
+                for x in group_modes(model, block, state):
+                    n = len(block.angles)
+                    same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
+                    found.append((Text(_describe(model, block, x)), bool(same)))
+            bl.place(model, block, state, mode, assembly.starts.get(block.name))
+            if found:
+                out.append((block.name, found))
+    return out

@@ -1,0 +1,338 @@
+"""Change points and dead points that a run passes: where the two assembly modes of a group meet.
+
+There the group's triangle is flat for an instant. A smooth motion goes through: what was on the left comes out on the right. The
+mode therefore changes sign at every such time, or the motion would turn back with a kink onto the other branch. Near the
+instant itself the contour equations are ill conditioned and at it singular: see `patching`.
+
+Where the triangle would be more than flat the group cannot be put together: a gap, however narrow, is found on the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import State
+from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.patching import FAR, TAIL, smooth
+from mechcore.kinematics.positions import initial_state
+from mechcore.laws.timed import ConstantSpeed, Law, moves
+
+Array = Any
+SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
+MOST = 400_000  # samples of a whole run
+FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
+MISS = 1e-14  # below minus this the closed forms give up: the links miss each other
+ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
+WINDOW = 4  # samples on each side from which the instant is located
+FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
+BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
+TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
+
+
+@dataclass(frozen=True)
+class Change:
+    """At ``time`` the modes of block number ``block`` meet. ``dead``: the drive stands still there, at its limit. ``flips``: the
+    motion goes through; else it only touches the flat position and turns back."""
+
+    time: float
+    block: int
+    name: str
+    dead: bool
+    flips: bool = True
+    step: float = 0.0  # in which distances from it are counted where positions are interpolated, see `patching`
+
+
+@dataclass(frozen=True)
+class Gap:
+    """From ``start`` to ``end`` [s] the block cannot be put together."""
+
+    start: float
+    end: float
+    block: int
+
+
+@dataclass(frozen=True)
+class Changes:
+    """All changes within ``[0, period)``; beyond, they repeat. ``gaps``: where a group cannot be put together.
+
+    ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
+    """
+
+    period: float
+    found: tuple[Change, ...]
+    laws: tuple[Law, ...]
+    by_drive: bool = False
+    gaps: tuple[Gap, ...] = ()
+
+    def within(self, start: float, end: float) -> list[Change]:
+        """All changes of a run from ``start`` to ``end`` [s], in order of time."""
+        out = []
+        for k in range(int(np.floor(start / self.period)), int(np.floor(end / self.period)) + 1):
+            for c in self.found:
+                t = c.time + k * self.period
+                if start <= t <= end:
+                    out.append(replace(c, time=t))
+        return sorted(out, key=lambda c: c.time)
+
+    def gaps_within(self, start: float, end: float) -> list[Gap]:
+        """Gaps that a run from ``start`` to ``end`` [s] meets, those of one period."""
+        turns = np.floor(start / self.period)
+        moved = [
+            replace(g, start=g.start + k * self.period, end=g.end + k * self.period) for g in self.gaps for k in (turns, turns + 1)
+        ]
+        return [g for g in moved if g.end > start and g.start < end]
+
+    @cached_property
+    def _flips(self) -> dict[int, Array]:
+        """When the modes of each block are exchanged."""
+        times: dict[int, list[float]] = {}
+        for c in self.found:
+            if c.flips:
+                times.setdefault(c.block, []).append(c.time)
+        return {block: np.sort(t) for block, t in times.items()}
+
+    def signs(self, block: int, time: Array) -> Array:
+        """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
+        times = self._flips.get(block)
+        if times is None:
+            return 1.0
+        tiny = 1e-9 * self.period
+        times = np.where(times > self.period - tiny, times - self.period, times)  # a change at the very end is one at the start
+        times.sort()
+        cycle = np.floor((time + 1e-12 * self.period) / self.period)
+        local = time - cycle * self.period
+        after_start = times[times > tiny]  # one at the start itself has been passed already
+        count = cycle * len(times) + np.searchsorted(after_start, local, side="left")
+        return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
+
+
+def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None) -> Changes | None:
+    """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by a walk.
+
+    With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
+    mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to
+    look, and without it the answer is None although there may be changes: see `needs_span`.
+    """
+    drives = model.mechanism.drives
+    if not drives or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
+        return None
+    first = model.joints[model.joint_index[drives[0].pair]]
+    if len(drives) == 1 and first.coordinate == "angle":
+        turn = (ConstantSpeed(float(drives[0].law(0.0)[0]), 1.0),)
+        found = _until_closed(model, modes, 2.0 * np.pi, turn, by_drive=True)
+        if found is not None:
+            return found
+    laws = tuple(d.law for d in drives)
+    cycle = model.mechanism.cycle
+    if not np.isfinite(cycle) or cycle <= 0:
+        return None
+    if not needs_span(model):
+        return _until_closed(model, modes, cycle, laws, by_drive=False)
+    if span is None:
+        return None
+    return _scan(model, modes, cycle, max(1, int(np.ceil(span / cycle - 1e-9))), laws, by_drive=False)
+
+
+def needs_span(model: Model) -> bool:
+    """Whether a cycle of the laws does not bring the drives back to where they were (a sliding drive that goes on, say)."""
+    for d in model.mechanism.drives:
+        if not moves(d.law):
+            continue
+        way = float(d.law(d.law.duration)[0] - d.law(0.0)[0])
+        if model.joints[model.joint_index[d.pair]].coordinate == "angle":
+            way -= 2.0 * np.pi * round(way / (2.0 * np.pi))
+        if abs(way) > 1e-9 or abs(d.law.duration - model.mechanism.cycle) > 1e-12 * d.law.duration:
+            return True
+    return False
+
+
+def _until_closed(model: Model, modes: Sequence[float], cycle: float, laws: tuple[Law, ...], *, by_drive: bool) -> Changes | None:
+    """Look at one, two or four cycles, until every group has changed its mode an even number of times."""
+    changes = None
+    for cycles in (1, 2, 4):
+        changes = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
+        if changes is None:
+            return None
+        counts = np.bincount([c.block for c in changes.found if c.flips], minlength=len(model.blocks))
+        if not (counts % 2).any():
+            break
+    return changes
+
+
+def _scan(
+    model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
+) -> Changes | None:
+    """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
+    for finer in FINER:
+        changes, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
+        if resolved:
+            break
+    return changes
+
+
+def _sampled(
+    model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
+) -> tuple[Changes | None, bool]:
+    """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change; without
+    changes, whether more samples would not tell more."""
+    period = cycles * cycle
+    probe = np.linspace(0.0, period, 2001)
+    rotary = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in model.mechanism.drives]
+    fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
+    samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
+    coarse, step = cycle / samples, cycle / samples / finer
+    ends = (FAR + WINDOW) * finer
+    time = step * np.arange(-ends, cycles * samples * finer + ends + 1)
+    values = [law(time) for law in laws]
+    state = initial_state(model, [v[0] for v in values])
+    still = np.max([np.abs(v[1]) for v in values], axis=0)
+    speed = float(still.max(initial=0.0))
+    found: list[Change] = []
+    gaps: list[Gap] = []
+    resolved, rounding = True, rounding_of(model)
+    blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
+            sign: Array = 1.0
+            own: list[Change] = []
+            if block.kind in TWO_MODES:
+                instants, missing, sharp = flat_instants(model, block, state, time, blurred, rounding)
+                if sharp and finer < FINER[-1]:
+                    return None, False
+                if by_drive and missing:
+                    return None, True
+                gaps += [Gap(a, b, i) for a, b in missing if b > 0.0 and a < period]
+                own = [
+                    Change(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
+                    for t, flips in instants
+                    if -1e-9 * period <= t < period * (1.0 - 1e-9)
+                ]
+                if own:
+                    sign = Changes(period, tuple(own), laws).signs(i, time)
+            bl.place(model, block, state, mode * sign)
+            for c in own:  # what hangs on this block must not see its ill-conditioned positions
+                c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
+                found.append(c)
+                resolved &= fine
+            if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.spins_of[block.angles[0]][0]])):
+                return None, True
+    return Changes(period=period, found=tuple(found), laws=laws, by_drive=by_drive, gaps=tuple(gaps)), resolved
+
+
+def _smoothed(
+    model: Model, block: Block, state: State, time: Array, c: Change, period: float, step: float, finer: int, blurred: Array
+) -> tuple[Change, bool]:
+    """Replace a block's sampled positions next to a change. The change with its step, the largest that resolves the motion."""
+    best = np.inf
+    width = finer
+    while width >= 1:
+        found = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
+        tail = max(t for t, _ in found)
+        if tail < 0.5 * best:
+            best, patches, c = tail, [p for _, p in found if p is not None], replace(c, step=step * width)
+        if tail < TAIL:
+            break
+        width //= 2
+    for patch in patches:
+        bl.apply(model, block, state, patch)
+        blurred[patch.frames] = True
+    return c, best < TAIL
+
+
+def rounding_of(model: Model) -> float:
+    """What lengths are uncertain by, relative to the size, because points far from their origin keep fewer digits.
+
+    At an origin 10 km away no drawing says to better than 2e-12 m whether a parallelogram is one.
+    """
+    far = max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
+    return float(8.0 * np.finfo(float).eps * far / model.size)
+
+
+def flat_instants(
+    model: Model, block: Block, state: State, time: Array, blurred: Array, rounding: float
+) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
+    """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through;
+    stretches of time in which its links miss each other; and whether samples are too few to tell some place from a flat one.
+
+    The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
+    back just there. Between samples it is the polynomial through its neighbours; its last terms say how far that can be trusted
+    (the height is no polynomial where an arm of the triangle is as short as the way from sample to sample).
+    """
+    out: list[tuple[float, bool]] = []
+    gaps: list[tuple[float, float]] = []
+    sharp = False
+    step = float(time[1] - time[0])
+    flat, miss = max(FLAT, rounding), max(MISS, rounding)
+    for height in bl.flatness(model, block, state):
+        h = np.broadcast_to(height, time.shape)
+        gaps += _below(time, h, max(BLUR, rounding))
+        inner = h[1:-1]
+        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(BLUR, rounding))
+        for k in np.flatnonzero(low) + 1:
+            a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
+            x = (time[a:b] - time[k]) / step
+            y = h[a:b]
+            if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
+                continue
+            fit = np.polynomial.Polynomial.fit(x, y, min(8, len(x) - 1))
+            slope, curve = fit.deriv(), fit.deriv(2)
+            at = 0.0
+            for _ in range(8):
+                bend = float(curve(at))
+                if bend <= 0:
+                    break
+                at = float(np.clip(at - slope(at) / bend, -1.5, 1.5))
+            least, rough = float(fit(at)), bool(blurred[a:b].any())
+            doubt = float(np.abs(fit.coef[-2:]).sum())
+            sharp |= not rough and flat < abs(least) < 10.0 * doubt
+            if -max(miss, BLUR * rough) <= least <= max(flat, BLUR * rough):
+                near, far = (0.5 * abs(float(fit(at - w) + fit(at + w))) for w in (1.5, 3.0))
+                out.append((float(time[k] + at * step), far < 8.0 * near))
+            elif least < 0.0 and h[k] > -miss and float(curve(at)) > 0.0:
+                half = np.sqrt(-2.0 * least / float(curve(at)))
+                gaps.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
+    return out, gaps, sharp
+
+
+def _below(time: Array, h: Array, rounding: float) -> list[tuple[float, float]]:
+    """Stretches of samples below zero, their ends between samples by straight lines."""
+    below = h < -rounding
+    if not below.any():
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
+    out = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        ends = []
+        for inside, beyond in ((a, a - 1), (b - 1, b)):
+            t = float(time[inside])
+            if 0 <= beyond < len(time) and h[beyond] >= 0.0:
+                t += float((time[beyond] - time[inside]) * h[inside] / (h[inside] - h[beyond]))
+            ends.append(t)
+        out.append((ends[0], ends[1]))
+    return out
+
+
+def passages(changes: Changes, drive: Law, time: Array, q: Array) -> list[Change]:
+    """When a run passes the changes that lie along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
+    start = float(changes.laws[0](0.0)[0])
+    way = q - start
+    along = changes.within(float(np.min(way)), float(np.max(way)))
+    place = np.array([c.time + start for c in along])
+    behind: Array = np.searchsorted(place, q)  # how many places each frame is beyond
+    many = np.abs(np.diff(behind))
+    k = np.repeat(np.arange(len(many)), many)
+    order = np.arange(len(k)) - np.repeat(np.cumsum(many) - many, many)
+    which = np.minimum(behind[k], behind[k + 1]) + order
+    low, high, ahead = time[k], time[k + 1], behind[k] > which
+    for _ in range(50 if len(which) else 0):  # bisection of all passages at once
+        middle = 0.5 * (low + high)
+        same = (drive(middle)[0] > place[which]) == ahead
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    out = [replace(along[i], time=float(t)) for i, t in zip(which, 0.5 * (low + high), strict=True)]
+    return sorted(out, key=lambda c: c.time)

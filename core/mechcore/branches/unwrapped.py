@@ -1,0 +1,471 @@
+"""Unwrapped angles of links: one branch at the start pose, followed from there along the motion, over waypoints where need be."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.branches.assembly import Assembly
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import State, wrapped_angle
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.positions import place_all
+from mechcore.laws.timed import Law, Table, moves
+from mechcore.numerics.frames import lazy
+from mechcore.spec.mechanism import Mechanism
+
+Array = Any
+Real = NDArray[np.float64]
+Starts = Mapping[str, Real]
+
+STEP = {"angle": 0.2, "slide": 0.1}  # of a drive, between two places on a path: [rad], or part of the mechanism's size
+MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
+
+
+def steps_of(model: Model) -> Real:
+    """Steps of the drives (d,) [rad or m] that are short enough to follow positions and angles."""
+    joints = [model.joints[model.joint_index[d.pair]] for d in model.mechanism.drives]
+    return np.array([STEP["angle"] if j.coordinate == "angle" else STEP["slide"] * model.size for j in joints])
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint:
+    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the spins (s,), and starts of
+    the groups that have to be followed, as in `Assembly`."""
+
+    time: float
+    drives: Real
+    spins: Real | None = None
+    starts: Starts | None = None
+
+
+class Way:
+    """Waypoints in order of time, the first of which is known."""
+
+    def __init__(self, at: Waypoint):
+        self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced as one: another thread may ask
+
+    def leave(self, waypoints: Sequence[Waypoint]) -> None:
+        """Go on through waypoints; those of a later time than the first of them are given up."""
+        times, points = self._points
+        keep = max(bisect_right(times, waypoints[0].time), 1)
+        if keep < len(times):
+            times, points = times[:keep], points[:keep]
+            self._points = times, points
+        points.extend(waypoints)
+        times.extend(w.time for w in waypoints)
+
+    def before(self, time: Real) -> tuple[list[Waypoint], NDArray[np.intp]]:
+        """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
+        times, points = self._points
+        first = max(bisect_left(times, float(time.min())) - 1, 0)
+        later = np.array(times[first : bisect_left(times, float(time.max()))] or times[:1])
+        return points, first + np.maximum(np.searchsorted(later, time, side="left") - 1, 0)
+
+    def starts(self, model: Model, assembly: Assembly, time: Real, drives: Real) -> Starts:
+        """Starts of the groups that have to be followed, at times (n,) and positions of the drives (n, d)."""
+        points, before = self.before(time)
+        last = int(before.max())
+        known = next(k for k in range(last, -1, -1) if points[k].starts is not None)
+        for k in range(known, last):
+            a, b = points[k], points[k + 1]
+            first = {name: np.asarray(x)[None] for name, x in (a.starts or {}).items()}
+            found = _reached(model, assembly, a.drives[None], first, b.drives[None])
+            points[k + 1] = replace(b, starts={name: x[0] for name, x in found.items()})
+        used, which = np.unique(before, return_inverse=True)
+        at = [points[k].starts or {} for k in used]
+        starts = {name: np.array([s[name] for s in at])[which] for name in at[0]}
+        return _reached(model, assembly, np.array([points[k].drives for k in used])[which], starts, drives)
+
+
+def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, drives: Real) -> Starts:
+    """Starts at positions of the drives (n, d), reached from others (n, d) whose ``starts`` are known, all in as many steps."""
+    with np.errstate(invalid="ignore"):
+        far = np.nan_to_num(np.abs(drives - first) / steps_of(model)).max(initial=0.0)
+    count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINTS))
+    for k in range(1, count + 1):
+        q = first + k / count * (drives - first)
+        state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
+        found = {name: newton.x for name, newton in state.newton.items()}
+        starts = found | {f"angle {g}": np.broadcast_to(bl.real_angle(model, state, g), len(q)) for g in model.wound}
+    return starts
+
+
+Array = Any
+Real = NDArray[np.float64]
+Range = tuple[float, float]
+
+TURN = 2.0 * math.pi
+TOUCH = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
+TIE = 1e-9  # of a turn: angles so near to a border of their range are on it
+
+
+@dataclass(frozen=True)
+class StartPose:
+    """Where the links stand at the start: ``angles`` [rad] by link, a number or one for each design (d, 1); links with the same
+    number in ``stated`` have a relative angle that drives and rigid joints state. ``ranges`` [rad] nearest to which coordinates of
+    joints start."""
+
+    angles: Mapping[str, Array]
+    stated: Mapping[str, int]
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+
+    def turns(self, first: str, second: str, about: Range | None) -> Array:
+        """Turns to be added to the angle of the second link minus that of the first, for it to start where it should."""
+        if self.stated[first] == self.stated[second]:
+            return 0.0
+        angle = self.angles[second] - self.angles[first]
+        turns = _turns_about(angle, 0.0)
+        if about is None:
+            return turns
+        started = angle + TURN * turns
+        low, high = about
+        inside = (started >= low - TIE) & (started <= high + TIE) & (high - low > 0.0)
+        return np.where(inside, turns, _turns_about(angle, 0.5 * (low + high)))
+
+    def with_stops(self, stops: Iterable[Any]) -> StartPose:
+        """The same with ranges of joints that have stops: these come first. Beside a single stop there is a turn of room."""
+        found: dict[str, list[float]] = {}
+        for stop in stops:
+            low, high = found.setdefault(stop.pair, [-math.inf, math.inf])
+            found[stop.pair] = [low, min(high, stop.at)] if stop.side == "upper" else [max(low, stop.at), high]
+        ranges = dict(self.ranges)
+        for joint, (low, high) in found.items():
+            if high == math.inf:
+                high = low + TURN - TOUCH
+            elif low == -math.inf:
+                low = high - TURN + TOUCH
+            ranges[joint] = low, high
+        return replace(self, ranges=ranges)
+
+
+def _turns_about(angle: Array, about: float) -> Array:
+    """Turns that bring an angle to within half a turn of another; half a turn is counted positive."""
+    return np.floor((about + math.pi - angle) / TURN + TIE)
+
+
+def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
+    """Ranges of the tables over coordinates of joints that loads of a mechanism have, all of a joint together, by joint."""
+    found: dict[str, Range] = {}
+    for load in mechanism.loads:
+        factor = getattr(load, "factor", None)
+        table = None if factor is None else factor.function
+        if factor is not None and factor.of == "position" and factor.pair and isinstance(table, Table) and table.period is None:
+            low, high = found.get(factor.pair, (math.inf, -math.inf))
+            found[factor.pair] = min(low, table.x[0]), max(high, table.x[-1])
+    return found
+
+
+def start_pose(model: Model, spins: Real) -> StartPose:
+    """The start pose of a mechanism whose spins have the angles ``spins`` (s, ...) there."""
+    turning = model.angles
+    return StartPose(
+        {link: spins[turning.spin[k]] + turning.offset[k] for k, link in enumerate(model.links)},
+        dict(zip(model.links, turning.group, strict=True)),
+        _ranges_of_tables(model.mechanism),
+    )
+
+
+Array = Any
+Real = NDArray[np.float64]
+Frames = tuple[Sequence[Array], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
+Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
+
+LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
+FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
+MOST = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
+ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
+CHUNK = 100_000  # places looked at together
+CYCLES = (1, 2, 3, 4, 6, 12)  # turns of the drive after which the mechanism may be back where it was
+SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
+SAMPLES = 256  # of a law's cycle, for its largest speed
+
+
+def raw_angles(model: Model, drives: Sequence[Array], state: State, shape: tuple[int, ...]) -> Real:
+    """Angles of all spins (s, *shape) [rad] at solved positions; of groups with a closed form within one turn."""
+    turning = model.angles
+    out = np.zeros((len(turning.spin_group), *shape))
+    for group, spins in enumerate(turning.spins_of):
+        angle: Array = 0.0
+        if group in state.angle:
+            angle = state.angle[group]
+        elif group:
+            angle = wrapped_angle(model, state, group)
+        for spin in spins:
+            out[spin] = angle
+            for d, sign in turning.spin_drives[spin]:
+                out[spin] += sign * drives[d]
+    return out
+
+
+def _followed(raw: Real) -> Real:
+    """Angles (..., n) without whole turns from each one to the next; where there is none, the last one before."""
+    known = np.isfinite(raw)
+    if not known.all():
+        last = np.maximum.accumulate(np.where(known, np.arange(raw.shape[-1]), 0), axis=-1)
+        raw = np.take_along_axis(raw, last, axis=-1)
+    turns = np.cumsum(np.round(np.diff(raw) / TURN), axis=-1)
+    return np.concatenate([raw[..., :1], raw[..., 1:] - TURN * turns], axis=-1)
+
+
+def _follow(
+    place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: NDArray[np.bool_] | None = None
+) -> tuple[Real, Real, Real, Any]:
+    """Points (m, c) on the path through ``x`` (n, c), angles (s, ..., m) up to whole turns there, the same unwrapped along the path
+    from its first point, and which of the points are those of ``x`` (n,).
+
+    ``raw`` (s, ..., n): the angles at ``x`` up to whole turns; ``place`` gives them at points that are put between, where the path
+    is longer than ``steps`` (c,) or links turn far. ``fresh`` (n,): points to which no path leads from the one before.
+    """
+    own = np.arange(len(x))
+    fresh = np.zeros(len(x), bool) if fresh is None else fresh
+    for k in range(ROUNDS):
+        if k == 0:
+            far = np.nan_to_num(np.abs(np.diff(x, axis=0)) / steps).max(axis=1, initial=0.0)
+            parts = np.where(far > FARTHEST, 1.0, np.maximum(np.ceil(far - 1e-9), 1.0)).astype(int)
+        else:
+            turned = np.diff(raw)
+            turned = np.nan_to_num(np.abs(turned - TURN * np.round(turned / TURN)))
+            parts = np.where(turned.reshape(-1, len(x) - 1).max(axis=0, initial=0.0) > LARGEST, 2, 1)
+        parts[fresh[1:]] = 1
+        if (parts > 1).any():
+            left = np.repeat(np.arange(len(parts)), parts - 1)
+            share = np.concatenate([np.arange(1, p) / p for p in parts[parts > 1]])
+            between = x[left] + share[:, None] * (x[left + 1] - x[left])
+            x, raw = np.insert(x, left + 1, between, axis=0), np.insert(raw, left + 1, place(between), axis=-1)
+            fresh = np.insert(fresh, left + 1, False)
+            own = own + np.searchsorted(left + 1, own, side="right")
+        elif k:
+            break
+    return x, raw, _followed(raw), own
+
+
+class LinkAngles:
+    """Unwrapped angles of the links at the frames of a motion.
+
+    ``raw``: angles of the spins (s, ...) up to whole turns; ``near``: the same followed along the way there, to within half a turn.
+    ``exact``: the drives' positions are the coordinates of their joints; else these have gone on by whole turns.
+    """
+
+    def __init__(self, model: Model, start: StartPose, raw: Callable[[], Real], near: Callable[[Real], Real], exact: bool = True):
+        self.model, self.start, self.exact = model, start, exact
+        self._raw, self._near = raw, near
+
+    @lazy
+    def spins(self) -> Real:
+        """Angles of the spins (s, ...) [rad]."""
+        raw = self._raw()
+        near = self._near(raw)
+        return raw if near is raw else np.asarray(raw + TURN * np.round((near - raw) / TURN))
+
+    def link(self, k: int) -> Real:
+        """Angle of a link's frame in the world [rad]."""
+        turning = self.model.angles
+        return np.asarray(self.spins[turning.spin[k]] + turning.offset[k])
+
+    def relative(self, p: int, q: int, about: Range | None = None) -> Real:
+        """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts nearest to this range."""
+        turns = self.start.turns(self.model.links[p], self.model.links[q], about)
+        return np.asarray(self.link(q) - self.link(p) + TURN * turns)
+
+    def joint(self, name: str) -> Real:
+        """Relative angle of the links of a turning joint, gear, belt or rack [rad]."""
+        links = next(c.links for c in self.model.connections if c.name == name)
+        p, q = (self.model.index[k] for k in links)
+        return self.relative(p, q, self.start.ranges.get(name))
+
+
+class UnwrappedAngles:
+    """Angles of the spins of a compiled mechanism along its motion, from a place where they are known."""
+
+    def __init__(self, model: Model, start: StartPose, at: Waypoint, exact: bool = True):
+        self.model, self.start, self.at, self.exact = model, start, at, exact
+        self.steps = steps_of(model)
+        self._tables: dict[Any, _Table] = {}
+        self.way = Way(at)
+
+    def fresh(self, start: StartPose | None = None) -> UnwrappedAngles:
+        """The same for another motion, which leaves its own waypoints."""
+        return UnwrappedAngles(self.model, start or self.start, self.at, self.exact)
+
+    # -- along one parameter ------------------------------------------------------------------------------------------
+    def along(self, frames: Frames, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> LinkAngles:
+        """Angles at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time. ``place``: parameters
+        (n, 1) -> the motion there."""
+        key = tuple(map(id, laws))  # the table keeps them alive
+
+        def near(raw: Real) -> Real:
+            table = self._tables.get(key)
+            if table is None:
+                table = self._tables[key] = self._table(laws)
+            return table.near(parameter, raw, place)
+
+        return self._of(frames, near)
+
+    def still(self, frames: Frames) -> LinkAngles:
+        """Angles at the frames of a mechanism that no drive moves."""
+        return self._of(frames, lambda raw: np.asarray(self.at.spins)[:, None])
+
+    def _table(self, laws: tuple[Law, ...]) -> _Table:
+        spins = np.asarray(self.at.spins)
+        if laws:
+            return _Table(self.model, 0.0, spins, _time_step(laws, self.steps), math.inf, laws)
+        (drive,) = self.model.mechanism.drives
+        turns = self.model.joints[self.model.joint_index[drive.pair]].coordinate == "angle"
+        return _Table(self.model, float(self.at.drives[0]), spins, float(self.steps[0]), TURN if turns else math.inf)
+
+    def _of(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
+        return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
+
+    # -- where forces lead several coordinates ------------------------------------------------------------------------
+    def through(self, frames: Frames, time: Real, place: Place) -> LinkAngles:
+        """Angles at frames (F,) whose drives have any positions: from the waypoint before each, and from one frame to the next in
+        order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
+
+        def near(raw: Real) -> Real:
+            order = np.argsort(time, kind="stable")
+            x = np.column_stack([time, *frames[0]])[order]
+            way, before = self.way.before(x[:, 0])
+            used, which = np.unique(before, return_inverse=True)
+            known = self._known(way, used, place)
+            at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
+            places = np.insert(x, at, [_row(way[k]) for k in used], axis=0)
+            fresh = np.insert(np.zeros(len(x), bool), at, True)
+            found = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
+            starts = np.flatnonzero(fresh)
+            shift = TURN * np.round((known - found[:, starts]) / TURN)
+            out = np.empty_like(raw)
+            out[:, order] = (found + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
+            return out
+
+        return self._of(frames, near)
+
+    def _followed(self, x: Real, raw: Real, fresh: NDArray[np.bool_] | None, place: Place) -> Real:
+        """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""
+        *_, found, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
+        return np.asarray(found[:, own])
+
+    def _known(self, way: list[Waypoint], used: NDArray[Any], place: Place) -> Real:
+        """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
+        last = next(k for k in range(int(used[-1]), -1, -1) if way[k].spins is not None)
+        if last < used[-1]:
+            x = np.array([_row(w) for w in way[last : used[-1] + 1]])
+            raw = np.column_stack([np.asarray(way[last].spins), raw_angles(self.model, *place(x[1:]))])
+            for k, spins in enumerate(self._followed(x, raw, None, place).T, last):
+                way[k] = replace(way[k], spins=spins)
+        return np.array([way[k].spins for k in used]).T
+
+
+def _row(at: Waypoint) -> Real:
+    return np.append(at.time if math.isfinite(at.time) else 0.0, at.drives)
+
+
+def _time_step(laws: Sequence[Law], steps: Real) -> float:
+    """A step of time [s] in which no drive goes farther than its own step."""
+    found = []
+    for law, step in zip(laws, steps, strict=True):
+        if not moves(law):
+            continue
+        t = np.linspace(0.0, law.duration, SAMPLES + 1)
+        fastest = float(np.abs(law(t)[1]).max())
+        found.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))
+    return min(found)
+
+
+class _Table:
+    """Angles of the spins along one parameter, as far as they have been asked for: around ``at``, where they are known.
+
+    ``turn``: after so much of the parameter the mechanism may be back where it was.
+    """
+
+    def __init__(self, model: Model, at: float, spins: Real, step: float, turn: float, laws: tuple[Law, ...] = ()):
+        self.model, self.at, self.spins, self.step, self.turn, self.laws = model, at, spins, step, turn, laws
+        self.known = np.array([at]), spins[:, None]  # replaced as one: another thread may ask
+        self.ends = [False, False]  # whether it leads no farther, down and up
+        self.period: float | None = None
+        self.tried = 0  # turns after which it has been looked whether the mechanism is back
+
+    def near(self, parameter: Real, raw: Real, place: Place) -> Real:
+        """Angles (s, n) at parameters (n,), to within half a turn; frames that are a path from the start need no others."""
+        x = parameter
+        if np.abs(np.diff(x, prepend=self.at)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
+            turned = np.diff(raw, prepend=self.spins[:, None])
+            turns = np.round(turned / TURN)
+            if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST:
+                return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw
+        known = np.clip(x[np.isfinite(x)], self.at - MOST * self.step, self.at + MOST * self.step)
+        low, high = float(known.min(initial=self.at)), float(known.max(initial=self.at))
+        self._look_for_period(high - low, place)
+        if self.period is None:
+            self._cover(low, high, place)
+            return self._read(x)
+        turns = np.floor((x - self.at) / self.period)
+        gain = self._read(np.array([self.at, self.at + self.period]))
+        return self._read(x - turns * self.period) + turns * TURN * np.round(np.diff(gain) / TURN)
+
+    def _read(self, parameter: Real) -> Real:
+        p, angles = self.known
+        return np.array([np.interp(parameter, p, row) for row in angles])
+
+    def _follow(self, x: Real, raw: Real, place: Place) -> tuple[Real, Real, Real, Any]:
+        return _follow(lambda y: raw_angles(self.model, *place(y)), x[:, None], raw, np.array([self.step]))
+
+    def _look_for_period(self, span: float, place: Place) -> None:
+        for turns in CYCLES if self.period is None else ():
+            if turns <= self.tried or span <= 1.01 * turns * self.turn:
+                continue
+            self.tried, end = turns, self.at + turns * self.turn
+            self._cover(self.at, end, place)
+            if self.ends[1]:
+                return
+            _, state, _ = place(np.array([[self.at], [end]]))
+            away = [np.abs(np.diff(np.broadcast_to(rot, 2)))[0] for rot in state.rot]
+            away += [np.abs(np.diff(np.broadcast_to(s, 2)))[0] / self.model.size for s in state.slide.values()]
+            if max(away) < SAME:
+                self.period = turns * self.turn
+                return
+
+    def _cover(self, low: float, high: float, place: Place) -> None:
+        """Know the angles from ``low`` to ``high``, as far as the mechanism can be put together on the way."""
+        for up, wanted in ((1, high), (0, low)):
+            sign = 1.0 if up else -1.0
+            while not self.ends[up] and sign * (wanted - self.known[0][-up]) > 0.0:
+                p, angles = self.known
+                last = float(p[-up])
+                count = math.ceil(abs(wanted - last) / self.step)
+                x = np.linspace(last, wanted if count <= CHUNK else last + sign * CHUNK * self.step, min(count, CHUNK) + 1)
+                raw = np.concatenate([angles[:, -up, None], raw_angles(self.model, *place(x[1:, None]))], axis=-1)
+                places, raw, found, _ = self._follow(x, raw, place)
+                lost = ~np.isfinite(raw).all(axis=0)
+                if lost.any():
+                    self.ends[up] = True
+                new = slice(1, int(np.argmax(lost)) if lost.any() else None)
+                more, followed = places[new, 0], found[:, new]
+                self.known = (
+                    (np.append(p, more), np.append(angles, followed, axis=1))
+                    if up
+                    else (np.append(more[::-1], p), np.append(followed[:, ::-1], angles, axis=1))
+                )
+
+
+def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...], place: Place) -> LinkAngles:
+    """Angles at times (F,) of a mechanism of which several designs move side by side; ``place``: times (n, 1) -> what is there."""
+
+    def raw_at(x: Real) -> Real:
+        return raw_angles(model, *place(x))
+
+    start = raw_at(np.zeros((1, 1)))
+
+    def near(raw: Real) -> Real:
+        x, steps = np.append(0.0, time)[:, None], np.array([_time_step(laws, steps_of(model))])
+        *_, found, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
+        return np.asarray(found[..., own[1:]])
+
+    return LinkAngles(model, start_pose(model, start), partial(raw_angles, model, *frames), near)

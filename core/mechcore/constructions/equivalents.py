@@ -1,0 +1,127 @@
+"""Equivalent linkages: higher pairs (class IV) replaced by lower ones (class V) at the centres of curvature, at every frame.
+
+Up to accelerations the touching profiles act like a link between their centres of curvature, pinned to the two links there; where a
+profile is straight its centre lies at infinity and a sliding pair takes the place of the pin. Cams: centre of curvature of the cam
+(under a roller of the path of its centre). Teeth are involutes: their centres of curvature are the points in which the line of
+action touches the base circles. A pin in a slot: its block.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import Forces
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import CamPair, Gear, PinSlot, Rack
+
+Array = Any
+Complex = NDArray[np.complex128]
+
+REPLACED = (CamPair, Gear, Rack, PinSlot)
+"""Kinds of pairs that have an equivalent linkage."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A block at ``place`` (F,) [m] that slides in the direction ``along`` (F,), a unit vector; NaN in frames without one."""
+
+    place: Complex
+    along: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class Equivalent:
+    """What replaces a pair, in the world: ``pins`` by name (F,) [m], NaN at infinity, ``bars`` from pin to pin, ``blocks``."""
+
+    pair: str
+    pins: dict[str, Complex]
+    bars: tuple[tuple[str, str], ...]
+    blocks: tuple[Block, ...] = ()
+
+
+def equivalent(motion: Motion, pair: str, forces: Forces | None = None) -> Equivalent:
+    """The equivalent linkage of a cam, gear, rack or pin in a slot. With ``forces`` that of the flank that carries.
+
+    Raises `MechanismError` for other kinds of pairs.
+    """
+    spec = next((p for p in motion.mechanism.pairs if p.name == pair), None)
+    if not isinstance(spec, REPLACED):
+        why = f"there is no pair '{pair}'." if spec is None else f"'{pair}' is a lower pair, or no contact of two profiles."
+        raise MechanismError(Fault("equivalent", why, "Name a cam, gear, rack or pin in a slot."))
+    if isinstance(spec, CamPair):
+        return _cam(motion, spec)
+    if isinstance(spec, PinSlot):
+        j = motion.model.joint_index[pair]
+        place = _rows(motion, motion.joint_point(j))
+        return Equivalent(pair, {"": place}, (), (Block(place, _rows(motion, motion.guide(j))),))
+    return _teeth(motion, spec, forces)
+
+
+def _cam(motion: Motion, pair: CamPair) -> Equivalent:
+    from mechcore.cams.equivalent import equivalent_linkage
+    from mechcore.cams.followers import Flat, Oscillating
+
+    placed = next(r for r in motion.model.relations if r.name == pair.name).geometry
+    s = placed.at(motion)
+    found = equivalent_linkage(s)
+    flat = isinstance(placed.cam.follower.face, Flat)
+    guide = placed.cam.follower.guide
+    place = {"K": found.centre, "T": s.contact if flat else s.reference[0]}
+    bars = [("K", "T")]
+    if not placed.cam.wedge:
+        place["O"] = np.zeros_like(found.centre)
+        bars = [("O", "K"), *bars]
+    if isinstance(guide, Oscillating):
+        place["P"] = np.full_like(found.centre, guide.pivot)
+        bars.append(("T", "P"))
+    pins = {name: _rows(motion, placed.place(motion, z)) for name, z in place.items()}
+    world = placed.axes * motion.rotation(motion.model.index[placed.carrier])
+    along = _rows(motion, 1j * s.ground_normal * world)
+    straight = np.isnan(found.centre)
+    blocks = [Block(pins["T"], np.where(flat | straight, along, np.nan))]
+    if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
+        blocks.append(Block(pins["K"], np.where(straight, np.nan, _rows(motion, world))))
+    return Equivalent(pair.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
+
+
+def _teeth(motion: Motion, pair: Gear | Rack, forces: Forces | None) -> Equivalent:
+    relation = next(r for r in motion.model.relations if r.name == pair.name)
+    pitch, force = relation.contact(motion, 1.0)  # the flank that pushes the second link along with a positive multiplier
+    line = force / np.abs(force)
+    if isinstance(pair, Rack):
+        side = 1.0 if pair.side == "left" else -1.0
+        tangent = line * np.exp(1j * side * pair.pressure_angle)
+        across = -1j * side * tangent  # from the pinion's axis to the pitch point
+        first: Array = pitch - pair.radius * across
+    else:
+        across = line * np.exp(1j * (pair.pressure_angle - 0.5 * np.pi))
+        tangent = 1j * across
+        (_, r1), (_, r2) = relation.angles[:2]
+        first, second = pitch - r1 * across, pitch + r2 * across
+    if forces is not None:  # the other flank is its mirror image
+        reaction = forces.reaction(pair.name)[:, :2] @ np.array([1.0, 1.0j])
+        away = np.real(np.conj(tangent) * reaction) < 0.0
+        line = np.where(away, 2.0 * np.real(np.conj(tangent) * line) * tangent - line, line)
+    pins = {"O1": first, "N1": _foot(first, pitch, line)}
+    if isinstance(pair, Rack):  # its flank is straight: the rod's end slides along it
+        pins["C"] = pitch
+        bars: tuple[tuple[str, str], ...] = (("O1", "N1"), ("N1", "C"))
+        blocks: tuple[Block, ...] = (Block(_rows(motion, pitch), _rows(motion, 1j * line)),)
+    else:
+        pins |= {"N2": _foot(second, pitch, line), "O2": second}
+        bars, blocks = (("O1", "N1"), ("N1", "N2"), ("N2", "O2")), ()
+    return Equivalent(pair.name, {name: _rows(motion, z) for name, z in pins.items()}, bars, blocks)
+
+
+def _foot(point: Array, on: Array, along: Array) -> Array:
+    """Foot of the perpendicular from a point to a line."""
+    return on + np.real(np.conj(along) * (point - on)) * along
+
+
+def _rows(motion: Motion, z: Array) -> Complex:
+    return np.array(np.broadcast_to(np.asarray(z, complex), (motion.frames,)))

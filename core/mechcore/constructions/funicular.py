@@ -1,0 +1,188 @@
+"""The funicular (string) polygon: resultant of a plane force system by drawing alone.
+
+The forces are laid end to end; rays lead from a pole O to the corners of this force polygon; string i is parallel to ray i, and two
+consecutive strings meet on the line of the force between their rays. First and last string meet on the line of the
+resultant. A closed
+force polygon with parallel outer strings is a couple, with the same outer string it is equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechcore.constructions.polygons import Edge, Plan
+from mechcore.kinematics.dyads import cross
+from mechcore.reduction.systems import KINDS, reduce_to
+
+Real = NDArray[np.float64]
+Array = NDArray[np.complex128]
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Funicular:
+    """The construction over all frames, plane vectors complex.
+
+    ``points``, ``forces`` (F, n): the system, couples as two forces. ``corners`` (F, n + 1): of the force polygon, from
+    zero; ``pole``
+    (F,). ``knots`` (F, n): where strings meet on the lines of the forces. ``meeting`` (F,): where the outer strings meet,
+    NaN if they
+    are parallel. ``kind`` (F,): what the drawing shows, see `KINDS`. ``moment`` (F,): of the outer strings about the world's
+    origin [N m].
+    ``gap`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that of the system, ``extent`` its size [m].
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    forces: Array
+    corners: Array
+    pole: Array
+    knots: Array
+    meeting: Array
+    kind: NDArray[np.str_]
+    moment: Real
+    gap: Real
+    scale: Real
+    extent: float
+
+    @property
+    def rays(self) -> Array:
+        """From the pole to the corners (F, n + 1); also the forces in the strings."""
+        return self.corners - self.pole[:, None]
+
+    @property
+    def resultant(self) -> Array:
+        return self.corners[:, -1]
+
+    @property
+    def closing(self) -> Real:
+        """Difference to the algebra relative to the largest force times the system's size (F,)."""
+        most = float(self.scale.max(initial=0.0))
+        return self.gap / most if most > 0.0 else np.zeros_like(self.gap)
+
+    def polygon(self) -> Plan:
+        """The force polygon with its rays as a plan [N]."""
+        edges = [Edge(name, "load", self.corners[:, i], self.forces[:, i]) for i, name in enumerate(self.names)]
+        edges.append(Edge("R", "resultant", np.zeros(len(self.pole), complex), self.resultant))
+        edges += [Edge(str(i), "ray", self.pole, self.rays[:, i]) for i in range(self.corners.shape[1])]
+        gap = np.abs(self.forces.sum(axis=1) - self.resultant)
+        return Plan("funicular", "N", tuple(edges), {"O": self.pole}, gap)
+
+
+def funicular(
+    points: ArrayLike,
+    forces: ArrayLike,
+    couples: ArrayLike | None = None,
+    *,
+    pole: ArrayLike | None = None,
+    names: tuple[str, ...] = (),
+) -> Funicular:
+    """Funicular polygon of forces (F, n, 2) [N] at points (F, n, 2) [m] with couples (F, n) [N m]; one system may leave out F.
+
+    ``pole``: (2,) or (F, 2) [N] from the start of the force polygon; none: one that leaves no string nearly parallel to its force.
+    Forces that vanish are passed by. The first string is drawn through the first force's point.
+    """
+    f = _complex(forces)
+    p = np.array(np.broadcast_to(_complex(points), f.shape))
+    labels = list(names) or [f"F{i + 1}" for i in range(f.shape[1])]
+    extent = _extent(p)
+    if couples is not None and np.any(np.asarray(couples)):
+        p, f, labels = _with_couples(p, f, np.atleast_2d(np.asarray(couples, float)), labels, extent)
+        extent = _extent(p)
+    corners = np.concatenate([np.zeros((len(f), 1), complex), np.cumsum(f, axis=1)], axis=1)
+    sizes = np.abs(f).sum(axis=1)
+    o = _best_pole(corners, f) if pole is None else np.array(np.broadcast_to(_complex(pole)[:, 0], len(f)))
+    rays = corners - o[:, None]
+    knots = np.empty_like(p)
+    least = ROUNDING * max(float(sizes.max(initial=0.0)), 1e-300)
+    knots[:, 0] = p[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for i in range(1, f.shape[1]):
+            before, ray, away = knots[:, i - 1], rays[:, i], p[:, i] - knots[:, i - 1]
+            along = cross(away, f[:, i]) / cross(ray, f[:, i])
+            passing = np.real(away * np.conj(ray)) / np.abs(ray) ** 2  # a force that vanishes bends no string
+            knots[:, i] = before + np.where(np.abs(f[:, i]) <= least, passing, along) * ray
+        first, last = rays[:, 0], rays[:, -1]
+        reach = cross(knots[:, -1] - knots[:, 0], last) / cross(first, last)
+        meeting = knots[:, 0] + reach * first
+    r = corners[:, -1]
+    middle = p.mean(axis=1)
+    drawn = cross(knots[:, -1] - middle, last) - cross(knots[:, 0] - middle, first)
+    flat = lambda z: np.stack([z.real, z.imag], axis=-1)  # noqa: E731 complex to rows
+    _, algebra = reduce_to(flat(p), flat(f), about=flat(middle))
+    scale = np.abs(f).max(axis=1) * extent
+    pushes = np.abs(r) > ROUNDING * sizes
+    turns = np.abs(drawn) > 1e3 * ROUNDING * sizes * extent
+    kind = np.where(pushes, KINDS[2], np.where(turns, KINDS[1], KINDS[0]))
+    meeting = np.where(pushes, meeting, np.nan + 1j * np.nan)
+    return Funicular(
+        names=tuple(labels),
+        points=p,
+        forces=f,
+        corners=corners,
+        pole=o,
+        knots=knots,
+        meeting=meeting,
+        kind=np.asarray(kind, dtype=np.str_),
+        moment=drawn + cross(middle, r),
+        gap=np.abs(drawn - algebra),
+        scale=scale,
+        extent=extent,
+    )
+
+
+def _complex(values: ArrayLike) -> Array:
+    """Rows (..., n, 2) or (..., 2) -> complex with a leading frame axis."""
+    v = np.asarray(values, float)
+    z = v[..., 0] + 1j * v[..., 1]
+    return np.atleast_2d(z) if z.ndim < 2 and v.ndim == 2 else np.atleast_1d(z)[:, None] if z.ndim == 0 else z
+
+
+def _extent(p: Array) -> float:
+    """Size of the system: the largest distance of its points from their middle, over all frames; 1 m where there is only one."""
+    size = float(np.abs(p - p.mean(axis=1)[:, None]).max(initial=0.0))
+    return size if size > 0.0 else 1.0
+
+
+def _with_couples(p: Array, f: Array, couples: Real, names: list[str], extent: float) -> tuple[Array, Array, list[str]]:
+    """Couples as pairs of opposite forces, upright, at half the system's size from their point."""
+    points, forces, labels = [*p.T], [*f.T], list(names)
+    couples = np.broadcast_to(couples, f.shape)
+    for i in range(f.shape[1]):
+        if np.any(couples[:, i]):
+            arm = 0.5 * extent
+            for sign in (-1.0, 1.0):
+                points.append(p[:, i] + sign * arm)
+                forces.append(sign * 1j * couples[:, i] / (2.0 * arm))
+                labels.append(f"{names[i]} {'-' if sign < 0 else '+'}")
+    kept = [i for i in range(len(forces)) if i >= f.shape[1] or np.any(np.abs(forces[i]) > 0.0) or not np.any(couples[:, i])]
+    return np.array([points[i] for i in kept]).T, np.array([forces[i] for i in kept]).T, [labels[i] for i in kept]
+
+
+def _best_pole(corners: Array, forces: Array) -> Array:
+    """A pole beside the force polygon, at the same place relative to it in all frames, from which no ray is nearly parallel to a
+    force or to another outer ray; in frames where that cannot be had for all, one of their own."""
+    middle = corners.mean(axis=1)
+    size = float(np.abs(corners - middle[:, None]).max(initial=0.0)) or 1.0
+    offsets = [size * rho * np.exp(1j * t) for rho in (0.9, 1.3) for t in np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)]
+    quality = np.array([_quality(corners, forces, middle + z, size) for z in offsets])  # (poles, F)
+    best = int(np.argmax(quality.min(axis=1)))
+    own = np.argmax(quality, axis=0)
+    chosen = np.where(quality[best] > 0.05, best, own)
+    return np.asarray(middle + np.array(offsets)[chosen])
+
+
+def _quality(corners: Array, forces: Array, pole: Array, size: float) -> Real:
+    """Sine of the smallest angle between a string and its force, and of the outer strings weighed by what the resultant is."""
+    rays = corners - pole[:, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sines = np.abs(cross(rays[:, :-1], forces)) / (np.abs(rays[:, :-1]) * np.abs(forces))
+        after = np.abs(cross(rays[:, 1:], forces)) / (np.abs(rays[:, 1:]) * np.abs(forces))
+    worst = np.nanmin(np.where(np.abs(forces) <= 1e-9 * size, np.nan, np.fmin(sines, after)), axis=1, initial=1.0)
+    r = corners[:, -1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        outer = np.abs(cross(rays[:, 0], rays[:, -1])) / (np.abs(rays[:, 0]) * np.abs(rays[:, -1]))
+    return np.where(np.abs(r) > 0.05 * size, np.fmin(worst, outer), worst)

@@ -1,0 +1,135 @@
+"""Velocity and acceleration plans: images of a mechanism's points, joined by the vectors of which they are made up.
+
+From the pole every link pivoted on the frame leads to the images of its points, by omega x r in the velocity plan, by the
+centripetal part
+-omega^2 r and the tangential part alpha x r in the acceleration plan; couplers lead from image to image. Where a point
+slides along a
+turning guide, the sliding velocity, or the Coriolis part 2 omega x v_r and the sliding acceleration, leads from the image of the
+guide's point beneath it. The images themselves come along one chain of links only, so that the other chains show whether the
+plan closes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mechcore.constructions.polygons import Edge, Plan, frames_of
+from mechcore.constructions.velocity_images import Corner, Slide, layout
+from mechcore.kinematics.model import Model
+from mechcore.motion.motion import Motion
+
+POLE = "pole"
+
+
+def velocity_plan(motion: Motion) -> Plan:
+    """Velocity plan of a motion [m/s]."""
+    return _plan(motion, 1)
+
+
+def acceleration_plan(motion: Motion) -> Plan:
+    """Acceleration plan of a motion [m/s^2], with centripetal, tangential, Coriolis and sliding parts."""
+    return _plan(motion, 2)
+
+
+def _plan(motion: Motion, order: int) -> Plan:
+    model, n = motion.model, motion.frames
+    letter = "v" if order == 1 else "a"
+    corners, spans, slides = layout(model)
+    zero = np.zeros(n, complex)
+    at = [zero if c.fixed else frames_of(c.of(motion, order), n) for c in corners]
+    images = {POLE: zero}
+    for c, place in zip(corners, at, strict=True):
+        if not c.fixed:
+            images[_free(c.label.lower() if len(c.label) == 1 else c.label, images)] = place
+    edges: list[Edge] = []
+    gap = np.zeros(n)
+    reached: set[int] = set()  # corners to which a chain leads straight from the pole
+    for s in spans:
+        a, b = corners[s.start], corners[s.end]
+        if b.fixed:
+            continue
+        r = b.of(motion, 0) - a.of(motion, 0)
+        w = motion.speeds.spin[model.angles.spin[s.link]]
+        tail = b.label if a.fixed else _pair(b.label, a.label)
+        if order == 1:
+            parts = [("relative" if not a.fixed else "absolute", f"v_{tail}", 1j * w * r)]
+        else:
+            e = motion.accelerations.spin[model.angles.spin[s.link]]
+            parts = [("normal", f"a_{tail}^n", -w * w * r), ("tangential", f"a_{tail}^t", 1j * e * r)]
+        gap = np.fmax(gap, _chain(edges, at[s.start], parts, at[s.end]))
+        if a.fixed:
+            reached.add(s.end)
+    for slide in slides:
+        gap = np.fmax(gap, _sliding(motion, model, slide, corners, order, edges, images, at[slide.corner]))
+        if slide.guide == 0:
+            reached.add(slide.corner)
+    for i, c in enumerate(corners):
+        if not c.fixed and (i not in reached or order == 2):
+            edges.append(Edge(f"{letter}_{c.label}", "absolute", zero, at[i]))
+    return Plan("velocity" if order == 1 else "acceleration", "m/s" if order == 1 else "m/s^2", tuple(edges), images, gap)
+
+
+def _sliding(
+    motion: Motion,
+    model: Model,
+    slide: Slide,
+    corners: list[Corner],
+    order: int,
+    edges: list[Edge],
+    images: dict,
+    target: np.ndarray,
+) -> np.ndarray:
+    """The chain from the guide's point beneath a sliding corner to the corner; how far it misses (F,)."""
+    n = motion.frames
+    c = corners[slide.corner]
+    d = motion.guide(slide.joint)
+    under = c.of(motion, 0) - motion.origins[slide.guide]
+    w = motion.speeds.spin[model.angles.spin[slide.guide]]
+    rate = motion.speeds.slide[slide.joint]
+    if order == 1:
+        start = frames_of(motion.origin_velocities[slide.guide] + 1j * w * under, n)
+        parts = [("sliding" if slide.guide else "absolute", _slid("v", c.label, model.links[slide.guide], slide.guide), rate * d)]
+    else:
+        e = motion.accelerations.spin[model.angles.spin[slide.guide]]
+        start = frames_of(motion.origin_accelerations[slide.guide] + (1j * e - w * w) * under, n)
+        second = motion.accelerations.slide[slide.joint]
+        parts = [("sliding", f"a_{c.label}^r", second * d)]
+        if slide.guide:
+            parts.insert(0, ("coriolis", f"a_{c.label}^c", 2j * w * rate * d))
+    if slide.guide:
+        images[_free(f"{c.label.lower() if len(c.label) == 1 else c.label} on {model.links[slide.guide]}", images)] = start
+        zero = np.zeros(n, complex)
+        pivot = next((p for p in corners if p.fixed and any(k == slide.guide for k, _ in p.keys)), None)
+        label = f"{c.label} on {model.links[slide.guide]}"
+        if order == 2 and pivot is not None:
+            r = c.of(motion, 0) - pivot.of(motion, 0)
+            own = [("normal", f"a_{label}^n", -w * w * r), ("tangential", f"a_{label}^t", 1j * e * r)]
+            missed = _chain(edges, zero, own, start)
+        else:
+            edges.append(Edge(f"{'v' if order == 1 else 'a'}_{label}", "absolute", zero, start))
+            missed = np.zeros(n)
+        return np.fmax(missed, _chain(edges, start, parts, target))
+    return _chain(edges, start, parts, target)
+
+
+def _slid(letter: str, label: str, guide: str, on: int) -> str:
+    return f"{letter}_{label}/{guide}" if on else f"{letter}_{label}"
+
+
+def _chain(edges: list[Edge], start: np.ndarray, parts: list, target: np.ndarray) -> np.ndarray:
+    """Vectors laid end to end from ``start``; how far the last one ends from the target (F,)."""
+    at = start
+    for kind, name, vector in parts:
+        edges.append(Edge(name, kind, at, frames_of(vector, len(start))))
+        at = edges[-1].end
+    return np.abs(at - target)
+
+
+def _pair(a: str, b: str) -> str:
+    return f"{a}{b}" if len(a) == 1 and len(b) == 1 else f"{a}/{b}"
+
+
+def _free(name: str, taken: dict) -> str:
+    while name in taken:
+        name += "'"
+    return name

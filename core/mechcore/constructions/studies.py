@@ -1,0 +1,194 @@
+"""Studies that a scene can ask for beside motion and forces: graphical constructions, reductions, shaking, substitute masses.
+
+What is asked for is part of the mechanism (`Studies`); `compute` works it out over a motion, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.constructions.centrodes import Polodes, polodes
+from mechcore.constructions.equivalents import Equivalent, equivalent
+from mechcore.constructions.force_polygon import acting_on, force_plans
+from mechcore.constructions.funicular import Funicular, funicular
+from mechcore.constructions.motion_polygons import acceleration_plan, velocity_plan
+from mechcore.constructions.polygons import Plan
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import Forces
+from mechcore.motion.motion import Motion
+from mechcore.reduction.balancing import Counterweight, counterweights, find_linkage, with_counterweights
+from mechcore.reduction.bodies import acceleration_field
+from mechcore.reduction.reduced import Reduced, reduce_mechanism
+from mechcore.reduction.shaking import Shaking, shaking
+from mechcore.reduction.substitute import PointMass, Substitution, static_replacement, substitute_masses
+from mechcore.reduction.systems import Resultant, reduce_to, resultant
+from mechcore.spec.mechanism import ShakingStudy, SubstituteStudy, SystemStudy
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SystemResult:
+    """The loads on one link as a force system: reduced to a point ``about`` (F, 2), its resultant, and the drawing that
+    finds it."""
+
+    names: tuple[str, ...]
+    about: Real
+    force: Real
+    moment: Real
+    resultant: Resultant
+    drawing: Funicular
+
+
+@dataclass(frozen=True, eq=False)
+class SubstituteResult:
+    """``masses`` (n,) [kg] at ``places`` (F, n, 2) [m] of the world with inertia forces ``forces`` (F, n, 2) [N]; their resultant
+    ``force`` (F, 2) and ``moment`` (F,) about S; ``found`` holds all solutions, ``chosen`` is the one shown here. Of a static
+    replacement ``correction`` (F,) [N m] is the couple that makes it right; the moment includes it."""
+
+    found: Substitution
+    chosen: int
+    masses: Real
+    places: Real
+    forces: Real
+    force: Real
+    moment: Real
+    correction: Real | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResults:
+    """What was asked for; the rest is empty."""
+
+    plans: Mapping[str, tuple[Plan, ...]] = field(default_factory=dict)
+    polodes: Mapping[str, Polodes] = field(default_factory=dict)
+    equivalents: Mapping[str, Equivalent] = field(default_factory=dict)
+    systems: Mapping[str, SystemResult] = field(default_factory=dict)
+    reduced: Mapping[str, Reduced] = field(default_factory=dict)
+    shaking: Shaking | None = None
+    balanced: Shaking | None = None  # with the counterweights
+    weights: tuple[Counterweight, ...] = ()
+    substitutes: Mapping[str, SubstituteResult] = field(default_factory=dict)
+
+
+def compute(motion: Motion, forces: Forces | None) -> StudyResults:
+    """The studies that a mechanism asks for. Raises `MechanismError` where one of them has no answer."""
+    asked = motion.mechanism.studies
+    plans: dict[str, tuple[Plan, ...]] = {}
+    if "velocity" in asked.plans:
+        plans["velocity"] = (velocity_plan(motion),)
+    if "acceleration" in asked.plans:
+        plans["acceleration"] = (acceleration_plan(motion),)
+    if "force" in asked.plans and forces is not None:
+        plans["force"] = force_plans(forces)
+    loads = () if forces is None else forces.applied
+    result = StudyResults(
+        plans=plans,
+        polodes={name: polodes(motion, name) for name in asked.polodes},
+        equivalents={name: equivalent(motion, name, forces) for name in asked.equivalent},
+        systems={s.name: _system(s, forces) for s in asked.systems if forces is not None},
+        reduced={_place(*at): reduce_mechanism(motion, *at, loads) for at in asked.reduced},
+        substitutes={s.link: _substitute(s, motion) for s in asked.substitutes},
+    )
+    return result if asked.shaking is None else _shaken(result, asked.shaking, motion)
+
+
+def _place(link: str, point: str | None) -> str:
+    return link if point is None else f"{link}.{point}"
+
+
+def _system(study: SystemStudy, forces: Forces) -> SystemResult:
+    motion = forces.motion
+    k = motion.model.index[study.link]
+    chosen = [load for load in acting_on(forces, k) if not study.loads or load.name in study.loads]
+    if not chosen:
+        why = f"no load acts on '{study.link}'."
+        raise MechanismError(Fault(f"systems.{study.name}", why, "Add loads on it, or effects such as gravity."))
+    points = np.stack([motion._rows(load.place) for load in chosen], axis=1)
+    vectors = np.stack([motion._rows(load.force) for load in chosen], axis=1)
+    couples = np.stack([np.broadcast_to(np.asarray(load.moment, float), (motion.frames,)) for load in chosen], axis=1)
+    local = 0j if study.point is None else motion.model.points[k][study.point]
+    about = motion._rows(motion.of_point(k, local))
+    force, moment = reduce_to(points, vectors, couples, about=about)
+    names = tuple(load.label for load in chosen)
+    if study.pole is not None:
+        _check_pole(study, vectors, motion)
+    drawing = funicular(points, vectors, couples, pole=study.pole, names=names)
+    return SystemResult(names, about, force, moment, resultant(points, vectors, couples), drawing)
+
+
+def _check_pole(study: SystemStudy, vectors: Real, motion: Motion) -> None:
+    """A pole on the line of a side of the force polygon has strings along that force: they do not meet its line."""
+    f = vectors[..., 0] + 1j * vectors[..., 1]
+    ray = np.cumsum(f, axis=1) - complex(*(study.pole or (0.0, 0.0)))
+    with np.errstate(invalid="ignore"):
+        size = np.abs(f).sum(axis=1)
+        flat = (np.abs(np.imag(np.conj(ray) * f)) <= 1e-9 * np.abs(f) * size[:, None]) & (np.abs(f) > 1e-12 * size[:, None])
+    if flat.any():
+        frame = int(np.argmax(flat.any(axis=1)))
+        why = f"the pole lies on the line of a force of its polygon at {motion.time[frame]:.4g} s: a string lies along that force."
+        raise MechanismError(Fault(f"systems.{study.name}.pole", why, "Choose a pole beside the polygon, or leave it out."))
+
+
+def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
+    k = motion.model.index[study.link]
+    mass, centre, inertia = motion.model.masses[k]
+    points = [
+        PointMass(m, None if x is None else x - centre.real, None if y is None else y - centre.imag) for m, x, y in study.points
+    ]
+    path = f"substitutes.{study.link}"
+    try:
+        excess = 0.0
+        if study.static:
+            found, excess = _static(mass, inertia, points)
+        else:
+            found = substitute_masses(mass, inertia, points)
+    except MechanismError as error:
+        raise MechanismError([replace(f, path=path) for f in error.faults]) from None
+    if study.solution > len(found.solutions):
+        remedy = "Choose other places or masses." if not found.solutions else f"Give solution = 1 to {len(found.solutions)}."
+        raise MechanismError(Fault(path, f"{found.message}.", remedy))
+    masses, places = found.solutions[study.solution - 1]
+    turned = (places @ np.array([1.0, 1.0j]))[None, :] * np.broadcast_to(motion.rotation(k), motion.frames)[:, None]
+    arms = np.stack([turned.real, turned.imag], axis=-1)
+    spin = motion.model.angles.spin[k]
+    omega, alpha = (np.broadcast_to(v, motion.frames) for v in (motion.speeds.spin[spin], motion.accelerations.spin[spin]))
+    correction = excess * np.array(alpha) if study.static else None
+    single = -masses[:, None] * acceleration_field(arms, motion.centre_of_mass(study.link, 2), omega, alpha)
+    return SubstituteResult(
+        found=found,
+        chosen=study.solution - 1,
+        masses=masses,
+        places=motion.centre_of_mass(study.link)[:, None, :] + arms,
+        forces=single,
+        force=single.sum(axis=1),
+        moment=(arms[..., 0] * single[..., 1] - arms[..., 1] * single[..., 0]).sum(axis=1) + excess * alpha,
+        correction=correction,
+    )
+
+
+def _static(mass: float, inertia: float, points: list[PointMass]) -> tuple[Substitution, float]:
+    """Two masses at given places, and how much too large their moment of inertia is."""
+    if len(points) != 2 or any(p.mass is not None or p.x is None or p.y is None for p in points):
+        raise MechanismError(Fault("", "a static replacement has two masses at given places.", "Give each its place, and no mass."))
+    places = np.array([[p.x, p.y] for p in points], float)
+    pair = static_replacement(mass, inertia, *places)
+    return Substitution(((np.array(pair.masses), places),), "static replacement by two masses"), pair.excess
+
+
+def _shaken(result: StudyResults, study: ShakingStudy, motion: Motion) -> StudyResults:
+    own = shaking(motion, study.about)
+    if study.radii is None:
+        return replace(result, shaking=own)
+    weights = counterweights(find_linkage(motion.mechanism), study.radii, fraction=study.fraction)
+    better = {link.name: link for link in with_counterweights(motion.mechanism, weights).links}
+    masses: list[tuple[float, complex, float]] = []
+    for name, known in zip(motion.model.links, motion.model.masses, strict=True):
+        link: Any = better.get(name)
+        masses.append(known if link is None else (link.mass, complex(*link.centre), link.inertia))
+    return replace(result, shaking=own, balanced=shaking(motion, study.about, masses), weights=weights)

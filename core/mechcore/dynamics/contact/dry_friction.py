@@ -1,0 +1,218 @@
+"""Dry friction in forward dynamics: accelerations, normal loads and friction that depend on each other, solved together.
+
+While the signs of the relative speeds stay, friction at element i is lambda_i = -sign_i factor_i g_i with the normal load
+g_i = |a_i + K_i g|, as in kinetostatics (`solve`); only that the free coordinates answer to friction by acceleration:
+a unit of friction comes with the inertia forces of the acceleration that it causes, and so needs no drive. An element that sticks
+has no relative acceleration; the friction that this takes is linear in the others and is eliminated. It sticks as long as that is
+within its limit: the law is set-valued, nothing is smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.equations.chart import differences, jacobian_of
+from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_rates, with_states
+from mechcore.effects.base import Wrench, sum_up
+from mechcore.effects.registry import wrenches
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.friction.elements import Element, elements_of, relative_rate
+from mechcore.forces.friction.elements_response import Response, pick, system
+from mechcore.forces.friction.normal_loads import solve_normal_loads
+from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.kinetostatics import Forces, transmit
+from mechcore.kinematics.dyads import cross
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Dry:
+    """What friction does: accelerations (n, f + s), see `with_states`; friction ``value``, the ``limit`` up to which it sticks,
+    relative ``rate`` and ``second`` rate of every element (n, e)."""
+
+    acceleration: Array
+    value: Array
+    limit: Array
+    rate: Array
+    second: Array
+
+
+class GivenFriction(FrictionResult):
+    """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
+    wrenches."""
+
+    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], found: Dry, passed: Any):
+        self.motion = motion
+        self.stability = np.ones(motion.frames)
+        self.elements = tuple(elements)
+        self.jammed = np.zeros(motion.frames, bool)
+        self.reached = np.ones(motion.frames)
+        self._applied = tuple(applied)
+        self._found = found
+        self._passed = passed  # what joints and relations transmit
+
+    @property
+    def _transmitted(self) -> Any:
+        return self._passed
+
+    def value(self, i: int) -> Array:
+        return self._found.value[:, i]
+
+    def normal_load(self, pair: str) -> Array:
+        i = self._elements_of(pair)[0]
+        e = self.elements[i]
+        return np.asarray(self._found.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
+
+    def losses(self, pair: str) -> Array:
+        return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
+
+
+def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Sequence[Wrench] = ()) -> Forces:
+    """Reactions of a piece of motion, with the friction that the piece has, sticking included; ``held``: what end stops hold."""
+    found = system.solve(q, v, motion.time)
+    applied = (*wrenches(motion), *held)
+    force, moment = sum_up(list(applied), len(motion.model.links))
+    elements = [replace(e, sign=np.full(motion.frames, s)) for e, s in zip(elements_of(motion), system.signs, strict=True)]
+    for i, e in enumerate(elements):
+        e.load(motion, force, moment, found.value[:, i])
+    passed = transmit(motion, force, moment)
+    return Forces(motion, applied, *passed[:2], GivenFriction(motion, applied, elements, found, passed))
+
+
+class DrySystem:
+    """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
+
+    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``rests``: pairs that keep their
+    coordinates, because they rest on end stops; what these hold comes before friction that could do it as well.
+    """
+
+    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False, rests: Sequence[str] = ()):
+        self.compiled = compiled
+        self.signs = signs
+        self.breaking = breaking
+        self.rests = tuple(rests)
+
+    def holding(self, q: Array, v: Array, t: Array) -> Array:
+        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        motion, units = moving(self.compiled, q, v, t)
+        r, found = reduced_equations(motion, units), self.solve(q, v, t)
+        tau = np.stack([rates_of(units, e) for e in elements_of(motion)], axis=1)
+        missing = (
+            (r.inertia @ found.acceleration[:, : len(units), None])[..., 0]
+            + r.bias
+            - r.force
+            - np.einsum("nef,ne->nf", tau, found.value)
+        )
+        rows, _ = jacobian_of(motion, units, self.rests)
+        return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+        return self.solve(q, v, t).acceleration
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+        """Derivatives of the accelerations by position and speed (n, f, f) each."""
+        return differences(self, q, v, t, a)
+
+    def solve(self, q: Array, v: Array, t: Array) -> Dry:
+        """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""
+        motion, units = moving(self.compiled, q, v, t)
+        n = motion.frames
+        r = reduced_equations(motion, units)
+        rows, rest = jacobian_of(motion, units, self.rests)
+        first, _ = constrained(r.inertia, r.force - r.bias, rows, rest)
+        second = [d[2] for d in motion.drives]
+        for place, i in enumerate(free_of(self.compiled)):
+            second[i] = first[:, place]
+        loaded = with_rates(motion, [d[1] for d in motion.drives], second)
+        elements = [replace(e, sign=np.full(n, s)) for e, s in zip(elements_of(loaded), self.signs, strict=True)]
+        if self.breaking:
+            elements = [replace(e, factor=e.limit) for e in elements]
+        tau = np.stack([rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
+        answers, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
+        response = _respond(loaded, units, elements, answers)
+        stuck = np.flatnonzero(self.signs == 0.0)
+        # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
+        plain = [
+            replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)
+        ]
+        a, k, norms = system(loaded, plain, response)
+        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.joint, e.links) for e in elements], axis=1)
+        rate = np.stack([e.rate for e in elements], axis=1)
+        value = np.zeros((n, len(elements)))
+        slide = np.flatnonzero(self.signs != 0.0)
+        braking = np.stack([-s * e.factor * np.ones(n) for s, e in zip(self.signs, elements, strict=True)], axis=1)
+        coupling = np.einsum("nif,njf->nij", tau, answers)  # relative acceleration at i per unit of friction at j
+        if len(stuck):
+            inner = coupling[:, stuck[:, None], stuck]
+            need = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
+            alpha = -np.einsum("nij,nj->ni", need, bias[:, stuck])
+            beta = -np.einsum("nij,njk->nik", need, coupling[:, stuck[:, None], slide] * braking[:, None, slide])
+            sub_a = a[:, slide] + np.einsum("nixs,ns->nix", k[:, slide][..., stuck], alpha)
+            sub_k = k[:, slide][..., slide] + np.einsum("nixs,nsj->nixj", k[:, slide][..., stuck], beta)
+        else:
+            sub_a, sub_k = a, k
+        if len(slide):
+            solution = solve_normal_loads(sub_a, sub_k, norms[slide])
+            if solution.jammed.any():
+                self._refuse(elements, slide, solution.share[solution.jammed][0], float(t[np.argmax(solution.jammed)]))
+            value[:, slide] = braking[:, slide] * solution.loads
+        if len(stuck):
+            value[:, stuck] = alpha + np.einsum("nij,nj->ni", beta, solution.loads) if len(slide) else alpha
+        parts = a + np.einsum(
+            "nixj,nj->nix",
+            k,
+            np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))),
+        )
+        size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
+        limit = size * np.array([e.limit for e in elements])
+        acceleration = with_states(first + np.einsum("njf,nj->nf", answers, value), motion)
+        return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
+
+    def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:
+        worst = elements[slide[int(np.argmax(share))]]
+        raise MechanismError(
+            Fault(
+                f"pairs.{worst.pair}.friction",
+                f"at t = {t:.6g} s no acceleration is in balance with the friction that it causes (it jams in motion, Painleve).",
+                "Lower the coefficient, or lengthen the bearing.",
+            )
+        )
+
+
+def rates_of(units: Sequence[Motion], e: Element) -> Array:
+    """Rate of an element per unit rate of every free coordinate (n, f); ``units``: the tangents."""
+    return np.stack([relative_rate(u, u.speeds, e.what, e.joint, e.links) for u in units], axis=-1)
+
+
+def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Array) -> Response:
+    """What pairs transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
+    model, n, e = motion.model, motion.frames, len(elements)
+    base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
+    force: list[Any] = [0j] * len(model.links)
+    moment: list[Any] = [0.0] * len(model.links)
+    for i, element in enumerate(elements):
+        one = np.zeros((e, 1))
+        one[i] = 1.0
+        element.load(motion, force, moment, one)
+    for k in range(1, len(model.links)):
+        mass, centre, inertia = model.masses[k]
+        if not (mass or inertia):
+            continue
+        spin = model.angles.spin[k]
+        a: Any = 0j
+        alpha: Any = 0.0
+        for f, unit in enumerate(units):
+            a = a + answers[:, :, f].T * unit.of_point(k, centre, 1)
+            alpha = alpha + answers[:, :, f].T * unit.speeds.spin[spin]
+        force[k] = force[k] - mass * a
+        moment[k] = moment[k] - inertia * alpha - cross(centre * motion.rotation(k), mass * a)
+    together = transmit(motion, force, moment, base[2])
+    return Response(base, [pick(together, i, (e, n)) for i in range(e)])

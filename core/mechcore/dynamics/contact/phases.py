@@ -1,0 +1,205 @@
+"""Phases of dry friction: which pairs slide which way and which stick, what ends that, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.contact.dry_friction import DrySystem, rates_of
+from mechcore.dynamics.equations.chart import jacobian_of
+from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, shifted
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.friction.elements import Element, elements_of
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled
+
+Array = NDArray[np.float64]
+Key = tuple[str, str, str]
+WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
+LED = 1e-12  # part of what a force on an element would move, if it did, that is rounding
+BEGUN = 1e-12  # rate of what just begins to move
+REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
+
+
+class Phases:
+    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
+
+    ``rests``: pairs that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
+        stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
+    """
+
+    def __init__(self, compiled: Compiled, elements: Sequence[Element], soon: float, before: Mapping[Key, float] | None = None):
+        self.compiled = compiled
+        self.soon = soon
+        self.keys = keys_of(elements)
+        self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
+        self.rests: tuple[str, ...] = ()
+        self.led = np.zeros(len(elements), bool)
+        self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
+
+    def system(self) -> DrySystem:
+        return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
+
+    def decide(
+        self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
+    ) -> list[tuple[str, str]]:
+        """Choose the signs for what follows; pair and word ("stick", "slip +", "slip -") of each that has changed.
+
+        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: pairs
+        that rest on end stops.
+        """
+        before = self.signs.copy()
+        self.rests = rests
+        row = q[None], v[None], np.array([t])
+        motion, units = moving(self.compiled, *row)
+        elements = elements_of(motion)
+        rate = np.array([e.rate[0] for e in elements])
+        alone = self.alone and not rests
+        self.led = np.zeros(len(before), bool) if alone else self._led(motion, units, elements)
+        still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
+        self.signs = np.where(still, 0.0, np.sign(rate))
+        if self.led.any():
+            self.signs[self.led] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.led]
+            still &= ~self.led
+        if alone and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
+            self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
+        elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
+            self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
+            second = np.sign(self.system().solve(*row).second[0])
+            self.signs = np.where(still & (second != 0.0), second, self.signs)
+        elif still.any():
+            if loose is not None and still[loose[0]]:
+                found = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
+                self.signs[loose[0]] = -np.sign(found.value[0, loose[0]])
+            for _ in range(2 * len(before) + 2):
+                found = self.system().solve(*row)
+                over = still & (self.signs == 0.0) & (np.abs(found.value[0]) > found.limit[0] * (1.0 + 1e-12))
+                if not over.any():
+                    break
+                worst = int(np.argmax(np.where(over, np.abs(found.value[0]) / np.maximum(found.limit[0], 1e-300), 0.0)))
+                self.signs[worst] = -np.sign(found.value[0, worst])
+        then, now = self._states(before), self._states(self.signs)
+        return [(pair, WORDS[now[pair, what]]) for pair, what in now if now[pair, what] != then[pair, what]]
+
+    def _states(self, signs: Array) -> dict[tuple[str, str], float]:
+        """Sign by pair and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
+        found: dict[tuple[str, str], float] = {}
+        for (pair, what, _), s in zip(self.keys, signs, strict=True):
+            found[pair, what] = float(s) if found.get((pair, what), s) == s else 0.0
+        return found
+
+    def at_rest(self, t: float, q: Array, v: Array) -> Array:
+        """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        if not len(stuck):
+            return v
+        if self.alone:
+            return np.append(0.0, v[1:])
+        motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
+        elements = elements_of(motion)
+        tau = np.stack([rates_of(units, elements[i])[0] for i in stuck])
+        inertia = reduced_equations(motion, units).inertia
+        answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
+        return shifted(v, -answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
+
+    def _led(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
+        """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
+        tau = np.stack([rates_of(units, e) for e in elements], axis=1)
+        inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
+        freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
+        return np.asarray(~(really > LED * freely))
+
+    def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
+        """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
+        for way in (1.0, -1.0):
+            signs = self.directions(row, way)
+            if float(self._free(way, *row)[0]) > 0.0:
+                return signs
+        return np.zeros(len(self.signs))
+
+    def directions(self, row: tuple[Array, Array, Array], way: float) -> Array:
+        """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
+        q, v, t = row
+        motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
+        return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
+
+    def gauges(self) -> list[tuple[Any, bool, tuple[int, float] | None]]:
+        """What ends the phase: gauge, the way in which it has to pass zero, and what then comes loose, as `decide` wants it."""
+        system = self.system()
+        out: list[tuple[Any, bool, tuple[int, float] | None]] = []
+        for i, s in enumerate(self.signs):
+            if s != 0.0 and not self.led[i]:
+                out.append((lambda q, v, t, i=i: self._rate(i, q, v, t), bool(s < 0), None))
+        stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        if not len(stuck_ones):
+            return out
+        if not np.any(self.signs) and self.alone and not self.rests:
+            for way in (1.0, -1.0):
+                out.append((lambda q, v, t, way=way: self._free(way, q, v, t), True, (0, way)))
+            return out
+        for stuck in stuck_ones:
+
+            def margin(q: Array, v: Array, t: Array, i: int = int(stuck)) -> Array:
+                found = system.solve(q, v, t)
+                return np.asarray(found.limit[:, i] - np.abs(found.value[:, i]))
+
+            out.append((margin, False, (int(stuck), 0.0)))
+        return out
+
+    def led_gauges(self) -> list[Any]:
+        """Gauges that are 1 where an element that is led does not slide as it does now, else 0."""
+        return [
+            lambda q, v, t, i=int(i), s=self.signs[i]: np.asarray(self._senses(q, v, t)[:, i] != s, float)
+            for i in np.flatnonzero(self.led)
+        ]
+
+    def _senses(self, q: Array, v: Array, t: Array) -> Array:
+        return senses(moving(self.compiled, q, v, t)[0])
+
+    def _rate(self, i: int, q: Array, v: Array, t: Array) -> Array:
+        motion = moving(self.compiled, q, v, t)[0]
+        e = elements_of(motion)[i]
+        return np.asarray(e.rate)
+
+    def _free(self, way: float, q: Array, v: Array, t: Array) -> Array:
+        """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
+        the motion (gas in a cylinder) are those of that sense."""
+        signs = self.directions((q, v, t), way)
+        begun = np.column_stack([np.full(len(v), way * BEGUN), v[:, 1:]])
+        return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
+
+
+def braking_elements(compiled: Compiled, q: Array, v: Array, t: float = 0.0) -> list[Element]:
+    """The elements of a mechanism, in the order in which signs are given; [] where it has no friction."""
+    if "friction" not in compiled.mechanism.effects:
+        return []
+    return elements_of(moving(compiled, q[None], v[None], np.array([t]))[0])
+
+
+def senses(motion: Motion) -> Array:
+    """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
+    elements = elements_of(motion)
+    rates = np.stack([e.rate for e in elements], axis=1)
+    turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.spin], axis=0, initial=0.0)
+    sliding = np.max([np.abs(x) * np.ones(motion.frames) for x in motion.speeds.slide.values()], axis=0, initial=0.0)
+    size = np.maximum(turning, sliding / motion.model.size)[:, None]
+    least = np.array([1.0 if e.what == "turn" else motion.model.size for e in elements])
+    return np.where(np.abs(rates) <= REST * size * least, 0.0, np.sign(rates))
+
+
+def keys_of(elements: Sequence[Element]) -> list[Key]:
+    """What an element is called, whatever other contacts the mechanism has."""
+    return [(e.pair, e.what, e.kind) for e in elements]
+
+
+def rubbing(compiled: Compiled, q: Array, v: Array, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
+    """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
+    elements = braking_elements(compiled, q, v, t)
+    for e in elements:
+        if e.what == "slide" and e.joint < 0:
+            why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
+            raise MechanismError(Fault(f"pairs.{e.pair}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+    return Phases(compiled, elements, soon, before) if elements else None

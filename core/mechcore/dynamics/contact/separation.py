@@ -1,0 +1,312 @@
+"""Followers that may leave their cams: contact that only presses.
+
+In contact the mechanism moves as it is; a cam whose contact would have to pull lets its follower go: then the follower's own guide
+is one more free coordinate of the mechanism without that pair, until the follower comes back to where the cam holds it. The test
+is the complementarity of contact: the gap's acceleration, were the follower free, has the opposite sign of the contact force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.cams.placed import PlacedCam
+from mechcore.dynamics.contact.impacts import newton_impact
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.handover import carried_on, enter
+from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
+from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.windows import Solution
+from mechcore.errors import Fault, MechanismError
+from mechcore.joints.base import Relation
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, compile_mechanism
+from mechcore.spec.mechanism import Drive
+from mechcore.texts import as_coordinate
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+SAMPLES = 48  # for an eighth of a turn of the cam
+SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
+ROUNDS = 10
+CLOSE, NEARLY = 3, 0.02  # looks at a peak that is by less than this part of the gauge's range below the limit
+PARTS = 17
+
+
+@dataclass(frozen=True, kw_only=True)
+class Liftoff:
+    """A cam ``pair`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
+
+    pair: str
+    restitution: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Contact:
+    """A cam and its follower's guide; ``away`` (1, -1): sense of the guide's coordinate in which the follower leaves the cam."""
+
+    name: str
+    guide: str
+    away: float
+    restitution: float
+    cam: PlacedCam
+    rotary: bool
+    level: float  # the guide's coordinate is level + slope times the lift in metres
+    slope: float
+
+
+class Lifting:
+    """The mechanism with every set of its followers lifted, and how far they are from their cams.
+
+    Coordinates: the free ones of the mechanism, then those of the lifted followers' guides in the order of ``contacts``.
+    """
+
+    def __init__(self, compiled: Compiled, liftoffs: Sequence[Liftoff]):
+        model = compiled.model
+        relations = {r.name: r for r in model.relations}
+        self.free = len(free_of(compiled))
+        self.contacts: dict[str, _Contact] = {}
+        for liftoff in liftoffs:
+            relation = relations.get(liftoff.pair)
+            if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form:
+                raise MechanismError(
+                    Fault(f"pairs.{liftoff.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
+                )
+            cam = relation.geometry
+            rotary = model.joints[model.joint_index[cam.guide]].coordinate == "angle"
+            slope = _slope(compiled, relation, cam.guide)
+            self.contacts[liftoff.pair] = _Contact(
+                name=liftoff.pair,
+                guide=cam.guide,
+                away=float(np.sign(slope)),
+                restitution=liftoff.restitution,
+                cam=cam,
+                rotary=rotary,
+                level=-slope * float(relation.constant or 0.0),
+                slope=slope,
+            )
+        self.known: dict[frozenset[str], Compiled] = {frozenset(): compiled}
+
+    def place(self, name: str, lifted: frozenset[str]) -> int:
+        """Number of a lifted follower's coordinate."""
+        return self.free + sum(other in lifted for other in list(self.contacts)[: list(self.contacts).index(name)])
+
+    def compiled(self, lifted: frozenset[str], q: Array, v: Array, t: float, name: str) -> tuple[Compiled, Array, Array]:
+        """The mechanism in which ``name`` is lifted beside others, and its coordinates and rates (f,), from those without it."""
+        held = self.known[lifted - {name}]
+        motion = motion_at(held, q[None], v[None], np.array([t]))
+        contact = self.contacts[name]
+        at, rate = (float(x) for x in motion.coordinate(contact.guide)[0, :2])
+        k = self.place(name, lifted)
+        place = np.insert(q, k, at)
+        if lifted not in self.known:
+            self.known[lifted] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
+            self._weigh(lifted, name, q, v, t, at)
+        enter(self.known[lifted], place, t, motion)
+        return self.known[lifted], place, np.insert(v, k, rate)
+
+    def _compile(self, held: Compiled, motion: Motion, contact: _Contact, at: float) -> Compiled:
+        mechanism = held.mechanism
+        poses: dict[str, tuple[float, float, float]] = {}
+        for link in motion.model.links[1:]:
+            x, y, angle = motion.pose(link)[0]
+            poses[link] = float(x), float(y), float(angle)
+        names = [c.guide for c in self.contacts.values()]
+        later = [d.pair for d in mechanism.drives if d.pair in names[names.index(contact.guide) :]]
+        k = len(mechanism.drives) - len(later)
+        laws = (*mechanism.drives[:k], Drive(pair=contact.guide, law=Free(at, 0.0)), *mechanism.drives[k:])
+        # put together as it stands now; from there on the laws lead
+        now = [Drive(pair=d.pair, law=Free(float(x[0][0]), 0.0)) for d, x in zip(mechanism.drives, motion.drives, strict=True)]
+        start = (*now[:k], laws[k], *now[k:])
+        loose = replace(mechanism, pairs=tuple(p for p in mechanism.pairs if p.name != contact.name), modes={}, sketch=poses)
+        placed = compile_mechanism(replace(loose, drives=start))
+        return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
+
+    def _weigh(self, lifted: frozenset[str], name: str, q: Array, v: Array, t: float, at: float) -> None:
+        k = self.place(name, lifted)
+        inertia = reduce(self.known[lifted], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
+        values = np.linalg.eigvalsh(inertia)
+        if not values[0] > 1e-14 * values[-1]:
+            guide = self.contacts[name].guide
+            raise MechanismError(
+                Fault(f"pairs.{name}.liftoff", f"no mass moves with {guide} once the cam lets go.", "Give the follower a mass.")
+            )
+
+    def overlap(self, name: str, lifted: frozenset[str]) -> Callable[[Array, Array, Array], Array]:
+        """How far a lifted follower would be in its cam (n,), in its guide's coordinate [m or rad]; negative while it is away."""
+        return lambda q, v, t: -self.gap(name, lifted, q, v, t)[0]
+
+    def gap(self, name: str, lifted: frozenset[str], q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+        """How far a lifted follower is from its cam (n,), in its guide's coordinate [m or rad], and the rate of that."""
+        contact, k = self.contacts[name], self.place(name, lifted)
+        held = self.known[lifted - {name}]
+        motion = motion_at(held, np.delete(q, k, axis=1), np.delete(v, k, axis=1), t)
+        h = motion.coordinate(contact.guide)
+        gap = contact.away * (q[:, k] - h[:, 0])
+        if contact.rotary:
+            gap = np.mod(gap + np.pi, TURN) - np.pi
+        return gap, contact.away * (v[:, k] - h[:, 1])
+
+    def parting(
+        self, name: str, lifted: frozenset[str], system: Callable[[Compiled, Array, Array, float], Any] | None = None
+    ) -> Callable[[Array, Array, Array], Array]:
+        """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
+
+        ``system``: the equations of motion of a mechanism at an instant, where they are not those of its chart, but of friction.
+        """
+        contact, more = self.contacts[name], lifted | {name}
+
+        def parting(q: Array, v: Array, t: Array) -> Array:
+            held = self.known[lifted]
+            h = motion_at(held, q, v, t).coordinate(contact.guide)
+            k = self.place(name, more)
+            if more not in self.known:
+                self.compiled(more, q[0], v[0], float(t[0]), name)
+            at, rate = np.insert(q, k, h[:, 0], axis=1), np.insert(v, k, h[:, 1], axis=1)
+            rubs = None if system is None else system(self.known[more], at[0], rate[0], float(t[0]))
+            loose = (Chart(self.known[more]) if rubs is None else rubs)(at, rate, t)
+            second = motion_at(held, q, v, t, np.delete(loose, k, axis=1)).coordinate(contact.guide)[:, 2]
+            return np.asarray(contact.away * (loose[:, k] - second))
+
+        return parting
+
+    def landing(
+        self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, restitution: float
+    ) -> tuple[Array, float, float]:
+        """Rates (f,) after the impact of a follower on its cam; speed of approach; energy that is lost [J]."""
+        compiled, row = self.known[lifted], np.array([t])
+        k = self.place(name, lifted)
+        contact = self.contacts[name]
+        _, rate = self.gap(name, lifted, q[None], v[None], row)
+        hit = float(rate[0])
+        held = self.known[lifted - {name}]
+        motion = motion_at(held, np.delete(q, k)[None], np.delete(v, k)[None], row)
+        slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
+        gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
+        inertia = reduce(compiled, q[None], v[None], row).inertia[0]
+        change, lost = newton_impact(inertia, gradient[None], hit, restitution)
+        return shifted(v, change), -hit, lost
+
+    def followed(self, name: str, motion: Motion) -> Array:
+        """The guide's coordinate (F,) at which the follower would touch its cam."""
+        c = self.contacts[name]
+        return np.asarray(c.level + c.slope * c.cam.scale * c.cam.law(c.cam.argument(motion))[0])
+
+    def where(self, name: str, compiled: Compiled, q: Array, v: Array, t: float) -> str:
+        """The cam's place in words."""
+        cam = self.contacts[name].cam
+        x = float(cam.argument(motion_at(compiled, q[None], v[None], np.array([t])))[0])
+        rotary = cam.bed is None
+        return f"{as_coordinate(x % TURN if rotary else x, rotary=rotary, digits=4)} of the cam"
+
+    def pace(self, compiled: Compiled, q: Array, v: Array, t: float) -> float:
+        """How fast the fastest cam runs through its law, in turns of a disc [rad/s]; of a wedge in lengths of its law."""
+        row = np.array([t])
+        motion = motion_at(compiled, q[None], v[None], row)
+        found = [0.0]
+        for c in self.contacts.values():
+            if c.cam.bed is not None:
+                found.append(abs(float(motion.coordinate(c.cam.bed)[0, 1])) / c.cam.cam.law.length * TURN)
+            else:
+                found.append(abs(float(motion.velocity(c.cam.links[0])[0, 2] - _spin(motion, c.cam.carrier))))
+        return max(found)
+
+
+def pressing(motion: Motion, forces: Any, name: str) -> Array:
+    """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""
+    from mechcore.forces.cam_events import contact_force, placed_cams
+
+    force = contact_force(forces, next(cam for cam in placed_cams(motion) if cam.name == name))
+    if np.isnan(force).any():
+        t = float(motion.time[int(np.argmax(np.isnan(force)))])
+        raise MechanismError(
+            Fault(f"pairs.{name}", f"at t = {t:.6g} s friction jams the follower.", "Lower a coefficient, or lengthen its guide.")
+        )
+    return np.asarray(force)
+
+
+def _spin(motion: Motion, link: str) -> float:
+    return 0.0 if link == motion.mechanism.frame else float(motion.velocity(link)[0, 2])
+
+
+def _slope(compiled: Compiled, relation: Relation, guide: str) -> float:
+    """Rate of the guide's coordinate x by the lift in metres: the relation says c x + lift = constant."""
+    for name, c in relation.slides:
+        if name == guide:
+            return -1.0 / c
+    model = compiled.model
+    joint = model.joints[model.joint_index[guide]]
+    c = next(c for link, c in relation.angles if link == relation.links[1])
+    return -1.0 / c if joint.links[1] == relation.links[1] else 1.0 / c
+
+
+def first_beyond(
+    gauge: Callable[[Array, Array, Array], Array],
+    window: Window,
+    after: float,
+    limit: float,
+    count: int,
+    *,
+    again: bool = False,
+) -> float | None:
+    """The first time in a window, later than ``after`` [s], at which a gauge exceeds ``limit``; it may have kinks and jumps.
+
+    ``again``: a gauge that exceeds it at the beginning, by rounding, has to come below it first.
+    """
+    low, high = max(window.start, after), window.start + window.length
+    if high <= low:
+        return None
+    t = low + (high - low) * np.arange(count + 1) / count
+    last, close = high, 0
+    for _ in range(ROUNDS + CLOSE):
+        q, v, _ = window(t)
+        value = gauge(q, v, t)
+        beyond = value > limit
+        if not beyond.any() and close < CLOSE and float(value.max()) > limit - NEARLY * float(np.ptp(value)):
+            k = int(np.argmax(value))  # it nearly does: look closer there
+            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 2 * PARTS + 1)
+            close += 1
+            continue
+        if again and beyond.all():
+            k = 1  # a bounce that is over before the first sample, if there is one
+        else:
+            beyond[: int(np.argmin(beyond)) if again else 0] = False
+            if not beyond.any():
+                return None
+            k = max(int(np.argmax(beyond)), 1)
+            again = again and k == 1
+        last = float(t[k])
+        if t[k] - t[k - 1] <= 4.0 * np.spacing(t[k]):
+            break
+        t = t[k - 1] + (t[k] - t[k - 1]) * np.linspace(0.0, 1.0, PARTS + 1)
+        t[-1] = last
+    return last
+
+
+def driven_windows(
+    t0: float,
+    t1: float,
+    length: Callable[[float], float],
+    after: Callable[[Window], float | None],
+    bends: Callable[[Window, float], float | None] | None,
+) -> Solution:
+    """Windows in which nothing is free: only events are looked for, and borders where laws bend."""
+    solution = Solution()
+    none = np.zeros(0)
+    t = t0
+    tiny = 1e-12 * max(abs(t0), abs(t1))
+    while t < t1 - tiny:
+        window = Window(t, min(length(t), t1 - t), none, none, np.zeros((2, 0)))
+        bend = bends(window, t + tiny) if bends is not None else None
+        if bend is not None and t + 10.0 * tiny < bend < t + window.length:
+            window = Window(t, bend - t, none, none, np.zeros((2, 0)))
+        solution.windows.append(window)
+        if after(window) is not None:
+            break
+        t += window.length
+    return solution

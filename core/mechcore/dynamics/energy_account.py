@@ -1,0 +1,97 @@
+"""Where the energy goes: work of all forces along a simulated motion, by quadrature of their powers between its borders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from mechcore.dynamics.integration.collocation import integrals
+from mechcore.effects.base import power_of
+from mechcore.forces.kinetostatics import LOSSES, Forces
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+
+Array = NDArray[np.float64]
+NODES = 16
+MOST = 20_000  # instants that are evaluated at once
+_X, _W = legendre.leggauss(NODES)
+_FIT = np.linalg.inv(legendre.legvander(_X, NODES - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients``
+    (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
+    of the last one repeat beyond the last edge."""
+
+    edges: Array
+    coefficients: Array
+    before: Array
+    period: float | None = None
+
+    def __call__(self, t: Array) -> Array:
+        """Works (n, c) until times (n,) [s]."""
+        end = self.edges[-1]
+        if self.period is None or not (t > end).any():
+            return self._within(t)
+        turns = np.maximum(np.ceil((t - end) / self.period), 0.0)
+        gained = np.diff(self._within(np.array([end - self.period, end])), axis=0)
+        return self._within(t - turns * self.period) + turns[:, None] * gained
+
+    def _within(self, t: Array) -> Array:
+        k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)
+        width = self.edges[k + 1] - self.edges[k]
+        first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
+        return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
+
+    def followed_by(self, others: Sequence[Ledger]) -> Ledger:
+        """This ledger and those that go on where it ends, in order."""
+        if not others:
+            return self
+        parts = (self, *others)
+        before, total = [], np.zeros(self.before.shape[1])
+        for part in parts:
+            before.append(total + part.before)
+            total = total + part(part.edges[-1:])[0]
+        edges = [self.edges, *(part.edges[1:] for part in others)]
+        return Ledger(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
+
+
+def ledger(powers: Callable[[Array], Array], edges: Array) -> Ledger:
+    """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
+    widths = np.diff(edges)
+    x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
+    values = np.concatenate([powers(x[k : k + MOST]) for k in range(0, len(x), MOST)])
+    values = values.reshape(len(widths), NODES, -1)
+    gained = 0.5 * widths[:, None] * np.einsum("s,psc->pc", _W, values)
+    before = np.concatenate([np.zeros((1, values.shape[2])), np.cumsum(gained, axis=0)[:-1]])
+    return Ledger(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
+
+
+def powers_of(motion: Motion, forces: Forces) -> Array:
+    """Power of all forces but inertia (n, 3) [W]: of those with a potential, of drives and process, of losses."""
+    out = np.zeros((motion.frames, 3))
+    for w in forces.applied:
+        if w.kind != "inertia":
+            column = 2 if w.cause in LOSSES else 0 if w.cause in ("gravity", "elastic") else 1
+            out[:, column] += power_of(motion, w)
+    for d in motion.mechanism.drives:
+        if not isinstance(d.law, Free):
+            out[:, 1] += forces.power(d.pair)
+    if forces.friction is not None:
+        out[:, 2] += forces.friction.power
+    return out
+
+
+def kinetic_energy_of(motion: Motion) -> Array:
+    """Kinetic energy of all masses (n,) [J]."""
+    total = np.zeros(motion.frames)
+    for k, (mass, centre, inertia) in enumerate(motion.model.masses):
+        if k and (mass or inertia):
+            total = total + 0.5 * mass * np.abs(motion.of_point(k, centre, 1)) ** 2
+            total = total + 0.5 * inertia * motion.speeds.spin[motion.model.angles.spin[k]] ** 2
+    return total

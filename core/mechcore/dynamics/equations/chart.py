@@ -1,0 +1,89 @@
+"""Several freedoms: the mechanism in a chart of its configurations, with some of its coordinates free and others held.
+
+A chart is a choice of pair coordinates that, taken as drives, decide the configuration. Positions are solved on the manifold
+itself for every node, so nothing drifts and redundant constraints do no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_states
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled
+
+Array = NDArray[np.float64]
+STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
+
+
+def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
+    """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
+    are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
+    lead = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
+    rows, second = np.zeros((motion.frames, len(pairs), len(units))), np.zeros((motion.frames, len(pairs)))
+    for k, pair in enumerate(pairs):
+        if pair in lead:
+            rows[:, k, lead.index(pair)] = 1.0
+        else:
+            second[:, k] = motion.coordinate(pair)[:, 2]
+            for i, unit in enumerate(units):
+                rows[:, k, i] = unit.coordinate(pair)[:, 1]
+    return rows, second
+
+
+def _free_in(motion: Motion) -> list[int]:
+    return [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
+
+
+class Chart:
+    """Accelerations of all coordinates (n, f). Pairs that ``rest`` keep their coordinates, and `holding` gives what that takes."""
+
+    def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
+        self.compiled, self.rests = compiled, tuple(rests)
+        lead = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+        self.held = [lead.index(pair) for pair in self.rests if pair in lead]
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+        return self._solve(q, v, t)[0]
+
+    def _solve(self, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+        """Accelerations (n, f + s), see `with_states`, and what holds the pairs at rest (n, p).
+
+        From M q'' + h = Q + G' p, G q'' + b = 0.
+        """
+        motion, units = moving(self.compiled, q, v, t)
+        r = reduced_equations(motion, units)
+        if not self.rests:
+            return with_states(r.acceleration(), motion), np.zeros((len(t), 0))
+        rows, second = jacobian_of(motion, units, self.rests)
+        found, holding = constrained(r.inertia, r.force - r.bias, rows, second)
+        found[:, self.held] = 0.0
+        return with_states(found, motion), holding
+
+    def holding(self, q: Array, v: Array, t: Array) -> Array:
+        """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
+        return self._solve(q, v, t)[1]
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+        """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
+        return differences(self, q, v, t, a)
+
+
+def differences(system: Any, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences, all in one call."""
+    n, f = q.shape
+    many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
+    step_q = STEP * np.maximum(1.0, np.abs(q).max(axis=0))
+    step_v = STEP * np.maximum(1.0, np.abs(v).max(axis=0))
+    for k in range(f):
+        many_q[k * n : (k + 1) * n, k] += step_q[k]
+        many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
+    changed = system(many_q, many_v, np.tile(t, 2 * f)).reshape(2 * f, n, f) - a
+    by_q = np.moveaxis(changed[:f] / step_q[:, None, None], 0, -1)
+    by_v = np.moveaxis(changed[f:] / step_v[:, None, None], 0, -1)
+    return by_q, by_v

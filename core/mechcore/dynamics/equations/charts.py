@@ -1,0 +1,290 @@
+"""Charts of the configuration curve: which pair's coordinate leads the mechanism, how far, and the change from one to the next.
+
+At a dead point of one coordinate another one moves: along the curve itself nothing is special there. A chart is good as long as its
+own coordinate does a fair share of the motion; where it does not, the pair that moves most takes over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from mechcore.dynamics.energy_account import kinetic_energy_of
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
+from mechcore.dynamics.equations.handover import carried_on, enter
+from mechcore.dynamics.equations.reduced import free_of, motion_at, moving
+from mechcore.effects.argument import rate
+from mechcore.effects.registry import effects_of, potential
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, compile_mechanism, reached
+from mechcore.spec.mechanism import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
+from mechcore.texts import as_coordinate
+
+Array = NDArray[np.float64]
+STRAINED = 6.0  # rate of some pair per unit rate of the leading coordinates, from which on others take over
+EASED = 0.5  # of that, at most, with those others
+MANY = 500  # sets of pairs, all of which are looked at
+SAME = 1e-9  # of positions and energies: the mechanism is where it was
+
+
+def named(mechanism: Mechanism) -> Mechanism:
+    """The mechanism in whose loads the leading pair is named where it was meant without its name."""
+    first = mechanism.drives[0].pair
+    loads = []
+    for load in mechanism.loads:
+        changes: dict[str, Any] = {}
+        factor = getattr(load, "factor", None)
+        if factor is not None and factor.of in ("position", "velocity") and factor.pair is None:
+            changes["factor"] = replace(factor, pair=first)
+        if getattr(load, "drive", first) is None:
+            changes["drive"] = first
+        loads.append(replace(load, **changes) if changes else load)
+    return replace(mechanism, loads=tuple(loads))
+
+
+def strain(compiled: Compiled, q: Array, v: Array, t: float) -> float:
+    """Largest rate of a pair per unit rate of a free coordinate at q, v (f,); displacements over the mechanism's size."""
+    return float(np.abs(_chart_rates(compiled, q, v, t)[2]).max())
+
+
+def _chart_rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Motion, list[str], Array]:
+    """The motion at an instant, pairs that could lead, and their rates per unit rate of each free coordinate (p, f)."""
+    motion, units = moving(compiled, q[None], v[None], np.array([t]))
+    mechanism, model = compiled.mechanism, compiled.model
+    led = {d.pair for d in mechanism.drives if not isinstance(d.law, Free)}
+    movable = [p for p in mechanism.pairs if isinstance(p, Revolute | Prismatic | Planar)]
+    names = [name for p in movable for name in coordinates_of(p) if name not in led]
+    names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
+    size = {name: model.size if model.joints[model.joint_index[name]].coordinate == "slide" else 1.0 for name in names}
+    free = [mechanism.drives[i].pair for i in free_of(compiled)]
+    rows = [[float(np.ravel(rate(u, name))[0]) * size[f] / size[name] for u, f in zip(units, free, strict=True)] for name in names]
+    return motion, names, np.array(rows)
+
+
+def take_over(compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Array, Array] | None:
+    """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. One that is ``known`` is
+    taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there."""
+    motion, names, rows = _chart_rates(compiled, q, v, t)
+    if not np.isfinite(rows).all():
+        return None
+    sets = _sets(rows)
+    chosen = rows[np.array(sets)]
+    fine = np.abs(np.linalg.det(chosen)) > 1e-6
+    eased = np.full(len(sets), np.inf)
+    eased[fine] = np.abs(rows @ np.linalg.inv(chosen[fine])).max(axis=(1, 2))
+    if not eased.min() <= EASED * np.abs(rows).max():
+        return None
+    pairs = [names[k] for k in sets[int(np.argmin(eased))]]
+    found = np.array([motion.coordinate(pair)[0] for pair in pairs])
+    place, speeds = found[:, 0], found[:, 1]
+    candidates = [c for c in known if [c.mechanism.drives[i].pair for i in free_of(c)] == pairs]
+    for candidate in (*candidates, None):
+        if candidate is None:
+            other = carried_on(_compiled(compiled, motion, pairs, found), place, t, motion)
+        else:
+            other = enter(candidate, place, t, motion)
+        if _same(motion, other, place, speeds, t):
+            return other, place, speeds
+    return None
+
+
+def _sets(rows: Array) -> list[tuple[int, ...]]:
+    """Sets of pairs that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
+    p, f = rows.shape
+    if comb(p, f) <= MANY:
+        return list(combinations(range(p), f))
+    return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
+
+
+def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: Array) -> Compiled:
+    """The mechanism with other free coordinates, put together as it stands now; from there on the laws of drives lead."""
+    mechanism = named(compiled.mechanism)
+    poses: dict[str, tuple[float, float, float]] = {}
+    for link in motion.model.links[1:]:
+        x, y, angle = motion.pose(link)[0]
+        poses[link] = float(x), float(y), float(angle)
+    free = [Drive(pair=pair, law=Free(float(x[0]), float(x[1]))) for pair, x in zip(pairs, found, strict=True)]
+    led = [d for d in mechanism.drives if not isinstance(d.law, Free)]
+    still = [Drive(pair=d.pair, law=Free(float(motion.coordinate(d.pair)[0, 0]), 0.0)) for d in led]
+    placed = compile_mechanism(replace(mechanism, drives=(*free, *still), modes={}, sketch=poses), compiled.accuracy)
+    known = replace(mechanism, drives=(*free, *led), modes={}, sketch=poses)
+    return replace(placed, model=replace(placed.model, mechanism=known))
+
+
+def _same(motion: Motion, other: Compiled, q: Array, v: Array, t: float) -> bool:
+    """Whether a chart has all links, and all energy, where they are."""
+    there = motion_at(other, q[None], v[None], np.array([t]))
+    for link in motion.model.links[1:]:
+        a, b = motion.pose(link)[0], there.pose(link)[0]
+        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.size or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
+            return False
+    energies = [np.array([kinetic_energy_of(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
+    return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
+
+
+Array = NDArray[np.float64]
+POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
+FAIR = 0.2  # below this another pair takes over, well before it gets poor
+SAMPLES = 721
+ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
+
+
+@dataclass(frozen=True, eq=False)
+class Lead:
+    """A chart of the curve: who leads, the table, and the range in which it leads well (None: everywhere)."""
+
+    compiled: Compiled
+    curve: Curve | Chart
+    well: tuple[float, float] | None
+
+
+def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve | Chart, tuple[float, float] | None]:
+    """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
+    the range within which it leads well. At an edge of that, where another pair had better take over at once, no table but a chart.
+
+    Raises `MechanismError` where it does not lead at ``q`` itself.
+    """
+    model = compiled.model
+    rotary = _rotary(compiled)
+    if rotary:
+        turn = whole_turn(compiled, q, tolerance=tolerance, leads=lambda unit: bool(np.all(_led(unit) >= POOR)))
+        if turn is not None:
+            return turn, None
+    reach = TURN if rotary else 4.0 * model.size
+    x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1))
+    share = _share(compiled, x)
+    here = int(np.searchsorted(x, q))
+    if not share[here] > POOR:
+        raise MechanismError(
+            Fault(
+                f"pairs.{compiled.mechanism.drives[0].pair}",
+                f"at {as_coordinate(q, rotary=rotary)} its coordinate stands still while the mechanism moves (dead point): its "
+                "speed says nothing there.",
+                "Give the free start at another pair, or start next to the dead point.",
+            )
+        )
+    good = share >= POOR
+    low, high = here, here
+    while low > 0 and good[low - 1]:
+        low -= 1
+    while high < len(x) - 1 and good[high + 1]:
+        high += 1
+    ends = float(x[low]), float(x[high])
+    low, high = low + 1, high - 1  # what ends a chart lies within its table
+    while low < here and share[low] < FAIR:
+        low += 1
+    while high > here and share[high] < FAIR:
+        high -= 1
+    if not low < here < high:
+        return Chart(compiled), (q, q)
+    return tabulate(compiled, *ends, tolerance=tolerance), (float(x[low]), float(x[high]))
+
+
+def _share(compiled: Compiled, q: Array) -> Array:
+    """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
+    led = _led(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
+    return np.where(reached(compiled, q), led, 0.0)
+
+
+def _led(motion: Motion) -> Array:
+    rates = _rates(motion)
+    own = rates[motion.mechanism.drives[0].pair]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = own / np.max(np.array(list(rates.values())), axis=0)
+    return np.where(np.isfinite(share), share, 0.0)
+
+
+def _rates(motion: Motion) -> dict[str, Array]:
+    """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
+    model, speeds = motion.model, motion.speeds
+    spin = model.angles.spin
+    pairs = {p.name for p in motion.mechanism.pairs}  # of a cylinder the slide, not the pins that it brings along
+    out: dict[str, Any] = {}
+    for j, joint in enumerate(model.joints):
+        if joint.freedoms and joint.name in pairs:
+            if j in model.driven:
+                rate = motion.drives[model.driven[j]][1]
+            elif joint.coordinate == "slide":
+                rate = speeds.slide[j]
+            else:
+                first, second = model.ends[j]
+                with np.errstate(invalid="ignore"):  # infinite where a group is singular
+                    rate = speeds.spin[spin[second]] - speeds.spin[spin[first]]
+            out[joint.name] = rate if joint.coordinate == "angle" else rate / model.size
+    return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
+
+
+def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], tolerance: float) -> tuple[Lead, float, float]:
+    """The same mechanism, in the same place, led by the pair that moves most; its coordinate and rate there.
+
+    A chart that is ``known`` is taken again where it goes through this place on the same branch.
+    """
+    motion = motion_at(compiled, np.array([[q]]), np.array([[v if v else 1.0]]), np.zeros(1))
+    rates = _rates(motion)
+    pair = max(rates, key=lambda name: float(rates[name][0]))
+    coordinate, rate = (float(x) for x in motion.coordinate(pair)[0, :2])
+    poses: dict[str, tuple[float, float, float]] = {}
+    for link in motion.model.links[1:]:
+        x, y, angle = motion.pose(link)[0]
+        poses[link] = float(x), float(y), float(angle)
+    counted = any(e.counts_turns for e in effects_of(compiled.mechanism))
+    for lead in known:
+        place = _place_on(lead, coordinate, rate) if lead.compiled.mechanism.drives[0].pair == pair else None
+        if place is not None and _is_at(lead.compiled, place, poses):
+            again = carried_on(lead.compiled, np.array([place]), 0.0, motion)
+            before, after = (motion_at(c, *_at_rest(place)).angles.spins for c in (lead.compiled, again))
+            if np.abs(after - before).max() < 1.0:
+                return lead, place, rate if v else 0.0
+            if isinstance(lead.curve, Curve) and not counted:
+                return Lead(again, replace(lead.curve, compiled=again), lead.well), place, rate if v else 0.0
+    mechanism = replace(
+        named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
+    )
+    found = carried_on(compile_mechanism(mechanism, compiled.accuracy), np.array([coordinate]), 0.0, motion)
+    if not _is_at(found, coordinate, poses):
+        raise MechanismError(
+            Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
+        )
+    return Lead(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
+
+
+def _place_on(lead: Lead, coordinate: float, rate: float) -> float | None:
+    """The coordinate on a chart's table, whole turns apart; None where it does not lead well there and farther on in its sense."""
+    if lead.well is None:
+        return coordinate
+    low, high = lead.well
+    ahead = coordinate + float(np.copysign(ROOM * (high - low), rate))
+    turns = TURN * float(np.floor((ahead - low) / TURN)) if _rotary(lead.compiled) else 0.0
+    return coordinate - turns if low <= min(coordinate, ahead) - turns and max(coordinate, ahead) - turns <= high else None
+
+
+def _rotary(compiled: Compiled) -> bool:
+    return compiled.model.rotary(compiled.mechanism.drives[0].pair)
+
+
+def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float, float]]) -> bool:
+    """Whether a chart has all links where they are stated, when its coordinate is q."""
+    at = motion_at(compiled, *_at_rest(q))
+    for link, pose in poses.items():
+        found = at.pose(link)[0]
+        if (
+            not np.abs(found[:2] - pose[:2]).max() <= 1e-9 * at.model.size
+            or not abs(np.exp(1j * (found[2] - pose[2])) - 1.0) <= 1e-9
+        ):
+            return False
+    return True
+
+
+def _at_rest(q: float) -> tuple[Array, Array, Array]:
+    """A position as `motion_at` takes it."""
+    return np.array([[q]]), np.ones((1, 1)), np.zeros(1)

@@ -1,0 +1,271 @@
+"""One freedom: the mechanism on its configuration curve, with masses and forces reduced to one coordinate once and for all.
+
+J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole way (one turn where
+it is periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated system is
+exact. Loads that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.branches.singular_points import Changes
+from mechcore.dynamics.equations.reduced import motion_at, with_rates
+from mechcore.effects.base import Effect, power_of
+from mechcore.effects.registry import effects_of
+from mechcore.errors import MechanismError
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, reached
+from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+FIRST = 8  # panels of the first try
+EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
+SHORT = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
+DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions beyond the inverse of that are looked at
+ROUGH = 1e-4  # next to a singular position rounding is that much at most
+SAME = 1e-3  # of an energy: two ways to find it differ by less
+LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
+STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """``table``: J and the tabulated part of Q; ``both``: J, Q, J', Q', J''; ``rest``: effects that are not in the table."""
+
+    compiled: Compiled
+    table: Panels
+    both: Panels
+    rest: tuple[Effect, ...] = ()
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+        f = self.both(q[:, 0])
+        w = v[:, 0]
+        force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]
+        return ((force - 0.5 * f[:, 2] * w * w) / f[:, 0])[:, None]
+
+    def inertia(self, q: float) -> float:
+        """J at a position."""
+        return float(self.table(np.array([q]))[0, 0])
+
+    @cached_property
+    def _work(self) -> Panels:
+        return self.table.integral()
+
+    @cached_property
+    def _most_work(self) -> float:
+        return float(np.abs(self._work.coefficients[:, :, 1]).sum(axis=1).max())
+
+    def kinetic_energy(self, q: float, v: float, before: tuple[float, float]) -> float:
+        """At q, v; where forces depend on the position alone, by the work that they have done since the position and speed
+        ``before``: this keeps the digits that speeds next to a dead point lose. Where it is little beside that work, it would lose
+        digits itself."""
+        plain = 0.5 * self.inertia(q) * v * v
+        if self.rest or plain < LITTLE * self._most_work:
+            return plain
+        places = np.array([before[0], q])
+        low, high = self.table.low, self.table.high
+        turns = np.floor((places - low) / (high - low)) if self.table.periodic else np.zeros(2)
+        done = self._work(places - turns * (high - low))[:, 1] + turns * self._work(np.array([high]))[0, 1]
+        exact = 0.5 * self.inertia(before[0]) * before[1] ** 2 + float(done[1] - done[0])
+        return exact if abs(exact - plain) < SAME * plain else plain
+
+    def kept(self, before: tuple[float, float], q: Array, v: Array) -> Array:
+        """The speed (1,) at q (1,) at which `kinetic_energy` is what it says."""
+        energy = self.kinetic_energy(float(q[0]), float(v[0]), before)
+        return np.asarray(np.copysign(np.sqrt(2.0 * energy / self.inertia(float(q[0]))), v))
+
+    def changing(self, q: Array, v: Array, t: Array) -> Array:
+        """The part of Q (n,) that depends on speed or time."""
+        unit = motion_at(self.compiled, q, np.ones_like(v), t)
+        moving = with_rates(unit, [v[:, 0]])
+        total: Any = np.zeros(len(t))
+        for effect in self.rest:
+            for w in effect.wrenches(moving):
+                total = total + power_of(unit, w)
+        return np.asarray(total)
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+        f = self.both(q[:, 0])
+        w = v[:, 0]
+        by_q = f[:, 3] - 0.5 * f[:, 4] * w * w - a[:, 0] * f[:, 2]
+        by_v = -f[:, 2] * w
+        if self.rest:
+            n = len(t)
+            steps = STEP * max(1.0, float(np.abs(q).max())), STEP * max(1.0, float(np.abs(v).max()))
+            found = self.changing(
+                np.concatenate([q, q + steps[0], q]), np.concatenate([v, v, v + steps[1]]), np.concatenate([t, t, t])
+            ).reshape(3, n)
+            by_q, by_v = by_q + (found[1] - found[0]) / steps[0], by_v + (found[2] - found[0]) / steps[1]
+        return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
+
+
+def beside_singular(compiled: Compiled, x: Array) -> Array:
+    """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
+    end two neighbours are about as far apart as that is away.
+
+    How far that is tells the group's condition: its inverse falls in proportion, and hardly faster than its slope nearby says.
+    """
+
+    def distances(q: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = 1.0 / _unit(compiled, q).condition
+        return np.where(reached(compiled, q), found, np.nan)
+
+    near = distances(x)
+    for _ in range(DEEPEST):
+        widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
+        slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
+        slopes = np.maximum.reduce([slopes, np.append(0.0, slopes[:-1]), np.append(slopes[1:], 0.0)])
+        at = np.flatnonzero((least < slopes * widths) & (least < CLOSE))
+        if not len(at):
+            break
+        middle = 0.5 * (x[at] + x[at + 1])
+        x, near = np.insert(x, at + 1, middle), np.insert(near, at + 1, distances(middle))
+    return x
+
+
+def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
+    """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
+    fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST)))
+    return _curve(compiled, _fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
+
+
+def _fitted(
+    compiled: Compiled,
+    values: Callable[[Array], Array],
+    low: float,
+    high: float,
+    *,
+    periodic: bool,
+    tolerance: float,
+    known: Array | None = None,
+) -> Panels:
+    """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
+    equal = np.linspace(low, high, EQUAL + 1)
+    borders = equal if compiled.changes is not None and compiled.changes.found else beside_singular(compiled, equal)
+    if np.diff(borders).min() > SHORT * (high - low) / EQUAL:
+        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
+    return fit_where_needed(values, borders, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
+
+
+def whole_turn(
+    compiled: Compiled, q: float, *, tolerance: float = 1e-13, leads: Callable[[Motion], bool] = lambda _: True
+) -> Curve | None:
+    """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
+    the coordinate does not lead over the whole turn, as ``leads`` says of the motion at a unit rate.
+
+    All that this takes is read off one set of positions: the nodes of the table and some of them a turn later.
+    """
+    changes = compiled.changes
+    if changes is not None and changes.gaps:
+        return None
+    low = q if changes is None or not changes.by_drive else _clear_of(changes, compiled.start[0], q)
+    x = nodes_of(low, low + TURN, FIRST)
+    again = np.arange(5, len(x), 13)
+    unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
+    once, twice = again, len(x) + np.arange(len(again))
+    if not leads(unit) or not _comes_back(unit, once, twice):
+        return None
+    fixed, rest = _parted(compiled, lambda: unit)
+    forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
+    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= 1e-9 * np.abs(f).max()]
+    rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
+    force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
+    known = np.column_stack([inertia_of(unit), force])[: len(x)]
+    values = _values(compiled, repeating, leads)
+    table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
+    return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
+
+
+def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:
+    """Effects that depend on the position alone, and are smooth in it ``everywhere``, and the others."""
+    effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
+    fixed = [e for e in effects if e.needs <= {"positions"} and not e.piecewise]
+    if any(e.limited for e in fixed):
+        motion = everywhere()
+        fixed = [e for e in fixed if _holds(e, motion)]
+    return fixed, [e for e in effects if e not in fixed]
+
+
+def _holds(effect: Effect, motion: Motion) -> bool:
+    """Whether the law of an effect holds at all positions of a motion."""
+    try:
+        effect.check(motion)
+    except MechanismError:
+        return False
+    return True
+
+
+def _unit(compiled: Compiled, q: Array) -> Motion:
+    """The mechanism at positions (n,) of its coordinate, which runs at a unit rate: angles are followed by that."""
+    return motion_at(compiled, q[:, None], np.ones((len(q), 1)), q - q[0])
+
+
+def _force(effect: Effect, unit: Motion) -> Any:
+    """Reduced force of an effect (n,)."""
+    return sum((power_of(unit, w) for w in effect.wrenches(unit)), 0.0)
+
+
+def _values(
+    compiled: Compiled, effects: Sequence[Effect], leads: Callable[[Motion], bool] = lambda _: True
+) -> Callable[[Array], Array]:
+    """Position (n,) -> J and Q (n, 2); NaN where the coordinate does not lead."""
+
+    def values(q: Array) -> Array:
+        unit = _unit(compiled, q)
+        force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
+        return np.column_stack([inertia_of(unit), force]) * (1.0 if leads(unit) else np.nan)
+
+    return values
+
+
+def _curve(compiled: Compiled, table: Panels, rest: Sequence[Effect]) -> Curve:
+    first = table.derivative()
+    second = first.derivative()
+    both = table.stacked(first).stacked(second.only(0))
+    return Curve(compiled, table, both, tuple(rest))
+
+
+def _clear_of(changes: Changes, start: float, q: float) -> float:
+    """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
+    interpolated."""
+    places = np.unique(np.round([start + c.time for c in changes.found], 9))
+    if not len(places):
+        return q
+    shifts = TURN / FIRST * np.arange(32) / 32
+    x = nodes_of(q, q + TURN, FIRST)
+    away = shifts[:, None, None] + x[:, None] - places
+    away = np.abs(away - TURN * np.round(away / TURN))
+    return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
+
+
+def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool:
+    """Whether every link is, at frames ``twice``, where it was at frames ``once``."""
+    model, size = motion.model, motion.model.size
+    links = range(1, len(model.links))
+    places = [p[twice] - p[once] for p in map(motion.origin, links) if np.ndim(p)]
+    turns = [r[twice] - r[once] for r in map(motion.rotation, links) if np.ndim(r)]
+    near = [float(np.abs(np.array(x)).max()) if x else 0.0 for x in (places, turns)]
+    return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
+
+
+def inertia_of(unit: Motion) -> Array:
+    """Reduced inertia (n,) at a motion with unit rate of the free coordinate."""
+    total: Any = np.zeros(unit.frames)
+    model = unit.model
+    for k in range(1, len(model.links)):
+        mass, centre, moment = model.masses[k]
+        if mass:
+            v = unit.of_point(k, centre, 1)
+            total = total + mass * (v.real**2 + v.imag**2)
+        if moment:
+            total = total + moment * unit.speeds.spin[model.angles.spin[k]] ** 2
+    return np.asarray(total)

@@ -1,0 +1,339 @@
+"""Motion of one freedom by its energy, where all forces depend on the position alone.
+
+Then T(q) = T_0 + integral of Q dq, q'^2 = 2 T / J, and time is a plain integral, t = integral of dq / q': no step in time is
+made at all. At turning points, where q' vanishes, a quadratic substitution makes the integrand smooth (theory 8.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+from numpy.typing import NDArray
+
+from mechcore.dynamics.equations.curve import TURN, Curve
+from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
+
+Array = NDArray[np.float64]
+_X, _W = np.polynomial.legendre.leggauss(12)
+_GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
+SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
+_SAMPLED = chebvander(np.linspace(-1.0, 1.0, SAMPLES), NODES)
+_ALTERNATING = (-1.0) ** np.arange(NODES + 1)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points);
+    ``clock``: dt/du and t(u) - ``time`` as panels."""
+
+    start: float
+    length: float
+    ends: tuple[bool, bool]
+    time: float
+    clock: Panels
+
+    @cached_property
+    def edges(self) -> Array:
+        """Times [s] since the leg's start at which its panels begin and end (p + 1,)."""
+        clock = self.clock.coefficients[:, :, 1]
+        return np.append(clock[:, ::2].sum(axis=1) - clock[:, 1::2].sum(axis=1), clock[-1].sum())
+
+    @property
+    def duration(self) -> float:
+        return float(self.edges[-1])
+
+    @property
+    def back(self) -> Leg:
+        """The same way back, between two turning points: what took time t from its start takes time t to its end."""
+        rate, clock = np.moveaxis(self.clock.coefficients[::-1] * _ALTERNATING, 2, 0)
+        clock = -clock
+        clock[:, 0] += self.duration
+        assert self.clock.borders is not None
+        panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.borders[::-1])
+        return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
+
+    def __call__(self, t: Array) -> tuple[Array, Array]:
+        """Position and speed (n,) at times (n,) within the leg."""
+        edges, count = self.edges, self.clock.count
+        assert self.clock.borders is not None
+        borders = self.clock.borders
+        local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
+        cell = np.minimum(np.searchsorted(edges[:-1], local, side="right") - 1, count - 1)
+        cell = np.maximum(cell, 0)
+        low, high = borders[cell], borders[cell + 1]
+        u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) * (high - low)
+        for _ in range(40):
+            rate, clock = self.clock(u).T
+            miss = clock - local
+            high, low = np.where(miss > 0, np.minimum(high, u), high), np.where(miss <= 0, np.maximum(low, u), low)
+            new = u - miss / rate
+            new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
+            change = np.abs(new - u).max(initial=0.0)
+            u = new
+            if change < CLOSE:
+                break
+        f, _, slope = _way(u, self.ends)
+        return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
+
+
+def _way(u: Array, ends: tuple[bool, bool]) -> tuple[Array, Array, Array]:
+    """f(u) on [0, 1], 1 - f(u) to all digits, and the slope of f: flat at the ends that are turning points."""
+    if ends == (True, True):
+        f, rest = np.sin(0.5 * np.pi * u), np.cos(0.5 * np.pi * u)
+        return f * f, rest * rest, np.pi * f * rest
+    if ends == (True, False):
+        return u * u, (1.0 - u) * (1.0 + u), 2.0 * u
+    if ends == (False, True):
+        return u * (2.0 - u), (1.0 - u) ** 2, 2.0 - 2.0 * u
+    return u, 1.0 - u, np.ones_like(u)
+
+
+def _place(before: float, after: float, ends: tuple[bool, bool]) -> float:
+    """The u at which `_way`, from a turning point on, has gone ``before`` and has ``after`` still before it."""
+    return float(np.arctan2(np.sqrt(before), np.sqrt(after)) / (0.5 * np.pi) if ends[1] else np.sqrt(before / (before + after)))
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyMotion:
+    """The motion over its legs; beyond the last one it repeats with ``period`` [s] and ``advance`` [rad], where that is given."""
+
+    curve: Curve
+    legs: tuple[Leg, ...]
+    period: float | None
+    advance: float
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration (n, 1) at times (n,)."""
+        t = np.atleast_1d(np.asarray(t, float))
+        turns: Array = np.zeros_like(t)
+        if self.period is not None:
+            end = self.last
+            turns = np.where(t > end, np.ceil((t - end) / self.period), 0.0)
+        local = t - turns * (self.period or 0.0)
+        starts = np.array([leg.time for leg in self.legs])
+        which = np.clip(np.searchsorted(starts, local, side="right") - 1, 0, len(self.legs) - 1)
+        q, v = np.empty_like(t), np.empty_like(t)
+        for k in np.unique(which):
+            rows = which == k
+            q[rows], v[rows] = self.legs[k](local[rows])
+        q += turns * self.advance
+        a = self.curve(q[:, None], v[:, None], t)
+        return q[:, None], v[:, None], a
+
+    @property
+    def last(self) -> float:
+        """When it has gone through its legs [s]."""
+        return self.legs[-1].time + self.legs[-1].duration
+
+    @property
+    def repeats(self) -> float | None:
+        """From when on all that has happened since the start happens again [s]; None where it does not."""
+        if self.period is None:
+            return None
+        return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before the start
+
+    def borders(self, end: float) -> Array:
+        """Times until ``end`` [s] between which the motion is one smooth function."""
+        found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
+        if self.period is not None and end > self.last:
+            again = found[found >= self.last - self.period * (1.0 + 1e-12)]
+            turns = np.arange(1, int(np.ceil((end - self.last) / self.period)) + 1)
+            found = np.concatenate([found, (again + turns[:, None] * self.period).ravel()])
+        return np.asarray(found[(found >= 0.0) & (found < end)])
+
+
+SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
+
+
+def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance: float = 1e-13) -> EnergyMotion | None:
+    """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
+    unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
+    the table's panels are not equal."""
+    if curve.table.borders is not None:
+        return None
+    work = _Work(curve)
+    inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
+    kinetic = 0.5 * inertia * v0 * v0
+    size = max(work.largest, kinetic, 1e-300)
+    if kinetic * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope) and _swings(curve, q0, force, slope, 2.0 * kinetic):
+        return None
+    sign = float(np.sign(v0 if v0 else force))
+    if sign == 0.0:
+        return None
+    legs: list[Leg] = []
+    q, t, from_rest = q0, 0.0, not v0
+    reach = TURN
+    before = 0.0 if from_rest else _way_to_turn(work, q0, kinetic, -sign, reach)
+    if before is None or not np.isfinite(before):
+        before = 0.0
+    elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_way`'s parameter
+        from_rest = True
+    while t < duration and len(legs) < 100_000:
+        way = _way_to_turn(work, q, kinetic, sign, reach)
+        if way is None:
+            return None
+        turning = np.isfinite(way)
+        if not turning:
+            way = reach if curve.table.periodic else min(reach, _room(curve.table, q, sign))
+        ends = (from_rest, bool(turning))
+        start, length = q - sign * before, before + way
+        clock = _clock(work, start, sign * length, ends, 0.0 if from_rest else kinetic, tolerance)
+        if clock is None:
+            return None
+        passed = float(clock(np.array([_place(before, way, ends)]))[0, 1]) if before else 0.0
+        leg = Leg(start, sign * length, ends, t - passed, clock)
+        legs.append(leg)
+        if ends == (True, True):
+            legs.append(leg.back)
+            return EnergyMotion(curve, tuple(legs), 2.0 * leg.duration, 0.0)
+        t, q_next = leg.time + leg.duration, q + sign * way
+        if turning:
+            sign, kinetic = -sign, 0.0
+        elif not from_rest and abs(work.per_turn) <= 1e-14 * size and curve.table.periodic:
+            return EnergyMotion(curve, tuple(legs), leg.duration, sign * length)
+        else:
+            kinetic += float(work.gain(q, np.array([sign * way]))[0])
+            if not from_rest or abs(work.per_turn) > 1e-14 * size:  # else the next turn is the one that repeats
+                reach = min(2.0 * reach, 64.0 * TURN)
+        q, from_rest, before = q_next, bool(turning), 0.0
+    return EnergyMotion(curve, tuple(legs), None, 0.0)
+
+
+def _swings(curve: Curve, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
+    """Whether a motion near q0 stays about an equilibrium there: the force drives it back at twice the linear amplitude on both
+    sides. A small force at the start alone tells nothing: a machine may be spun up from where its springs hold the balance."""
+    if not slope < 0.0:
+        return bool(force == 0.0)
+    centre = q0 - force / slope
+    reach = 2.0 * float(np.sqrt((force / slope) ** 2 + twice_kinetic / -slope))
+    beyond = curve.table(np.array([centre - reach, centre + reach]))[:, 1]
+    return bool(beyond[0] >= 0.0 >= beyond[1])
+
+
+class _Work:
+    """Reduced inertia, and work of the reduced force from the table's start, on the whole line where the table is periodic."""
+
+    def __init__(self, curve: Curve):
+        self.table = table = curve.table
+        self.both = table.with_integral(1)
+        integral = self.both.coefficients[:, :, 2]
+        self.low, self.high, self.periodic = table.low, table.high, table.periodic
+        self.per_turn = float(integral[-1].sum())
+        self.largest = float(np.abs(integral).sum(axis=1).max())
+        self.lowest = float((_SAMPLED @ integral.T).min())
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """J and the work (n,) at positions (n,)."""
+        if not self.periodic:
+            inertia, _, work = self.both(q).T
+            return inertia, work
+        turns = np.floor((q - self.low) / (self.high - self.low))
+        inertia, _, work = self.both(q - turns * (self.high - self.low)).T
+        return inertia, turns * self.per_turn + work
+
+    def never_turns(self, q: float, kinetic: float, sign: float) -> bool:
+        """Whether from q on, with that kinetic energy, no place is too high, since each turn brings more work."""
+        if not self.periodic or sign * self.per_turn < 0.0:
+            return False
+        turns = np.floor((q - self.low) / (self.high - self.low))
+        done = float(self(np.array([q]))[1][0]) - float(turns) * self.per_turn
+        return kinetic + self.lowest - done > 1e-6 * self.largest
+
+    def near(self, q: float, way: Array) -> Array:
+        """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
+        force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(way.size, _GAUSS[0].size)
+        return np.asarray(way * (force @ _GAUSS[1]))
+
+    def gain(self, q: float, way: Array) -> Array:
+        """Work (n,) on signed ways (n,) from q on."""
+        out = self(q + way)[1] - self(np.array([q]))[1]
+        short = np.abs(way) <= self.table.width
+        if short.any():
+            out[short] = self.near(q, way[short])
+        return np.asarray(out)
+
+
+def _room(table: Panels, q: float, sign: float) -> float:
+    """How far a table that does not repeat leads on."""
+    return table.high - q if sign > 0 else q - table.low
+
+
+def _way_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
+    """How far the motion leads from q, where it has some kinetic energy, to its turning point; infinite where that lies beyond
+    ``reach`` or the table's end, None where it cannot be told (no room, an equilibrium at the very end)."""
+    table = work.table
+    span = reach if table.periodic else min(reach, _room(table, q, sign))
+    if span <= 0:
+        return None
+    if work.never_turns(q, kinetic, sign):
+        return float("inf")
+    per = SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
+    ways = span * (np.arange(1, per + 1) / per)
+    left = kinetic + work(q + sign * ways)[1] - work(np.array([q]))[1]
+    out = np.flatnonzero(left <= 0.0)
+    if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
+        short = ways[0] * 2.0 ** np.arange(-SHORTEST, 1.0)
+        out_near = np.flatnonzero(kinetic + work.near(q, sign * short) <= 0.0)
+        if len(out_near) and (out_near[0] or kinetic):
+            k = out_near[0]
+            return _turn(work, q, kinetic, sign, short[k - 1] if k else 0.0, short[k])
+        out = out[1:]
+    if not len(out):
+        return float("inf")
+    return _turn(work, q, kinetic, sign, ways[out[0] - 1], ways[out[0]])
+
+
+SHORTEST = 40  # halvings of the first sample: a way of 1e-12 of it is still told from none
+
+
+def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:
+    """The way between two others at which the kinetic energy is used up: Newton's method, and halving where that leads astray."""
+    way, before = 0.5 * (low + high), np.inf
+    for _ in range(200):
+        left = kinetic + float(work.gain(q, np.array([sign * way]))[0])
+        slope = sign * float(work.table(np.array([q + sign * way]))[0, 1])
+        if left > 0.0:
+            low = way
+        else:
+            high = way
+        new = way - left / slope if slope else np.inf
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        change, way = abs(new - way), new
+        if change <= 4e-16 * way or before <= change <= 1e-12 * way:  # the last digits waver
+            break
+        before = change
+    return way if float(work.table(np.array([q + sign * way]))[0, 1]) else None
+
+
+def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], kinetic: float, tolerance: float) -> Panels | None:
+    """dt/du and t(u) of a leg from ``start``, where it has a kinetic energy, over a signed ``length``; None where no table of
+    them is found.
+
+    T = length f(u) Q, with Q the mean force on the way from a turning point: what vanishes there, f, is taken out of the root.
+    """
+    size, width = abs(length), work.table.width
+    until = work(np.array([start]))[1]
+
+    def rate(u: Array) -> Array:
+        f, rest, slope = _way(u, ends)
+        q = start + length * f
+        inertia, done = work(q)
+        energy = kinetic + (done - until)
+        if size <= width:  # all of it by integrals from its start, which keep the digits of small differences
+            first = f <= rest if ends[1] else f >= 0.0
+            energy[first] = kinetic + work.near(start, length * f[first])
+        else:
+            first = ends[0] & (size * f < width)
+            energy[first] = work.near(start, length * f[first])
+        if ends[1]:
+            last = ~first & (size * rest < width)
+            energy[last] = work.near(start + length, -length * rest[last])
+        return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
+
+    panels, left = fit_where_needed(rate, np.linspace(0.0, 1.0, max(2, round(size / width)) + 1), tolerance=tolerance)
+    return panels.with_integral(0) if left <= 1e-6 else None

@@ -1,0 +1,188 @@
+"""Reduction of a mechanism's masses and forces to its free coordinates, for many positions at once.
+
+With the free coordinates q as if they were drives, every velocity is linear in q': v = sum_i v_i q_i'. Hence the reduced inertia
+M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces
+that are left when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced
+mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.effects.base import Effect, power_of
+from mechcore.effects.registry import effects_of
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled, solve_motion
+
+Array = Any
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedEquations:
+    """``inertia`` (n, f, f), ``bias`` h (n, f) and ``force`` Q (n, f): M q'' + h = Q."""
+
+    inertia: Real
+    bias: Real
+    force: Real
+
+    def acceleration(self) -> Real:
+        """q'' (n, f)."""
+        rhs = self.force - self.bias
+        if rhs.shape[1] == 1:
+            return np.asarray(rhs / self.inertia[:, :, 0])
+        return solved(self.inertia, rhs)
+
+
+def solved(matrix: Real, rhs: Real) -> Real:
+    """x (n, f) of matrix x = rhs, (n, f, f) and (n, f); not a number at frames where the matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, rhs[..., None])[..., 0], float)
+    except np.linalg.LinAlgError:
+        fine: Any = np.isfinite(matrix).all(axis=(1, 2))
+        fine[fine] = np.linalg.det(matrix[fine]) != 0.0
+        out = np.full(rhs.shape, np.nan)
+        out[fine] = np.linalg.solve(matrix[fine], rhs[fine, :, None])[..., 0]
+        return out
+
+
+def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None = None) -> tuple[Real, Real]:
+    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f), and what holds the constraints, p (n, ..., c).
+
+    M a = Q + G' p and G a + b = 0, ``jacobian`` G (n, c, f), ``second`` b (n, c) or none; not a number where that is singular.
+    """
+    c, f = jacobian.shape[1:]
+    if c:
+        g = jacobian.reshape(len(jacobian), *[1] * (force.ndim - 2), c, f)
+        full = np.zeros((*np.broadcast_shapes(inertia.shape[:-2], g.shape[:-2]), f + c, f + c))
+        full[..., :f, :f], full[..., :f, f:], full[..., f:, :f] = inertia, -g.swapaxes(-1, -2), g
+        right = np.zeros((*force.shape[:-1], c)) if second is None else -second
+        inertia, force = full, np.concatenate([force, right], axis=-1)
+    try:
+        found = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
+    except np.linalg.LinAlgError:  # one of many, frame by frame
+        each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
+        found = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
+    return found[..., :f], found[..., f:]
+
+
+def free_of(compiled: Compiled) -> list[int]:
+    """The drives that are free coordinates; the others follow their laws in time."""
+    return [i for i, d in enumerate(compiled.mechanism.drives) if isinstance(d.law, Free)]
+
+
+def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = None) -> Motion:
+    """The mechanism at free coordinates (n, f) with rates (n, f), second rates (n, f) or none, at times (n,).
+
+    Drives that are prescribed follow their laws. Rates that come after those of the coordinates are the states of effects that
+    integrate, zero where there are none.
+    """
+    none = np.zeros(len(t))
+    drives, k = {}, 0
+    for d in compiled.mechanism.drives:
+        if isinstance(d.law, Free):
+            drives[d.pair] = (q[:, k], v[:, k], none if a is None else a[:, k])
+            k += 1
+        else:
+            drives[d.pair] = d.law(t)
+    motion = solve_motion(compiled, t, drives=drives, strict=False)
+    for i, effect in enumerate(integrating(compiled), start=k):
+        motion.states[effect.name] = v[:, i] if i < v.shape[1] else none
+    return motion
+
+
+def integrating(compiled: Compiled) -> list[Effect]:
+    """The effects that integrate over the time, in the order of their states, see `with_states`."""
+    return [e for e in compiled.model.applied if e.integrates]
+
+
+def with_states(acceleration: Real, motion: Motion) -> Real:
+    """Accelerations (n, f), and after them the rates of the states of effects that integrate (n, f + s).
+
+    Among coordinates, rates and accelerations a state is a rate: what is integrated is its acceleration, and the coordinate that
+    belongs to it is the state's own integral, which nothing depends on.
+    """
+    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.applied if e.integrates]
+    return np.column_stack([acceleration, *rates]) if rates else acceleration
+
+
+def shifted(v: Real, change: Real) -> Real:
+    """Rates (f + s,) changed by those of the coordinates (f,); states stay."""
+    return v + np.append(change, np.zeros(len(v) - len(change)))
+
+
+def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] | None = None) -> Motion:
+    """The same positions with other rates (n,) of all drives, and second rates or none; only velocities are solved anew."""
+    none = np.zeros(motion.frames)
+    second = [none] * len(rates) if second is None else second
+    drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
+    patches = motion.patches and _scaled(motion, rates)
+    m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
+    m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins, states=motion.states)
+    return m
+
+
+def _scaled(motion: Motion, rates: Sequence[Array]) -> Any:
+    """Patches at change points, made for a unit rate, at another rate (one freedom only: with more there are none)."""
+    return {
+        block: [
+            replace(p, first=p.first * rates[0][p.frames, None], second=p.second * rates[0][p.frames, None] ** 2) for p in patches
+        ]
+        for block, patches in (motion.patches or {}).items()
+    }
+
+
+def tangents(motion: Motion, free: Sequence[int]) -> list[Motion]:
+    """The same positions with the unit rate of one free coordinate each, all else standing still."""
+    one, none = np.ones(motion.frames), np.zeros(motion.frames)
+    return [with_rates(motion, [one if k == i else none for k in range(len(motion.drives))]) for i in free]
+
+
+def moving(compiled: Compiled, q: Real, v: Real, t: Real) -> tuple[Motion, list[Motion]]:
+    """The motion with q'' = 0, and its `tangents`."""
+    free = free_of(compiled)
+    if len(free) == len(compiled.mechanism.drives) == 1:  # through change points: interpolated at a unit rate, then scaled
+        unit = motion_at(compiled, q, np.column_stack([np.ones(len(v)), v[:, 1:]]), t)
+        return with_rates(unit, [v[:, 0]]), [unit]
+    motion = motion_at(compiled, q, v, t)
+    return motion, tangents(motion, free)
+
+
+def reduce(compiled: Compiled, q: Real, v: Real, t: Real) -> ReducedEquations:
+    """Reduced equations of motion at free coordinates (n, f), rates (n, f), times (n,)."""
+    motion, units = moving(compiled, q, v, t)
+    return reduced_equations(motion, units)
+
+
+def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquations:
+    """Reduced equations of motion from the motion with q'' = 0 and its tangents."""
+    model, f, n = motion.model, len(units), motion.frames
+    inertia, bias = np.zeros((n, f, f)), np.zeros((n, f))
+    for k in range(1, len(model.links)):
+        mass, centre, moment = model.masses[k]
+        if not (mass or moment):
+            continue
+        spin = model.angles.spin[k]
+        speeds = [u.of_point(k, centre, 1) for u in units]
+        spins = [u.speeds.spin[spin] for u in units]
+        a, alpha = motion.of_point(k, centre, 2), motion.accelerations.spin[spin]
+        for i in range(f):
+            bias[:, i] += mass * np.real(np.conj(speeds[i]) * a) + moment * spins[i] * alpha
+            for j in range(i + 1):
+                inertia[:, i, j] += mass * np.real(np.conj(speeds[i]) * speeds[j]) + moment * spins[i] * spins[j]
+    for i in range(f):
+        inertia[:, : i + 1, i] = inertia[:, i, : i + 1]
+    force = np.zeros((n, f))
+    for effect in effects_of(model.mechanism):
+        if "accelerations" not in effect.needs and "reactions" not in effect.needs:
+            for w in effect.wrenches(motion):
+                for i, unit in enumerate(units):
+                    force[:, i] += power_of(unit, w)
+    return ReducedEquations(inertia, bias, force)

@@ -1,0 +1,567 @@
+"""A motion under forces found piece by piece: in each the same equations hold; what happens ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.contact.dry_friction import DrySystem
+from mechcore.dynamics.contact.friction_state import FrictionState
+from mechcore.dynamics.contact.impacts import impact, jacobian_at, rates_at
+from mechcore.dynamics.contact.separation import (
+    SAMPLES,
+    SHARE,
+    Lifting,
+    Liftoff,
+    driven_windows,
+    first_beyond,
+    pressing,
+)
+from mechcore.dynamics.energy_account import kinetic_energy_of
+from mechcore.dynamics.equations.breakpoints import bend_finder
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.dynamics.equations.charts import STRAINED, Lead, best_chart, strain, take_over
+from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.handover import enter, waypoints
+from mechcore.dynamics.equations.reduced import integrating, motion_at, reduce, shifted
+from mechcore.dynamics.events import Gauge, Happened, Happening, Log, Stop, Watch, first_zero, gauge_of
+from mechcore.dynamics.integration.collocation import Window
+from mechcore.dynamics.integration.parallel_shooting import Known, retrace
+from mechcore.dynamics.integration.windows import Solution, integrate
+from mechcore.dynamics.segments import Piece, piece_forces
+from mechcore.dynamics.simulation import Simulation
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.motion.solve import Compiled
+from mechcore.spec.clearance import journals_of
+from mechcore.texts import as_coordinate, as_quantity
+
+Array = NDArray[np.float64]
+Method = Literal["auto", "energy", "gauss", "radau"]
+MOST_HAPPENINGS = 100_000
+TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
+LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
+SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
+TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
+HALVINGS = 10  # of a window, to find where that is
+LOST = 50.0  # rate of some pair per unit rate of the coordinates, beyond which they are at a dead point
+PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more than rounding
+CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
+LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
+WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
+SHIFTED = 0.01  # of a piece: what is known of it helps where it begins no farther from there
+
+
+def table_tolerance(tolerance: float) -> float:
+    """How exact tables of a motion are: their errors add up over turns, and digits there cost little."""
+    return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
+
+
+class Progress:
+    """Pieces one after the other: in each the same stops hold; what happens ends it."""
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        system: tuple[Any, tuple[float, float] | None],
+        duration: float,
+        tolerance: float,
+        method: Method,
+        stops: Sequence[Stop],
+        watches: Sequence[Watch],
+        liftoffs: Sequence[Liftoff],
+        progress: Callable[[float], None] | None,
+        observe: Callable[[Simulation], None] | None = None,
+        like: Simulation | None = None,
+    ):
+        self.duration, self.tolerance, self.method = duration, tolerance, method
+        self.like = like
+        self.observe = observe
+        self.stops, self.watches, self.progress = stops, watches, progress
+        self.original = compiled
+        self.log = Log()
+        self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON * duration, self.log)
+        self.liftoffs = tuple(liftoffs)
+        self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
+        self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
+        self._lead(compiled, *system)
+        self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
+        plain = not (self.friction.counts or liftoffs or journals_of(compiled.mechanism))
+        self.unwatched = 0  # windows in which nothing can come near enough to matter
+        self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
+        self.pieces: list[Piece] = []
+        self.evaluations = 0
+        self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
+        self.left: dict[int, float] = {}  # when something left a stop last: it does not come back to it at that instant
+
+    def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
+        """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
+        self.compiled, self.system = compiled, system
+        drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+        model = compiled.model
+        self.coordinates = {d.pair: i for i, d in enumerate(drives)}
+        angle = [model.joints[model.joint_index[d.pair]].coordinate == "angle" for d in drives]
+        self.scale = np.array([*(1.0 if a else model.size for a in angle), *(1.0 for _ in integrating(compiled))])
+        at = partial(motion_at, compiled)
+        read = self.coordinates if compiled.angles.exact else {}
+        self.limits = [(s, gauge_of(s, read, at), s.side == "upper") for s in self.stops]
+        self.looks = [(w, gauge_of(w, read, at)) for w in self.watches]
+        self.borders: list[Gauge] = []
+        if leads is not None:
+            low, high = leads
+            self.borders = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
+
+    def go(self, q: Array, v: Array) -> Simulation:
+        """Run from q, v (f,) to the end."""
+        q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
+        for s, gauge, upper in self.limits:
+            beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
+            if beyond > 1e-12:
+                shown = partial(as_coordinate, rotary=self._rotary(s.pair))
+                why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
+                why += f" '{s.name}' at {shown(s.at)}."
+                raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
+        if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
+            q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
+        self.friction.begin(self.compiled, 0.0, q, v)
+        v = self._settle(0.0, q, v)
+        q, v = self._let_go(0.0, q, v)
+        t = 0.0
+        while t < self.duration * (1.0 - 1e-13):
+            t, q, v, ended = self._piece(t, q, v)
+            if ended:
+                break
+            if len(self.log.happenings) > MOST_HAPPENINGS:
+                raise MechanismError(
+                    Fault(
+                        "dynamics",
+                        f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.",
+                        "Simulate a shorter time.",
+                    )
+                )
+        return self._simulation(self.pieces, self.evaluations, self.log.whole())
+
+    def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
+        """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
+        q, v = self._touching(t, q, v)
+        v = self._unpressed(t, q, v)
+        begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
+        system = self._system()
+        dry, led = self.friction.gauges()
+        cams = self._contacts()
+        first: list[tuple[float, Any]] = []
+
+        self._leave_waypoints(np.array([t]), lambda _: (q[None],))
+
+        def after(window: Window) -> float | None:
+            first.clear()
+            self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
+            if not len(q):
+                self.friction.follow(self.compiled, window)
+            for k, (_, gauge, upper) in enumerate(self.limits):
+                if k not in self.resting:
+                    at = first_zero(gauge, window, t, upper)
+                    if at is not None:
+                        first.append((at, ("stop", k)))
+            for k, (w, gauge) in enumerate(self.looks):
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, w.rising)
+                if at is not None:
+                    first.append((at, ("watch", k)))
+            for k, s in self.resting.items():
+                at = first_zero(self._pull(system, s), window, t + 1e-12 * self.duration, None)
+                if at is not None:
+                    first.append((at, ("release", k)))
+            for gauge, rising, loose in dry:
+                at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
+                if at is not None:
+                    first.append((at, ("dry", loose)))
+            for gauge in led:
+                at = first_beyond(gauge, window, t, 0.5, LED_SAMPLES, again=True)
+                if at is not None:
+                    first.append((at, ("dry", None)))
+            for border in self.borders:
+                at = first_zero(border, window, t, True)
+                if at is not None:
+                    first.append((at, ("border", 0)))
+            for name, gauge, limit in cams:
+                at = first_beyond(gauge, window, t, limit, self._samples(window), again=name in self.lifted)
+                if at is not None:
+                    first.append((at, ("cam", name)))
+            strained = self._strained(window) if self.charted and not first else None
+            if strained is not None:
+                first.append((strained, ("chart", 0)))
+            first.sort(key=lambda e: e[0])
+            until = first[0][0] if first else min(window.start + window.length, self.duration)
+            self._check(window, until)
+            if self.observe is not None:
+                stretch = self._stretch(window.start, until, Solution([window]), system)
+                self.observe(self._simulation([stretch], 0, self.log.news()))
+            if self.progress is not None:
+                self.progress(until)
+            return first[0][0] if first else None
+
+        bends = bend_finder(self.compiled)
+        if len(q):
+            known = self._known(t)
+            charted = isinstance(system, Curve) and (len(self.known) > 1 or system.table.borders is not None)
+            solution = (integrate if known is None else partial(retrace, known=known))(
+                system,
+                q,
+                v,
+                t,
+                self.duration,
+                tolerance=self.tolerance,
+                scale=self.scale,
+                stiff=self.method == "radau",
+                after=after,
+                bends=bends,
+                nodes=self.original.accuracy.nodes,
+                most=self.original.accuracy.window,
+                keeps=partial(system.kept, begun) if charted else None,
+            )
+        else:
+            solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)
+        self.evaluations += solution.evaluations
+        end = first[0][0] if first else self.duration
+        self.pieces.append(self._stretch(t, end, solution, system))
+        end_q, end_v, _ = solution(np.array([end]))
+        q, v = end_q[0], end_v[0]
+        ended = False
+        for time, (kind, k) in list(first):
+            if time > end + 1e-14 * self.duration:
+                break
+            if kind == "stop":
+                q, v = self._part(time, q, v, self.limits[k][0])
+                v = self._settle(time, q, self._impact(time, q, v, k))
+            elif kind == "border":
+                q, v = self._take_over(q, v, begun)
+            elif kind == "chart":
+                q, v = self._change_chart(time, q, v)
+            elif kind == "dry":
+                v = self._settle(time, q, v, k)
+            elif kind == "cam":
+                q, v = self._land(time, q, v, k) if k in self.lifted else self._let_go(time, q, v, k)
+            elif kind == "release":
+                v = self._leave(time, q, v, k)
+            else:
+                watch = self.looks[k][0]
+                rotary = watch.pair is not None and self._rotary(watch.pair)
+                self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
+                ended = ended or watch.ends
+        return end, q, v, ended
+
+    def _leave_waypoints(self, t: Array, way: Callable[[Array], Any]) -> None:
+        """Keep places of the motion at times (n,), from which the angles of the links are followed."""
+        if len(self.compiled.mechanism.drives) > 1:
+            self.compiled.angles.way.leave(waypoints(self.compiled, way(t)[0], t))
+
+    def _check(self, window: Window, until: float) -> None:
+        """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
+        limited = [e for e in self.compiled.model.applied if e.limited]
+        if limited:
+            t = window.start + (until - window.start) * CHECKED
+            q, v, _ = window(t)
+            motion = motion_at(self.compiled, q, v, t)
+            for effect in limited:
+                effect.check(motion)
+
+    def _known(self, t: float) -> Known | None:
+        """What a motion that is nearly this one says of the piece that begins at ``t`` [s]; None where it has other pieces."""
+        pieces = () if self.like is None else self.like.pieces[len(self.pieces) : len(self.pieces) + 1]
+        for piece in pieces:
+            same = piece.leading == list(self.coordinates) and piece.lifted == tuple(sorted(self.lifted))
+            if same and abs(piece.start - t) <= SHIFTED * (piece.end - piece.start):
+                return piece.known(self.scale)
+        return None
+
+    def _take_over(self, q: Array, v: Array, before: tuple[float, float]) -> tuple[Array, Array]:
+        """Another pair leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
+        began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
+        lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
+        tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
+        if isinstance(lead.curve, Curve) and all(lead.curve.table is not table for table in tables):
+            self.known.append(lead)
+        if isinstance(lead.curve, Curve) and isinstance(self.system, Curve):
+            energy = self.system.kinetic_energy(float(q[0]), float(v[0]), before)
+            rate = float(np.copysign(np.sqrt(2.0 * energy / lead.curve.inertia(place)), rate))
+        self._lead(lead.compiled, lead.curve, lead.well)
+        return np.array([place]), np.array([rate])
+
+    def _strained(self, window: Window) -> float | None:
+        """The time from which other coordinates had better lead [s]: the end of a window, or where it comes too near a dead
+        point of these; None where they lead well."""
+        t = window.start + window.length
+        self.unwatched -= 1
+        if self.unwatched >= 0 or t >= self.duration * (1.0 - 1e-9):
+            return None
+
+        def at(t: float) -> float:
+            q, v, _ = window(np.array([t]))
+            return strain(self.compiled, q[0], v[0], t)
+
+        found = at(t)
+        self.unwatched = 2 if found < 0.4 * STRAINED else 0
+        if found <= TOO_STRAINED or at(window.start) > STRAINED:
+            return t if found > STRAINED else None
+        low, high = window.start, t
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if at(middle) <= TOO_STRAINED else (low, middle)
+        return low if low > window.start else t
+
+    def _change_chart(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
+        found = take_over(self.compiled, q, v, t, self.charted)
+        if found is None:
+            if strain(self.compiled, q, v, t) > LOST:
+                where = ", ".join(self.coordinates)
+                why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
+                raise MechanismError(Fault("dynamics", why, "Give the free start at other pairs."))
+            return q, v
+        f, (compiled, *fresh) = len(self.coordinates), found
+        q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))
+        if all(compiled.model is not c.model for c in self.charted):
+            self.charted.append(compiled)
+        self._lead(compiled, Chart(compiled), None)
+        self.unwatched = 0
+        return q, v
+
+    def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
+        """A stretch in which the present stops and contacts hold."""
+        return Piece(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.lifted)))
+
+    def _rested(self) -> tuple[Stop, ...]:
+        return tuple(self.resting[k] for k in sorted(self.resting))
+
+    def _rests(self) -> tuple[str, ...]:
+        """Pairs that rest on stops."""
+        return tuple(stop.pair for stop in self._rested())
+
+    def _simulation(self, pieces: Sequence[Piece], evaluations: int, happened: Happened) -> Simulation:
+        method = "radau" if self.method == "radau" else "gauss"
+        found = happened.happenings, method, self.tolerance, evaluations, happened.lost
+        return Simulation(self.original, tuple(pieces), *found, tuple(self.stops), happened.pushed, self.liftoffs)
+
+    def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
+        for k in range(len(self.limits)):
+            stop, gauge, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
+            if k in self.resting:
+                continue
+            sign = 1.0 if upper else -1.0
+            size = 1.0 if self._rotary(stop.pair) else self.compiled.model.size
+            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * size:
+                continue
+            speed = sign * self._rates(stop, q, v, t)[0]
+            tiny = TOUCH * max(1.0, float(np.abs(v).max()))
+            if speed > tiny:
+                q, v = self._part(t, q, v, stop)
+                v = self._settle(t, q, self._impact(t, q, v, k))
+            elif speed > -tiny and self.left.get(k) != t:
+                push = sign * self._rates(stop, q, v, t)[1]
+                if abs(push) <= TOUCH:  # it decides in the next instant
+                    soon = 1e-6 * self.duration
+                    a = np.asarray(self._system()(q[None], v[None], np.array([t])))[0]
+                    push = sign * self._rates(stop, q + soon * v, v + soon * a, t + soon)[1]
+                if push > TOUCH:  # else friction holds it
+                    q, v = self._part(t, q, v, stop)
+                    v = self._settle(t, q, self._rest(t, k, q, v))
+        return q, v
+
+    def _system(self) -> Any:
+        """The equations of motion of the present piece."""
+        dry = self.friction.system()
+        if dry is not None:
+            return dry
+        return Chart(self.compiled, self._rests()) if self.resting else self.system
+
+    def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
+        """Decide what slides and what sticks from now on; speeds after it."""
+        return self.friction.settle(t, q, v, self._rests(), loose)
+
+    # -- cams that only press -----------------------------------------------------------------------------------------
+    def _contacts(self) -> list[tuple[str, Gauge, float]]:
+        """What ends the contact of every cam and follower, or their flight: a gauge and the value that it then exceeds."""
+        out: list[tuple[str, Gauge, float]] = []
+        if self.lifting is None:
+            return out
+        for name, contact in self.lifting.contacts.items():
+            if name in self.lifted:
+                noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.size)
+                out.append((name, self.lifting.overlap(name, self.lifted), noise))
+            else:
+                out.append((name, self._parting(name), 0.0))
+        return out
+
+    def _parting(self, name: str) -> Gauge:
+        """Positive where a cam in contact would have to pull."""
+        assert self.lifting is not None
+        if not self.friction.counts:
+            return self.lifting.parting(name, self.lifted)
+        system = self._system()
+        resting = self._rested()
+
+        def pulling(q: Array, v: Array, t: Array) -> Array:
+            motion = motion_at(self.compiled, q, v, t, system(q, v, t))
+            return -pressing(motion, piece_forces(motion, system, q, v, resting), name)
+
+        return pulling
+
+    def _samples(self, window: Window) -> int:
+        """Places at which contacts are looked at in a window."""
+        assert self.lifting is not None
+        q, v, _ = window(np.array([window.start]))
+        turned = self.lifting.pace(self.compiled, q[0], v[0], window.start) * window.length
+        return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
+
+    def _share(self, q: Array, v: Array, t: float) -> float:
+        """Length of a window from ``t`` on in which all is prescribed [s]."""
+        assert self.lifting is not None
+        pace = self.lifting.pace(self.compiled, q, v, t)
+        return float(np.clip(SHARE / max(pace, 1e-300), self.duration / 20_000, self.duration / 8.0))
+
+    def _let_go(self, t: float, q: Array, v: Array, loose: str | None = None) -> tuple[Array, Array]:
+        """Followers that would have to be pulled leave their cams, ``loose`` is known to; coordinates and rates after it."""
+        if self.lifting is None:
+            return q, v
+        for name in self.lifting.contacts:
+            if name in self.lifted:
+                continue
+            if name != loose and not float(self._parting(name)(q[None], v[None], np.array([t]))[0]) > 0.0:
+                continue
+            where = self.lifting.where(name, self.compiled, q, v, t)
+            more = self.lifted | {name}
+            compiled, q, v = self.lifting.compiled(more, q, v, t, name)
+            self.lifted = more
+            self._lead(compiled, Chart(compiled), None)
+            self.log.tell(Happening(t, "lost", name, f"contact lost at {where}"))
+            self.friction.begin(self.compiled, t, q, v)
+            v = self._settle(t, q, v)
+        return q, v
+
+    def _part(self, t: float, q: Array, v: Array, stop: Stop) -> tuple[Array, Array]:
+        """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
+        sense = -1.0 if stop.side == "upper" else 1.0
+        for name, contact in {} if self.lifting is None else self.lifting.contacts.items():
+            if name not in self.lifted and contact.guide == stop.pair and contact.away == sense:
+                q, v = self._let_go(t, q, v, name)
+        return q, v
+
+    def _off(self, t: float, q: Array, v: Array) -> None:
+        """Stops from which an impact on a cam has thrown what rested on them."""
+        for k, stop in list(self.resting.items()):
+            rate = (-1.0 if stop.side == "upper" else 1.0) * self._rates(stop, q, v, t)[0]
+            if rate > TOUCH * max(1.0, float(np.abs(v).max(initial=0.0))):
+                self._leave(t, q, v, k)
+
+    def _land(self, t: float, q: Array, v: Array, name: str) -> tuple[Array, Array]:
+        """A follower comes back to its cam: an impact, after which it bounces or stays."""
+        assert self.lifting is not None
+        e = self.lifting.contacts[name].restitution
+        k, fewer = self.lifting.place(name, self.lifted), self.lifted - {name}
+        rebound, hit, lost = self.lifting.landing(name, self.lifted, t, q, v, e)
+        held = np.delete(q, k)
+        stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 0.0)
+        pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
+        stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
+        gone = all_lost if stays else lost
+        self.log.lose(t, gone)
+        self._push(t, gone, q, v, stay if stays else rebound)
+        where = self.lifting.where(name, self.compiled, q, v, t)
+        pace = as_quantity(hit, "angular speed" if self.lifting.contacts[name].rotary else "linear speed", 4)
+        what = "contact regained" if stays else "bounces"
+        kind = "regained" if stays else "impact"
+        self.log.tell(Happening(t, kind, name, f"{what} at {where}, hit at {pace}"))
+        if not stays:
+            self._off(t, q, rebound)
+            return q, self._settle(t, q, rebound)
+        self.lifted = fewer
+        compiled = self.lifting.known[fewer]
+        enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
+        self._lead(compiled, Chart(compiled), None)
+        v = np.delete(stay, k)
+        self.friction.begin(self.compiled, t, held, v)
+        self._off(t, held, v)
+        return held, self._settle(t, held, v)
+
+    def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Array, v: Array) -> float:
+        """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
+        assert self.lifting is not None
+        friction = partial(self.friction.equations_of, rests=self._rests())
+        return float(self.lifting.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
+
+    def _rates(self, stop: Stop, q: Array, v: Array, t: float) -> tuple[float, float]:
+        """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""
+        return rates_at(self.compiled, self._system(), stop.pair, q, v, t)
+
+    def _rest(self, t: float, k: int, q: Array, v: Array) -> Array:
+        """Something rests on a stop from now on; rates after it: what is left of the speed onto it is taken away."""
+        stop = self.limits[k][0]
+        left = self._rates(stop, q, v, t)[0]
+        self.resting[k] = stop
+        self.log.tell(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
+        return shifted(v, -g * (left / float(g @ g)))
+
+    def _leave(self, t: float, q: Array, v: Array, k: int) -> Array:
+        """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
+        stop = self.resting.pop(k)
+        self.left[k] = t
+        self.log.tell(Happening(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+        return self._settle(t, q, v)
+
+    def _unpressed(self, t: float, q: Array, v: Array) -> Array:
+        """Stops that would have to pull from the beginning of a piece on, let go, for no load passes zero later; rates after it."""
+        for k, stop in list(self.resting.items()):
+            soon, system = 1e-6 * self.duration, self._system()
+            a = np.asarray(system(q[None], v[None], np.array([t])))[0]
+            row = np.array([q, q + soon * v]), np.array([v, v + soon * a]), np.array([t, t + soon])  # a load may begin at zero
+            r = reduce(self.compiled, *row)
+            size = max(float(np.abs(x).max()) for x in (r.force, r.bias, r.inertia[0] @ a[: len(self.coordinates)]))
+            g = float(np.linalg.norm(jacobian_at(self.compiled, [stop.pair], q, v, t)[0]))
+            if g * float(self._pull(system, stop)(*row).max()) < -PULLS * size:
+                v = self._leave(t, q, v, k)
+        return v
+
+    def _pull(self, system: Chart | DrySystem, stop: Stop) -> Gauge:
+        """What the stop has to hold: positive while something presses on it."""
+        sign, place = -1.0 if stop.side == "upper" else 1.0, system.rests.index(stop.pair)
+        return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
+
+    def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:
+        """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
+        stop, _, upper = self.limits[k]
+        hit, second = self._rates(stop, q, v, t)
+        towards = second if upper else -second  # how fast it falls back onto the stop
+        rebound = stop.restitution * abs(hit)
+        rests = rebound == 0.0 or (towards > 0 and 2.0 * rebound / towards < LEAST_BOUNCE * self.duration)
+        before = v
+        v, lost = impact(self.compiled, stop.pair, self._rests(), 0.0 if rests else stop.restitution, hit, q, v, t)
+        self.log.lose(t, lost)
+        self._push(t, lost, q, before, v)
+        pace = as_quantity(abs(hit), "angular speed" if self._rotary(stop.pair) else "linear speed")
+        self.log.tell(Happening(t, "impact", stop.name, f"{stop.pair} hits stop {stop.name} at {pace}"))
+        if rests and towards > 0:
+            v = self._rest(t, k, q, v)
+        return v
+
+    def _push(self, t: float, lost: float, q: Array, before: Array, after: Array) -> None:
+        """Account for the work that prescribed drives do in an impact, which does not slow them."""
+        if len(self.coordinates) < len(self.compiled.mechanism.drives):
+            motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))
+            self.log.push(t, float(np.diff(kinetic_energy_of(motion))[0]) + lost)
+
+    def _rotary(self, pair: str) -> bool:
+        return self.compiled.model.rotary(pair)
+
+
+def _passed(watch: Watch, *, rotary: bool) -> str:
+    """What a watch has seen, in words; ``rotary``: its pair turns."""
+    what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
+    if watch.of == "velocity":
+        return f"velocity of {what} passes {as_quantity(watch.at, 'angular speed' if rotary else 'linear speed')}"
+    return f"{watch.of} of {what} passes {as_coordinate(watch.at, rotary=rotary)}"

@@ -1,0 +1,197 @@
+"""What can happen in the course of a motion: stops that are hit, values that are passed, ends that are reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from mechcore.dynamics.integration.collocation import Window
+from mechcore.motion.motion import Motion
+from mechcore.motion.slots import ends_of
+from mechcore.spec.mechanism import Mechanism
+from mechcore.texts import Text
+
+Array = NDArray[np.float64]
+SAMPLES = 25  # of a window, in which a gauge is a polynomial to rounding or nearly so
+_X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
+_PLACES = np.concatenate([_X, [-1.0, 1.0]])
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
+POLISHED = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
+
+Gauge = Callable[[Array, Array, Array], Array]
+"""Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """An end stop of a pair: its coordinate cannot pass ``at`` [rad or m]. ``side`` "upper": it stays below, "lower": above.
+
+    ``restitution`` (0 to 1) is Newton's coefficient: relative speed after the impact over that before.
+    """
+
+    name: str
+    pair: str
+    at: float
+    side: Literal["upper", "lower"] = "upper"
+    restitution: float = 0.0
+
+
+def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, ...]:
+    """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
+    found = list(stops)
+    for name, (low, high) in ends_of(mechanism).items():
+        own = [s for s in stops if s.pair == name]
+        if not any(s.side == "lower" and s.at >= low for s in own):
+            found.append(Stop(name=f"{name} lower end", pair=name, at=low, side="lower"))
+        if not any(s.side == "upper" and s.at <= high for s in own):
+            found.append(Stop(name=f"{name} upper end", pair=name, at=high))
+    return tuple(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes
+    ``at``.
+
+    ``rising`` True or False: only in that direction. ``ends``: the motion ends there.
+    """
+
+    name: str
+    of: Literal["position", "velocity", "x", "y"] = "position"
+    pair: str | None = None
+    point: tuple[str, str] | None = None
+    at: float = 0.0
+    rising: bool | None = None
+    ends: bool = False
+
+
+@dataclass(frozen=True)
+class Happening:
+    """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in
+    words."""
+
+    time: float
+    kind: str
+    item: str
+    text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", Text.of(self.text))
+
+
+def gauge_of(watch: Watch | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]) -> Gauge:
+    """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
+    of = watch.of if isinstance(watch, Watch) else "position"
+    if watch.pair in coordinates and of in ("position", "velocity"):
+        i = coordinates[watch.pair]
+        return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
+
+    def measured(q: Array, v: Array, t: Array) -> Array:
+        motion = motion_at(q, v, t)
+        value: Any
+        if of in ("position", "velocity"):
+            assert watch.pair is not None
+            value = motion.coordinate(watch.pair)[:, 0 if of == "position" else 1]
+        else:
+            assert isinstance(watch, Watch) and watch.point is not None
+            value = motion.point(*watch.point)[:, 0 if of == "x" else 1]
+        return np.asarray(value) - watch.at
+
+    return measured
+
+
+def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) -> float | None:
+    """The first time in a window, later than ``after`` [s], at which a gauge passes zero; None where it does not."""
+    low, high = max(window.start, after), window.start + window.length
+    if high - low <= 0:
+        return None
+
+    def at(x: Array) -> Array:
+        t = low + 0.5 * (high - low) * (x + 1.0)
+        q, v, _ = window(t)
+        return gauge(q, v, t)
+
+    y, ends = np.split(at(_PLACES), [SAMPLES])
+    size = float(np.abs(y).max())
+    if size == 0.0 or (np.abs(np.diff(y)).sum() < abs(y[0]) and np.all(np.sign(np.append(y, ends)) == np.sign(y[0]))):
+        return None  # stays away from zero: the way that it goes in the window is shorter than what is missing
+    coefficients = _FIT @ y
+    roots = chebyshev.chebroots(chebyshev.chebtrim(coefficients, 1e-15 * size))
+    real = np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) <= 1.0 + 1e-9)].real)
+    slope = chebyshev.chebder(coefficients)
+    for x in real:
+        x = _polished(at, float(x), float(chebyshev.chebval(x, slope)), 4.0 * np.spacing(max(abs(low), abs(high))) / (high - low))
+        if not -1.0 - 1e-12 <= x <= 1.0 + 1e-12:
+            continue
+        going = float(chebyshev.chebval(x, slope))
+        if rising is None or (going > 0) == rising:
+            time = low + 0.5 * (high - low) * (float(x) + 1.0)
+            if time > after:
+                return time
+    return None
+
+
+def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float) -> float:
+    """A zero of the gauge itself, from one of its polynomial at x and that one's slope there: secants until steps are below
+    ``least``, or no smaller than those before."""
+    last, before = np.inf, None
+    for _ in range(POLISHED):
+        y = float(at(np.array([x]))[0])
+        if before is not None and x != before[0] and y != before[1]:
+            secant = (y - before[1]) / (x - before[0])
+            slope = secant if secant * slope > 0.0 else slope
+        if slope == 0.0 or not np.isfinite(y):
+            return x
+        step = y / slope
+        if not abs(step) < last:
+            return x
+        before, last, x = (x, y), abs(step), x - step
+        if last <= least:
+            return x
+    return x
+
+
+@dataclass(frozen=True)
+class Happened:
+    """Happenings; time and energy [J] that was ``lost`` in every impact; time and work [J] that prescribed drives did in it."""
+
+    happenings: tuple[Happening, ...]
+    lost: tuple[tuple[float, float], ...]
+    pushed: tuple[tuple[float, float], ...]
+
+
+class Log:
+    """What has happened, in order of time; `news` is what has not been asked for yet."""
+
+    def __init__(self) -> None:
+        self.happenings: list[Happening] = []
+        self._lost: list[tuple[float, float]] = []
+        self._pushed: list[tuple[float, float]] = []
+        self._told = (0, 0, 0)
+
+    def tell(self, happening: Happening) -> None:
+        self.happenings.append(happening)
+
+    def lose(self, t: float, energy: float) -> None:
+        """Account for the energy [J] that an impact takes."""
+        self._lost.append((t, energy))
+
+    def push(self, t: float, work: float) -> None:
+        """Account for the work [J] of prescribed drives in an impact."""
+        self._pushed.append((t, work))
+
+    def whole(self) -> Happened:
+        return self._since(0, 0, 0)
+
+    def news(self) -> Happened:
+        """What has happened since this was asked for the last time."""
+        since, self._told = self._told, (len(self.happenings), len(self._lost), len(self._pushed))
+        return self._since(*since)
+
+    def _since(self, a: int, b: int, c: int) -> Happened:
+        return Happened(tuple(self.happenings[a:]), tuple(self._lost[b:]), tuple(self._pushed[c:]))

@@ -1,0 +1,173 @@
+"""Collocation of q'' = a(q, q', t) in windows of time: Gauss nodes, or Radau IIA nodes where it is stiff.
+
+In a window the acceleration is a polynomial through the nodes; speed and position are its exact integrals (direct Nystroem
+collocation). With Radau nodes the positions at the nodes are those of the first-order equations q' = v, v' = a instead, by the
+matrix of Radau IIA squared: only so is the method L-stable (the direct integral lets the speed of a stiff vibration grow by a
+factor of up to ten a window); at the windows' ends both are the same. All nodes of a window are evaluated in one call, and the
+nodes' accelerations follow by Newton's method. Order 2s with Gauss nodes, 2s - 1 with Radau nodes, at the ends of the windows
+(Hairer, Wanner, "Solving Ordinary Differential Equations II", IV.5 and IV.8, and I, II.14); the polynomials are the dense output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """Nodes (s,) on [0, 1] and what integrates polynomials through them.
+
+    ``once`` (s, s), ``twice`` (s, s): from the nodes' values to the first and the second integral at the nodes; ``legendre``
+    (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
+    """
+
+    nodes: Array
+    once: Array
+    twice: Array
+    legendre: Array
+    stiff: bool
+
+    @property
+    def order(self) -> int:
+        """Order of the values at the windows' ends."""
+        return 2 * len(self.nodes) - (1 if self.stiff else 0)
+
+
+def _rule(nodes: Array, stiff: bool) -> Rule:
+    s = len(nodes)
+    to_legendre = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s - 1))
+    first, second = integrals(s, nodes)
+    once, twice = first @ to_legendre, second @ to_legendre
+    if stiff:
+        twice = once @ once
+    return Rule(nodes, once, twice, np.asarray(to_legendre, float), stiff)
+
+
+def integrals(s: int, x: Array) -> tuple[Array, Array]:
+    """First and second integral from 0 to ``x`` (n,) of the Legendre polynomials P_0 .. P_(s-1) of 2 x - 1, (n, s) each."""
+    return integrals_and_values(s, x)[:2]
+
+
+def integrals_and_values(s: int, x: Array) -> tuple[Array, Array, Array]:
+    """`integrals`, and the polynomials themselves (n, s)."""
+    p = _polynomials(2.0 * np.asarray(x, float) - 1.0, s + 2)
+    first = np.empty((len(x), s + 1))
+    first[:, 0] = 0.5 * (p[:, 1] + 1.0)
+    first[:, 1:] = 0.5 * (p[:, 2:] - p[:, :-2]) * _over_odd(s)
+    second = np.empty((len(x), s))
+    # the integral of P_k is (P_(k+1) - P_(k-1)) / (2 (2k + 1)): integrate that once more with the same formula
+    second[:, 0] = 0.5 * (first[:, 1] + first[:, 0])
+    second[:, 1:] = 0.5 * (first[:, 2:] - first[:, :-2]) * _over_odd(s - 1)
+    return first[:, :s], second, p[:, :s]
+
+
+@lru_cache
+def _over_odd(n: int) -> Array:
+    """1 / (2 k + 1) for k = 1 .. n."""
+    return np.asarray(1.0 / (2.0 * np.arange(1, n + 1) + 1.0))
+
+
+def _polynomials(z: Array, n: int) -> Array:
+    """Legendre polynomials P_0 .. P_(n-1) at z (m,): (m, n)."""
+    out = np.empty((n, len(z)))
+    out[0], out[1] = 1.0, z
+    for k in range(2, n):
+        np.multiply(z, out[k - 1], out=out[k])
+        out[k] *= (2.0 * k - 1.0) / k
+        out[k] -= ((k - 1.0) / k) * out[k - 2]
+    return out.T
+
+
+@lru_cache
+def gauss(s: int) -> Rule:
+    """Gauss-Legendre nodes: order 2s, symplectic, for problems that are not stiff."""
+    x, _ = legendre.leggauss(s)
+    return _rule(0.5 * (x + 1.0), stiff=False)
+
+
+@lru_cache
+def radau(s: int) -> Rule:
+    """Radau IIA nodes (the end of the window is one): order 2s - 1, L-stable."""
+    c = np.zeros(s + 1)
+    c[s - 1], c[s] = -1.0, 1.0  # P_s - P_(s-1) vanishes at the right Radau nodes
+    x = np.sort(np.real(legendre.legroots(c)))
+    d = legendre.legder(c)
+    for _ in range(3):
+        x = x - legendre.legval(x, c) / legendre.legval(x, d)
+    x[-1] = 1.0
+    return _rule(np.asarray(0.5 * (x + 1.0), float), stiff=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """One window of a solution: times ``start`` to ``start + length`` [s]; ``q``, ``v`` (f,) at its start, Legendre coefficients
+    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form."""
+
+    start: float
+    length: float
+    q: Array
+    v: Array
+    a: Array
+    cut: bool = False
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration (n, f) at times (n,)."""
+        h, s = self.length, len(self.a)
+        x = (np.atleast_1d(t) - self.start) / h
+        first, second, values = integrals_and_values(s, x)
+        return self.q + h * x[:, None] * self.v + h * h * (second @ self.a), self.v + h * (first @ self.a), values @ self.a
+
+
+def solve_window(
+    rule: Rule, system: Any, t0: float, h: float, q0: Array, v0: Array, guess: Array, tolerance: float
+) -> tuple[Array, int] | None:
+    """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
+
+    ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and
+    speed, (s, f, f) each. ``tolerance``: of the positions' error that is left, absolute, in units of q.
+
+    The iteration ends when a step moves no position by more than that, or than the rounding of the sums that make the positions:
+    the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse of the
+    collocation matrix makes them (1e4 times the position for 12 nodes), and rounding of a position moves them as much.
+    """
+    s, f = guess.shape
+    t = t0 + h * rule.nodes
+    drift = q0 + h * rule.nodes[:, None] * v0
+    a = guess
+    matrix = None
+    last = np.inf
+    for count in range(1, 16):
+        q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
+        found = system(q, v, t)
+        residual = found - a
+        if not np.isfinite(residual).all():
+            return None
+        if matrix is None:
+            by_q, by_v = system.slopes(q, v, t, found)
+            if f == 1:
+                matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.twice - h * by_v[:, :, 0] * rule.once
+            else:
+                full = -h * h * np.einsum("iab,ij->iajb", by_q, rule.twice) - h * np.einsum("iab,ij->iajb", by_v, rule.once)
+                matrix = full.reshape(s * f, s * f) + np.eye(s * f)
+            inverse = np.linalg.inv(matrix)
+        step = (inverse @ residual.reshape(s * f)).reshape(s, f)
+        a = a + step
+        moved = h * h * np.abs(rule.twice @ step).max(axis=0)
+        size = float(moved.max())
+        if size <= tolerance or (moved <= ROUNDING * (np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))).max(axis=0)).all():
+            return a, count
+        if count > 2 and size > 0.5 * last:
+            if size > 0.9 * last or count > 8:
+                return None
+            matrix = None  # the slopes have changed too much within the window
+        last = size
+    return None

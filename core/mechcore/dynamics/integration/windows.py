@@ -1,0 +1,243 @@
+"""Windows of collocation, one after the other, with control of their length to a requested tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.integration.collocation import Rule, Window, gauss, integrals_and_values, radau, solve_window
+from mechcore.errors import Fault, MechanismError
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
+MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
+ROUNDED = 1e-15  # of the scale: no window is solved to more digits
+CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
+
+
+class Bending(Protocol):
+    """Where the equations change their form: the first time [s] in a window that is later than another one, or None; and the
+    first one, later than another, that is known without a window."""
+
+    def __call__(self, window: Window, after: float) -> float | None: ...
+
+    def stated(self, after: float) -> float: ...
+
+
+class System(Protocol):
+    """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by
+    both."""
+
+    def __call__(self, q: Array, v: Array, t: Array) -> Array: ...
+
+    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]: ...
+
+
+@dataclass
+class Solution:
+    """Windows in order of time: the dense output. ``evaluations``: calls of the system, all nodes of a window in each."""
+
+    windows: list[Window] = field(default_factory=list)
+    evaluations: int = 0
+    rejected: int = 0
+    _stack: tuple[Array, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def end(self) -> float:
+        last = self.windows[-1]
+        return last.start + last.length
+
+    def __call__(self, t: Any) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration (n, f) at times (n,); a time on the border belongs to the earlier window."""
+        t = np.atleast_1d(np.asarray(t, float))
+        x, length, q, v, a = self._within(t)
+        first, second, values = integrals_and_values(a.shape[1], x)
+        moved = (length * length)[:, None] * (second[:, None, :] @ a)[:, 0]
+        return (
+            q + (length * x)[:, None] * v + moved,
+            v + length[:, None] * (first[:, None, :] @ a)[:, 0],
+            (values[:, None, :] @ a)[:, 0],
+        )
+
+    def _within(self, t: Array) -> tuple[Array, ...]:
+        """Where times (n,) are in their windows, and the windows' lengths, starts and series."""
+        starts, lengths, q, v, a = self._stacked()
+        k = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
+        length = lengths[k]
+        return (t - starts[k]) / length, length, q[k], v[k], a[k]
+
+    def _stacked(self) -> tuple[Array, ...]:
+        """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, those with fewer nodes filled up."""
+        if len(self._stack) == 0 or len(self._stack[0]) != len(self.windows):
+            most = max(len(w.a) for w in self.windows)
+            a = np.zeros((len(self.windows), most, len(self.windows[0].q)))
+            for row, w in zip(a, self.windows, strict=True):
+                row[: len(w.a)] = w.a
+            self._stack = (
+                np.array([w.start for w in self.windows]),
+                np.array([w.length for w in self.windows]),
+                np.array([w.q for w in self.windows]),
+                np.array([w.v for w in self.windows]),
+                a,
+            )
+        return self._stack
+
+
+def nodes_for(tolerance: float) -> int:
+    """Nodes a window for a relative tolerance: about as many as digits are wanted (measured: flat between 8 and 14)."""
+    return int(np.clip(round(-np.log10(max(tolerance, 1e-15))) + 2, 5, 14))
+
+
+def integrate(
+    system: System,
+    q: Array,
+    v: Array,
+    t0: float,
+    t1: float,
+    *,
+    tolerance: float = 1e-9,
+    scale: Array | float = 1.0,
+    stiff: bool = False,
+    first: float | None = None,
+    nodes: int | None = None,
+    most: float | None = None,
+    after: Callable[[Window], float | None] | None = None,
+    bends: Bending | None = None,
+    keeps: Callable[[Array, Array], Array] | None = None,
+) -> Solution:
+    """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
+
+    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
+    with every accepted window; a time that it returns ends the integration there. ``bends`` finds the first time in a window, later
+    than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at the end of a
+    window -> the speed that a first integral gives there. ``nodes``: of a window, ``most``: longest window [s]. Raises
+    `MechanismError` where no window however short succeeds.
+    """
+    s = nodes or nodes_for(tolerance)
+    rule: Rule = radau(s) if stiff else gauss(s)
+    q, v = np.asarray(q, float), np.asarray(v, float)
+    solution = Solution()
+    a0 = system(q[None], v[None], np.array([t0]))
+    solution.evaluations += 1
+    h = first or _first_window(q, v, a0[0], t1 - t0, scale)
+    guess = np.repeat(a0, s, axis=0)
+    t = t0
+    least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
+    longest = 0.0  # window so far
+    chatter = 0  # windows in a row that a bend has cut to almost nothing
+    starts = bends is not None  # at a bend, or where one may be
+    cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
+    while t < t1 - least:
+        h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
+        if t + 1.9 * h > t1 and t + h < t1:
+            h = 0.5 * (t1 - t)  # no sliver at the end
+        stated = bends.stated(t + 10.0 * least) if bends is not None and not cuts else np.inf
+        if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
+            cuts, uncut, h = 1, h, stated - t
+        solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * float(np.min(scale)))
+        if solved is not None:
+            nodes_a, count = solved
+            solution.evaluations += count
+            window = Window(t, h, q, v, rule.legendre @ nodes_a, cuts > 0)
+            bend = bends(window, t + 10.0 * least) if bends is not None and cuts < 5 else None
+            if bend is not None and t + 20.0 * least < bend < t + h * (1.0 - 1e-10):
+                cuts, uncut, h = cuts + 1, max(uncut, h), bend - t
+                guess = window(t + h * rule.nodes)[2]
+                continue
+            left, rough, power = tails(window.a, np.array(h), np.array(max(longest, h)))
+            worst = float(np.max(left / (tolerance * scale)))
+            order = float(s + 1)
+            missed = MARGIN * float(np.max(rough / (tolerance * scale))) if starts or cuts else 0.0
+            if missed > worst:
+                worst, order = missed, float(power)
+            if worst > MARGIN and h < 1e4 * least:
+                worst = MARGIN  # the equations jump here without saying so; as near to the jump as time can be told
+        else:
+            solution.evaluations += 8
+            worst, order = np.inf, float(s + 1)
+        if worst > MARGIN:
+            solution.rejected += 1
+            h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
+            if h < 1e3 * least:
+                raise MechanismError(
+                    Fault(
+                        "dynamics",
+                        f"the motion cannot be continued beyond t = {t:.9g} s: windows shorter than {h:.1g} s fail.",
+                        "Look at the events before that time: a limit of the motion, a force without bound, or a jam.",
+                    )
+                )
+            guess = np.repeat(guess[:1], s, axis=0)
+            cuts = 0  # what is left of it does not reach the bend
+            continue
+        solution.windows.append(window)
+        longest = max(longest, h)
+        chatter = chatter + 1 if bends is not None and h < CHATTER * longest else 0
+        if chatter > MOST_CUT:
+            raise MechanismError(
+                Fault(
+                    "dynamics",
+                    f"at t = {t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the mechanism "
+                    "moves.",
+                    "An indicator diagram in the middle of a stroke holds like dry friction: give a pair a brake, or let the "
+                    "machine run through.",
+                )
+            )
+        stop = after(window) if after is not None else None
+        if stop is not None:
+            break
+        end_q, end_v, end_a = window(np.array([t + h]))
+        q, v = end_q[0], end_v[0] if keeps is None else keeps(end_q[0], end_v[0])
+        t += h
+        longer = h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
+        guess = _extrapolated(window, t + longer * rule.nodes, end_a)
+        h = max(longer, 0.5 * uncut)
+        if uncut:
+            guess = np.repeat(end_a, s, axis=0)
+        starts, cuts, uncut = cuts > 0, 0, 0.0
+    return solution
+
+
+def tails(a: Array, length: Array, longest: Array) -> tuple[Array, Array, Array]:
+    """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
+    (...) [s], and the order (...) of the second.
+
+    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
+    window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
+    one of all that follows.
+
+    And what the quadrature misses of the speed: the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is
+    left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
+    left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
+    """
+    s, size = a.shape[-2], np.abs(a)
+    k = np.array([s - 2, s - 1])
+    share = (length * longest)[..., None]
+    last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)
+    tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
+    ratio = np.minimum(last / np.maximum(middle, 1e-300), 0.25)
+    m = -np.log2(np.maximum(ratio, 1e-300))
+    missed = np.where(last > ROUNDING * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
+    return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)
+
+
+def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:
+    speed, bend = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
+    h = span
+    if speed:
+        h = min(h, 0.2 / speed)
+    if bend:
+        h = min(h, np.sqrt(0.2 / bend))
+    return h
+
+
+def _extrapolated(window: Window, t: Array, end: Array) -> Array:
+    """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
+    guess = window(t)[2]
+    spread = float(np.abs(window.a).sum())
+    if np.abs(guess - end).max() > 4.0 * spread + 1e-300:
+        return np.repeat(end, len(t), axis=0)
+    return guess

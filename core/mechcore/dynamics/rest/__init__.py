@@ -1,0 +1,1 @@
+"""Rest and steady states: equilibria, small vibrations, steady running of machines."""

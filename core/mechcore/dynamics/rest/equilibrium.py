@@ -1,0 +1,352 @@
+"""Equilibria: where a mechanism with free coordinates stays at rest, found from a start by Newton's method on the reduced force.
+
+At rest (q' = 0) the reduced force Q(q) of all loads is what moves the mechanism; an equilibrium is a place with Q = 0, and
+K = -dQ/dq is its stiffness. Downhill steps need no potential: the work of Q along a step, by Simpson's rule, says whether it was
+one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from mechcore.dynamics.equations.charts import best_chart
+from mechcore.dynamics.equations.reduced import free_of, motion_at, reduced_equations, tangents
+from mechcore.dynamics.events import Stop, with_slot_ends
+from mechcore.effects.base import power_of
+from mechcore.effects.registry import effects_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import MOST_TURNS, Compiled, compile_mechanism
+from mechcore.spec.clearance import journals_of
+from mechcore.spec.loads import Bushing, Spring, TorsionSpring
+from mechcore.spec.mechanism import Mechanism
+from mechcore.texts import Text, as_coordinate, as_quantity
+
+Array = NDArray[np.float64]
+Seek = Literal["stable", "nearest"]
+STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
+LONGEST = 0.3  # step, relative to the scale
+MOST = 300  # steps
+NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # central difference of sixth order
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A place at which the mechanism stays at rest.
+
+    ``position`` (f,) of the free coordinates of ``compiled`` [rad or m]; ``stiffness`` K = -dQ/dq (f, f); ``residual``: what is
+    left of the reduced force there, relative to the forces that balance; ``steps`` that it took.
+    """
+
+    compiled: Compiled
+    position: Array
+    stiffness: Array
+    residual: float
+    steps: int
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The free coordinates' pairs, in the order of ``position``."""
+        return tuple(d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free))
+
+    @property
+    def motion(self) -> Motion:
+        """The mechanism at rest in it (one frame)."""
+        return self.motion_with(np.zeros_like(self.position))
+
+    def motion_with(self, rates: Array) -> Motion:
+        """The mechanism passing through it with ``rates`` (f,) of its free coordinates (one frame)."""
+        return motion_at(_still(self.compiled), self.position[None], rates[None], np.zeros(1))
+
+
+def scale_of(compiled: Compiled) -> Array:
+    """What counts as a large displacement of each free coordinate (f,): one radian, or the mechanism's size [m]."""
+    model = compiled.model
+    pairs = [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)]
+    return np.array([1.0 if model.rotary(p) else model.size for p in pairs])
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A prescribed drive that stands still at its start."""
+
+    start: float
+    duration: float = 1.0
+    breaks: tuple[float, ...] = ()
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        none = np.zeros_like(np.asarray(t, float))
+        return none + self.start, none, none
+
+
+def _still(compiled: Compiled) -> Compiled:
+    """The same mechanism with its prescribed drives held at their start; itself where there are none."""
+    drives = compiled.mechanism.drives
+    if all(isinstance(d.law, Free) for d in drives):
+        return compiled
+    held = tuple(d if isinstance(d.law, Free) else replace(d, law=_Held(float(d.law(np.zeros(1))[0][0]))) for d in drives)
+    return replace(compiled, model=replace(compiled.model, mechanism=replace(compiled.mechanism, drives=held)))
+
+
+def force_at_rest(compiled: Compiled, q: Array, v: Array | None = None, *, only: str = "positions") -> Array:
+    """Reduced force Q of all loads at positions (n, f) with rates (n, f), or at rest: (n, f); of those that need ``only`` this.
+
+    Time stands still at 0, and so do prescribed drives. NaN where the mechanism cannot be assembled. Forces of inertia are left
+    out: they are of the second order in the rates. So is dry friction.
+    """
+    return _forces(compiled, q, v, only)[0]
+
+
+def _forces(compiled: Compiled, q: Array, v: Array | None = None, only: str = "positions") -> tuple[Array, Array]:
+    """`force_at_rest`, and the sum of the sizes of its parts (n, f)."""
+    still = _still(compiled)
+    n = len(q)
+    motion = motion_at(still, q, np.zeros_like(q) if v is None else v, np.zeros(n))
+    units = tangents(motion, free_of(still))
+    force, size = np.zeros_like(q), np.zeros_like(q)
+    for effect in effects_of(still.mechanism):
+        if (only == "positions" or only in effect.needs) and not effect.needs & {"accelerations", "reactions"}:
+            for w in effect.wrenches(motion):
+                for i, unit in enumerate(units):
+                    power = power_of(unit, w)
+                    force[:, i] += power
+                    size[:, i] += np.abs(power)
+    return force, size
+
+
+def slopes_at_rest(compiled: Compiled, q: Array) -> tuple[Array, Array, Array]:
+    """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
+    from one set of positions, central differences of sixth order."""
+    scale, f = scale_of(compiled), len(q)
+    shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
+    force, size = _forces(compiled, np.vstack([q[None], q + STEP * scale * shifts]))
+    by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    return force[0], by_q, size.max(axis=0)
+
+
+def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Equilibrium:
+    """The equilibrium reached from the start of the free coordinates.
+
+    ``seek`` "stable": go downhill from the start (an unstable equilibrium is found only if the mechanism starts exactly there);
+    "nearest": plain Newton, to whatever equilibrium is next. The way stays within ``stops``. Raises `MechanismError` where
+    there is none on the way.
+    """
+    compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
+    if not free_of(compiled):
+        why = "every drive is prescribed: nothing is free to come to rest."
+        raise MechanismError(Fault("pairs", why, "Give a pair a free start instead of its drive."))
+    loose = next(iter(journals_of(compiled.mechanism)), None)
+    if loose is not None:  # its force bends within the clearance: differences over any step would mix flight and contact
+        why = "a journal in its clearance has a stiffness only where it is pressed: nothing there is linear."
+        raise MechanismError(Fault(f"pairs.{loose}.clearance", why, "Leave out the clearance."))
+    q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
+    changed = 0
+    for count in range(1, MOST + 1):
+        scale = scale_of(compiled)
+        force, by_q, size = slopes_at_rest(compiled, q)
+        if not np.isfinite(by_q).all():
+            if len(q) > 1 or changed > 8:
+                raise _lost(compiled, q)
+            lead, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another pair leads past a dead point
+            compiled, q, changed = lead.compiled, np.array([place]), changed + 1
+            continue
+        largest = float((size * scale).max()) or 1.0
+        left = float(np.abs(force * scale).max()) / largest
+        step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
+        if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
+            found = Equilibrium(compiled, q, -by_q, left, count)
+            for effect in found.motion.model.applied:
+                effect.check(found.motion)
+            _within(found, with_slot_ends(compiled.mechanism, stops))
+            return found
+        q = _step(compiled, q, force, step, seek, largest)
+    pair, k = _worst(compiled, force * scale)
+    rotary = compiled.model.rotary(pair)
+    raise MechanismError(
+        Fault(
+            "dynamics.equilibrium",
+            f"none found from the start in {MOST} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push {pair} with "
+            f"{as_quantity(force[k], 'torque' if rotary else 'force')}.",
+            "A load that always pushes the same way has no equilibrium: leave it out, or add what holds against it.",
+        )
+    )
+
+
+def _newton(force: Array, stiffness: Array, seek: Seek) -> Array:
+    """The step to the equilibrium, none along directions without stiffness and force; downhill where the stiffness is negative."""
+    if seek == "nearest" or not force.any():
+        return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-10)[0])
+    values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    if values[0] > 1e-9 * np.abs(values).max():
+        return np.asarray(np.linalg.solve(stiffness, force), float)
+    along = vectors.T @ force
+    least = 1e-9 * np.abs(values).max() or 1.0
+    sized = np.where(np.abs(along) <= 1e-10 * np.abs(along).max(), 0.0, along / np.maximum(np.abs(values), least))
+    return np.asarray(vectors @ sized)
+
+
+def _step(compiled: Compiled, q: Array, force: Array, step: Array, seek: Seek, largest: float) -> Array:
+    """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
+    scale = scale_of(compiled)
+    length = float(np.abs(step / scale).max())
+    step = step * min(1.0, LONGEST / length) if length else step
+    for _ in range(40):
+        middle, end = force_at_rest(compiled, np.array([q + 0.5 * step, q + step]))
+        if np.isfinite(end).all() and np.isfinite(middle).all():
+            work = float((force + 4.0 * middle + end) @ step) / 6.0
+            closer = float(np.abs(end * scale).max()) <= 0.5 * float(np.abs(force * scale).max())
+            if seek == "nearest" or work >= 0.0 or closer or abs(work) <= 1e-14 * largest:
+                return np.asarray(q + step)
+        elif len(q) == 1 and float(np.abs(step / scale).max()) < 1e-3:
+            return np.asarray(q + step)  # a dead point of the coordinate: another pair takes over there
+        step = 0.5 * step
+    raise _lost(compiled, q)
+
+
+def _worst(compiled: Compiled, pushes: Array) -> tuple[str, int]:
+    k = int(np.argmax(np.abs(pushes)))
+    return [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)][k], k
+
+
+def _lost(compiled: Compiled, q: Array) -> MechanismError:
+    pairs = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+    where = ", ".join(f"{p} at {as_coordinate(x, rotary=compiled.model.rotary(p))}" for p, x in zip(pairs, q, strict=True))
+    why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free pair."
+    return MechanismError(Fault("dynamics.equilibrium", why, "Start nearer to the equilibrium, or make other pairs free."))
+
+
+def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
+    """Refuse an equilibrium that lies beyond a stop: the mechanism rests on the stop instead."""
+    motion = found.motion
+    known = dict(zip(found.pairs, found.position, strict=True))
+    for s in stops:
+        at = known[s.pair] if s.pair in known else float(motion.coordinate(s.pair)[0, 0])
+        beyond = (at - s.at) * (1.0 if s.side == "upper" else -1.0)
+        if beyond > 1e-12:
+            far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.pair))
+            why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
+            raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Move the stop, or leave it out."))
+
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+TOLD = 1_000  # periods in a run, from which on it is said before the work begins
+DECAYED = 35.0  # exponent of decay, after which nothing is left of a vibration
+SLOW = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up
+
+
+@dataclass(frozen=True)
+class Fastest:
+    """The fastest small vibration about the start.
+
+    ``frequency`` [Hz]; ``amplitude`` at which forces and speeds at the start set it going, relative to one radian or the
+    mechanism's size, and as a ``swing`` of the coordinate that moves most, in words; ``damping`` ratio; ``load``: the spring that
+    has the largest share in it, by name, and its ``stiffness`` in words.
+    """
+
+    frequency: float
+    amplitude: float
+    swing: str
+    damping: float
+    load: str
+    stiffness: str
+
+    def periods(self, duration: float) -> float:
+        """How many periods a run has to follow until its end or until they have died away."""
+        return self.frequency * min(duration, DECAYED / max(TURN * self.frequency * self.damping, 1e-300))
+
+    def steps_over(self, duration: float, tolerance: float) -> bool:
+        """Whether a run does well not to follow it, because nothing of it is seen, or because it has soon died away."""
+        turns = self.frequency * duration
+        return turns >= TOLD and (self.amplitude <= tolerance or self.periods(duration) < 0.1 * turns)
+
+    @property
+    def stepped_over(self) -> str:
+        """What is said of a run that does without it."""
+        return (
+            f"a vibration of {self.frequency:.4g} Hz with an amplitude of {self.swing}, of spring '{self.load}' with "
+            f"{self.stiffness}, is not followed: accelerations and forces are those without it"
+        )
+
+    def words(self, duration: float) -> str:
+        """What a run has before it."""
+        return (
+            f"{self.frequency:.4g} Hz is the fastest vibration, of spring '{self.load}' with {self.stiffness}: "
+            f"{self.periods(duration):,.0f} periods in {duration:.6g} s"
+        )
+
+
+def fastest_vibration(compiled: Compiled, q: Array, v: Array) -> Fastest | None:
+    """The fastest vibration of a mechanism at q, v (f,), drives and time at their start; None where no spring makes it vibrate."""
+    springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
+    if not springs or not len(q):
+        return None
+    scale, f = scale_of(compiled), len(q)
+    shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
+    places = np.vstack([q[None], q + STEP * scale * shifts])
+    motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))
+    units = tangents(motion, free_of(compiled))
+    at_rest = reduced_equations(motion, units)
+    effects = {e.name: e for e in effects_of(compiled.mechanism)}
+    parts = []
+    for spring in springs:
+        wrenches = effects[spring.name].wrenches(motion)
+        parts.append(np.stack([sum(power_of(unit, w) for w in wrenches) * np.ones(len(places)) for unit in units], axis=1))
+    forces = np.stack([*parts, at_rest.force - at_rest.bias])
+    by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
+    inertia, both = at_rest.inertia[0], scale[:, None] * scale
+    if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
+        return None
+    squares, shapes = scipy.linalg.eigh(stiffness[-1] * both, inertia * both)
+    if not squares[-1] > 0.0:
+        return None
+    omega, shape = float(np.sqrt(squares[-1])), scale * shapes[:, -1]
+    shares = np.einsum("j,cjk,k->c", shape, stiffness[:-1], shape)
+    spring = springs[int(np.argmax(shares))]
+    if not shares.max() > 0.5 * squares[-1]:
+        return None  # weights, or springs that hold each other
+    rates = SLOW * omega * np.array([shape, -shape])
+    passing = motion_at(compiled, np.repeat(q[None], 2, axis=0), rates, np.zeros(2))
+    braking = reduced_equations(passing, tangents(passing, free_of(compiled)))
+    brake = -float(shape @ (braking.force[0] - braking.force[1])) / (2.0 * SLOW * omega)
+    modal = np.hypot(float(shape @ forces[-1, 0]) / omega**2, float(shape @ inertia @ v) / omega)
+    most = int(np.argmax(np.abs(shapes[:, -1])))
+    amplitude = float(modal * np.abs(shapes[most, -1]))
+    rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].pair)
+    swing = as_coordinate(amplitude * scale[most], rotary=rotary, digits=2)
+    return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, _stiffness(spring))
+
+
+def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
+    """A stiffness as a part of a text; of a bushing all three."""
+    if isinstance(spring, Bushing):
+        x, y, angle = spring.stiffness
+        return f"{as_quantity(x, 'stiffness')}, {as_quantity(y, 'stiffness')} and {as_quantity(angle, 'torsional stiffness')}"
+    return as_quantity(spring.stiffness, "torsional stiffness" if isinstance(spring, TorsionSpring) else "stiffness")
+
+
+def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:
+    """What to tell before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
+    where nobody would wait for it."""
+    periods = fastest.periods(duration)
+    if periods < TOLD:
+        return None
+    words = fastest.words(duration)
+    if periods <= MOST_TURNS:
+        return Text(f"{words}; following them takes a while.")
+    remedy = f"Take a softer spring or a rigid link instead, or run at most {MOST_TURNS / fastest.frequency:.3g} s"
+    if 1e-15 < fastest.amplitude < 0.02:
+        larger = float(f"{2.0 * max(fastest.amplitude, tolerance):.1e}")
+        remedy += f'; with tolerance = {larger:g} and method = "radau" it is stepped over: its amplitude is {fastest.swing}'
+    raise MechanismError(
+        Fault(f"loads.{fastest.load}.stiffness", f"{words}; motions are followed over {MOST_TURNS:,} at most.", f"{remedy}.")
+    )

@@ -1,0 +1,232 @@
+"""Small vibrations about an equilibrium: the equations of motion M d'' + C d' + K d = 0 of small displacements d of the free
+coordinates, their natural frequencies, damping ratios and modes.
+
+M is the reduced inertia, K = -dQ/dq and C = -dQ/dq' of the reduced force Q at rest (inertia forces are of the second order in the
+rates and give nothing to either). Modes solve K phi = w^2 M phi with phi' M phi = 1 (Rayleigh; any text on vibrations, such as
+Meirovitch, Fundamentals of Vibrations, chapter 7); with damping, eigenvalues are those of the state matrix in modal coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from mechcore.dynamics.equations.reduced import reduce
+from mechcore.dynamics.events import Stop
+from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest, scale_of
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.motion.solve import Compiled
+from mechcore.spec.loads import Servo
+from mechcore.spec.mechanism import Mechanism, braked
+
+Array = NDArray[np.float64]
+NEUTRAL = 1e-9  # of the largest stiffness: below this a mode has none
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode of vibration.
+
+    ``shape`` (f,): displacements of the free coordinates [rad or m, per sqrt(kg) m], phi' M phi = 1, the first of its largest parts
+    positive; ``square``: square of the undamped natural angular frequency [1/s^2], negative where the stiffness is;
+    ``eigenvalues``: the two exponents [1/s] of the damped motion that belong to it.
+    """
+
+    shape: Array
+    square: float
+    eigenvalues: tuple[complex, complex]
+
+    @property
+    def kind(self) -> str:
+        """ "vibration", "neutral" (no stiffness: it stays where it is put) or "unstable" (negative stiffness)."""
+        return "vibration" if self.square > 0 else "unstable" if self.square < 0 else "neutral"
+
+    @property
+    def frequency(self) -> float:
+        """Undamped natural frequency [Hz]; 0 of a neutral mode, NaN of an unstable one."""
+        return float(np.sqrt(self.square)) / TURN if self.square >= 0 else float("nan")
+
+    @property
+    def damped_frequency(self) -> float:
+        """Frequency of the damped motion [Hz]; 0 where it creeps back without vibrating."""
+        return abs(self.eigenvalues[0].imag) / TURN
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping over critical damping: -(s1 + s2) / (2 sqrt(s1 s2)); above 1 it creeps; NaN without stiffness."""
+        a, b = self.eigenvalues
+        product = (a * b).real
+        return -(a + b).real / (2.0 * float(np.sqrt(product))) if self.square > 0 and product > 0 else float("nan")
+
+    @property
+    def growth(self) -> float:
+        """Rate of growth [1/s] of what grows fastest in it: negative where it dies away."""
+        return max(e.real for e in self.eigenvalues)
+
+
+@dataclass(frozen=True, eq=False)
+class Vibrations:
+    """Small vibrations of a mechanism about an equilibrium.
+
+    ``inertia`` M, ``damping`` C, ``stiffness`` K (f, f) in the free coordinates; ``modes`` in the order of their frequencies,
+    unstable and neutral ones first; ``notes`` say what was left out or held.
+    """
+
+    equilibrium: Equilibrium
+    inertia: Array
+    damping: Array
+    stiffness: Array
+    modes: tuple[Mode, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        return self.equilibrium.pairs
+
+    @property
+    def shapes(self) -> Array:
+        """The modes' shapes as columns (f, f): shapes' M shapes = 1."""
+        return np.column_stack([m.shape for m in self.modes])
+
+    @property
+    def stability(self) -> str:
+        """ "stable", "neutral" or "unstable": what becomes of a small disturbance."""
+        fastest = max(float(np.sqrt(abs(m.square))) for m in self.modes) or 1.0
+        if any(m.square < 0 or m.growth > 1e-7 * fastest for m in self.modes):
+            return "unstable"
+        return "neutral" if any(m.square == 0 for m in self.modes) else "stable"
+
+    def free_motion(self, displacement: Array, speed: Array, t: Array) -> Array:
+        """Displacements (n, f) from the equilibrium at times (n,) [s], after a start with a small ``displacement`` and ``speed``
+        (f,): the exact solution of the linear equations."""
+        f = len(self.inertia)
+        a = np.zeros((2 * f, 2 * f))
+        a[:f, f:] = np.eye(f)
+        a[f:, :f] = -np.linalg.solve(self.inertia, self.stiffness)
+        a[f:, f:] = -np.linalg.solve(self.inertia, self.damping)
+        start = np.concatenate([displacement, speed])
+        return np.array([(scipy.linalg.expm(a * x) @ start)[:f] for x in np.asarray(t, float)])
+
+
+def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[Stop] = ()) -> Vibrations:
+    """Small vibrations about the equilibrium that is reached from the start of the free coordinates.
+
+    ``seek``, ``stops``: as of `find_equilibrium`. Prescribed drives and the time of loads stand still at their start, dry friction
+    is left out; the notes say so. Raises `MechanismError` where there is no equilibrium, or a coordinate moves no mass.
+    """
+    found = find_equilibrium(mechanism, seek=seek, stops=stops)
+    compiled, q = found.compiled, found.position
+    if "inertia" not in compiled.mechanism.effects:
+        raise MechanismError(Fault("effects", "vibrations need masses, and inertia is not named.", 'Add "inertia" to effects.'))
+    inertia = reduce(compiled, q[None], np.zeros((1, len(q))), np.zeros(1)).inertia[0]
+    scale = scale_of(compiled)
+    weighed = np.linalg.eigvalsh(inertia * scale[:, None] * scale)
+    if not weighed[0] > 1e-14 * weighed[-1]:
+        raise MechanismError(
+            Fault(
+                "links",
+                "a free coordinate moves no mass: it has no frequency.",
+                "Give a mass or inertia to the links that it moves.",
+            )
+        )
+    damping = _damping(compiled, q)
+    stiffness = found.stiffness
+    skew = float(np.abs(stiffness - stiffness.T).max() / (np.abs(stiffness).max() or 1.0))
+    notes = _notes(compiled)
+    if skew <= 1e-8:
+        stiffness = 0.5 * (stiffness + stiffness.T)
+    else:
+        notes.append(
+            f"some forces have no potential (the stiffness is {skew:.2g} away from symmetric): modes are those of its symmetric "
+            "part, eigenvalues those of the whole"
+        )
+    return Vibrations(found, inertia, damping, stiffness, _modes(inertia, damping, stiffness, scale), tuple(notes))
+
+
+def _damping(compiled: Compiled, q: Array) -> Array:
+    """C = -dQ/dq' at rest (f, f): central differences, extrapolated to no step at all (a force like v |v| has a slope of zero).
+
+    Raises `MechanismError` where a force jumps as the motion turns round.
+    """
+    scale, f = scale_of(compiled), len(q)
+    steps = STEP * 0.5 ** np.arange(3)
+    rates = np.concatenate([sign * h * np.diag(scale) for h in steps for sign in (1.0, -1.0)])
+    force = force_at_rest(compiled, np.tile(q, (len(rates), 1)), rates, only="velocities").reshape(3, 2, f, f)
+    c = -(force[:, 0] - force[:, 1]) / (2.0 * steps[:, None, None] * scale[:, None])
+    if np.abs(c[2]).max() > 2.0 * np.abs(c[0]).max() and np.abs(c[2]).max() * steps[2] > 1e-9 * np.abs(force).max():
+        raise MechanismError(
+            Fault(
+                "loads", "a force jumps as the motion turns round: nothing is linear there.", "Leave that load out, or smooth it."
+            )
+        )
+    once = 2.0 * c[1:] - c[:-1]
+    return np.asarray((4.0 * once[1] - once[0]) / 3.0).T
+
+
+def _notes(compiled: Compiled) -> list[str]:
+    mechanism = compiled.mechanism
+    notes = []
+    rubbing = braked(mechanism.pairs) if "friction" in mechanism.effects else ()
+    if rubbing:
+        notes.append(f"dry friction is left out (it holds around the equilibrium, nothing there is linear): {', '.join(rubbing)}")
+    held = [d.pair for d in mechanism.drives if not isinstance(d.law, Free)]
+    if held:
+        notes.append(f"prescribed drives stand still at their start: {', '.join(held)}")
+    timed = [load.name for load in mechanism.loads if getattr(getattr(load, "factor", None), "of", None) == "time"]
+    if timed:
+        notes.append(f"loads that change with time are taken as they are at the start: {', '.join(timed)}")
+    servos = [load.name for load in mechanism.loads if isinstance(load, Servo)]
+    if servos:
+        notes.append(f"servos lead to where they do at the start, and integrate nothing: {', '.join(servos)}")
+    return notes
+
+
+def _modes(inertia: Array, damping: Array, stiffness: Array, scale: Array) -> tuple[Mode, ...]:
+    both = scale[:, None] * scale
+    symmetric = 0.5 * (stiffness + stiffness.T)
+    squares, shapes = scipy.linalg.eigh(symmetric * both, inertia * both)
+    squares = np.where(np.abs(squares) <= NEUTRAL * np.abs(squares).max(initial=0.0), 0.0, squares)
+    largest = np.argmax(np.abs(shapes) > 0.999 * np.abs(shapes).max(axis=0), axis=0)  # the first of equal ones
+    shapes = shapes * np.sign(shapes[largest, np.arange(len(squares))])
+    shapes = shapes * scale[:, None]
+    k = np.diag(squares) + shapes.T @ (stiffness - symmetric) @ shapes
+    pairs = _eigenvalues(k, shapes.T @ damping @ shapes)
+    return tuple(Mode(shapes[:, i], float(squares[i]), pairs[i]) for i in range(len(squares)))
+
+
+def _eigenvalues(k: Array, c: Array) -> list[tuple[complex, complex]]:
+    """Two exponents for each mode, from x'' + c x' + k x = 0 in modal coordinates: what moves mostly in a mode belongs to it."""
+    f = len(k)
+    if not np.any(k - np.diag(np.diag(k))) and np.abs(c - np.diag(np.diag(c))).max() <= 1e-11 * np.abs(c).max():
+        return [_roots(c[i, i], k[i, i]) for i in range(f)]
+    values, vectors = np.linalg.eig(np.block([[np.zeros((f, f)), np.eye(f)], [-k, -c]]))
+    share = np.abs(vectors[:f]) ** 2
+    share = share / np.maximum(share.sum(axis=0), 1e-300)
+    vibrating = np.flatnonzero(values.imag > 0)
+    creeping = np.flatnonzero(values.imag == 0)
+    out: list[list[complex]] = [[] for _ in range(f)]
+    for row, col in zip(*linear_sum_assignment(-share[:, vibrating].T), strict=True):
+        value = complex(values[vibrating[row]])
+        out[col] = [value, value.conjugate()]
+    rest = [i for i in range(f) if not out[i] for _ in range(2)]
+    if rest:
+        for row, col in zip(*linear_sum_assignment(-share[rest][:, creeping]), strict=True):
+            out[rest[row]].append(complex(values[creeping[col]]))
+    return [(a, b) for a, b in out]
+
+
+def _roots(c: float, k: float) -> tuple[complex, complex]:
+    """The two roots of s^2 + c s + k, the smaller real one without cancellation."""
+    inner = 0.25 * c * c - k
+    if inner < 0.0:
+        root = complex(-0.5 * c, float(np.sqrt(-inner)))
+        return root, root.conjugate()
+    far = -0.5 * c - float(np.copysign(np.sqrt(inner), c))
+    return complex(far), complex(k / far if far else 0.0)

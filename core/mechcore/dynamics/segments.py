@@ -1,0 +1,120 @@
+"""Segments of a motion in each of which one system of equations holds, and the reactions in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.dynamics.contact.dry_friction import DrySystem, forces_with
+from mechcore.dynamics.equations.chart import Chart, jacobian_of
+from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.energy import EnergyMotion
+from mechcore.dynamics.equations.reduced import free_of, motion_at, tangents
+from mechcore.dynamics.events import Stop
+from mechcore.dynamics.integration.parallel_shooting import Known
+from mechcore.dynamics.integration.windows import Solution
+from mechcore.effects.base import pair_wrench, sum_up
+from mechcore.forces.kinetostatics import Forces, solve_forces, transmit
+from mechcore.laws.timed import Free
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled
+
+Array = NDArray[np.float64]
+STOP = "stop"  # kind and cause of what an end stop holds
+
+
+def stop_name(stop: Stop) -> str:
+    """Name of an end stop among the loads."""
+    return f"stop {stop.name}"
+
+
+def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Sequence[Stop]) -> Forces:
+    """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
+
+    ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's pair; nothing is
+    left for the free coordinates to do.
+    """
+    rubs = isinstance(system, DrySystem)
+    forces = forces_with(motion, system, q, v) if rubs else solve_forces(motion)
+    if not resting:
+        return forces
+    free = [i for i, d in enumerate(motion.mechanism.drives) if isinstance(d.law, Free)]
+    rows, _ = jacobian_of(motion, tangents(motion, free), [stop.pair for stop in resting])
+    efforts = np.stack([forces.effort(motion.mechanism.drives[i].pair) for i in free], axis=1)
+    inner = rows @ rows.swapaxes(1, 2)
+    found = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
+    held = [
+        pair_wrench(motion, stop.pair, effort, name=stop_name(stop), kind=STOP, cause=STOP)
+        for stop, effort in zip(resting, found.T, strict=True)
+    ]
+    if rubs:
+        return forces_with(motion, system, q, v, held)
+    applied = (*forces.applied, *held)
+    loads = sum_up(list(applied), len(motion.model.links))
+    return Forces(motion, applied, *transmit(motion, *loads)[:2], forces.friction)
+
+
+Array = NDArray[np.float64]
+SAMPLES = 257  # of a piece, by which its way is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of the motion on which the same system holds: ``way(t)`` gives q, v, a (n, f) in the chart of ``compiled``."""
+
+    start: float
+    end: float
+    compiled: Compiled
+    way: Any
+    system: Any
+    resting: tuple[Stop, ...] = ()  # stops that something rests on
+    lifted: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
+        q, v, a = self.way(t)
+        return q, v, a if isinstance(self.way, EnergyMotion) else self.system(q, v, t)
+
+    def motion(self, t: Array) -> Motion:
+        """The mechanism's motion at times (n,) within the piece; accelerations not from a table, so that links are in balance to
+        the last digits."""
+        q, v, _ = self.way(t)
+        system = Chart(self.compiled) if isinstance(self.system, Curve) else self.system
+        return motion_at(self.compiled, q, v, t, system(q, v, t))
+
+    def forces(self, t: Array, motion: Motion) -> Forces:
+        """All reactions of the piece's motion at times (n,)."""
+        q, v, _ = self.way(t)
+        return piece_forces(motion, self.system, q, v, self.resting)
+
+    @property
+    def leading(self) -> list[str]:
+        """Pairs whose coordinates lead."""
+        return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
+
+    def known(self, scale: Array) -> Known:
+        """What it says to one who looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
+        if isinstance(self.way, Solution):
+            windows = self.way.windows
+            borders = np.array([*(w.start for w in windows), self.way.end])
+            return Known(borders, np.array([w.cut for w in windows]), lambda t: self.way(t)[2])
+        t = np.linspace(self.start, self.end, SAMPLES)
+        far = float((np.abs(self.way(t)[1]).mean(axis=0) / scale).max()) * (self.end - self.start)
+        borders = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
+        return Known(borders, np.zeros(len(borders) - 1, bool), lambda t: self.way(t)[2])
+
+    def goes_on(self, later: Piece) -> bool:
+        """Whether a later stretch is more of the same: windows of one integration."""
+        if not (isinstance(self.way, Solution) and isinstance(later.way, Solution)):
+            return False
+        same = self.system is later.system and (self.resting, self.lifted) == (later.resting, later.lifted)
+        return same and self.end == later.start
+
+    def with_windows(self, later: Sequence[Piece]) -> Piece:
+        """This stretch and those in which it goes on."""
+        windows = [w for piece in (self, *later) for w in piece.way.windows] if later else []
+        return replace(self, end=later[-1].end, way=Solution(windows)) if later else self

@@ -1,0 +1,280 @@
+"""What happens to the cams of a mechanism over a run: contact lost and regained, infinite jerk, pressure angles beyond a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.cams.followers import Flat
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.forces.crossings import crossing
+from mechcore.forces.kinetostatics import Forces
+from mechcore.laws.factors import jumps
+from mechcore.motion.events import Event, at_drive, runs
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import CamDrawn, CamPair, CamRating, Revolute
+from mechcore.texts import as_angle, as_coordinate, as_force, as_length
+
+Real = NDArray[np.float64]
+
+NOISE = 1e-9  # pull below this part of the largest force is rounding
+
+
+AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
+
+
+def placed_cams(motion: Motion) -> list[AnyCam]:
+    """The cams of a mechanism, in the order of its pairs."""
+    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
+
+
+def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
+    """What the mechanism says of a cam."""
+    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
+
+
+def contact_force(forces: Forces, cam: AnyCam) -> Real:
+    """Force along the common normal (F) [N], positive where the cam presses on the follower."""
+    reaction = forces.pressed(cam.name)
+    return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
+
+
+def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
+    """Events of all cams of a run, in order of time."""
+    found: list[Event] = []
+    for cam in placed_cams(motion):
+        if not motion.frames:
+            continue
+        found += _shocks(motion, cam)
+        found += _leaps(motion, cam)
+        found += _beyond(motion, cam)
+        found += limit_events(motion, cam)
+        if forces is not None and not cam.form:
+            found += _lost(forces, cam)
+        pair = pair_of(motion, cam)
+        if forces is not None and pair.rating is not None:
+            found += _rated(forces, cam, pair.rating)
+        if pair.drawn is not None:
+            found.append(_drawn(motion, cam, pair.drawn))
+    return sorted(found, key=lambda e: e.time)
+
+
+def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
+    """Hertz pressure beyond its limit, and contact force below its margin."""
+    from mechcore.forces.cam_rating import contact_stress
+
+    motion = forces.motion
+    x = _arguments(motion, cam)
+    if rating.width is not None and rating.limit is not None:
+        pressure = contact_stress(forces, cam, rating).pressure
+        for first, last in runs(pressure > rating.limit):
+            k = first + int(np.argmax(pressure[first : last + 1]))
+            words = f"{1e-6 * pressure[k]:.4g} MPa" if np.isfinite(pressure[k]) else "infinity: an edge touches"
+            remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
+            text = (
+                f"Hertz pressure up to {words} (limit {1e-6 * rating.limit:.4g} MPa) from {_where(cam, x[first])} to "
+                f"{_where(cam, x[last])}, the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
+    if rating.margin is not None and not cam.form:
+        force = contact_force(forces, cam)
+        for first, last in runs(force < rating.margin):
+            if force[first : last + 1].min() < 0.0:
+                continue  # contact is lost, which is told anyway
+            k = first + int(np.argmin(force[first : last + 1]))
+            text = (
+                f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) from {_where(cam, x[first])} "
+                f"to {_where(cam, x[last])}, the least at {_where(cam, x[k])}"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(force[k]))
+
+
+def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
+    """How far off the graphical method is."""
+    from mechcore.forces.cam_rating import drawn_lift
+
+    s, v, a = 100.0 * drawn_lift(cam, drawn).largest
+    text = (
+        f"drawn every {as_angle(drawn.step, 4)} and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "
+        f"velocity by {v:.3g} %, the acceleration by {a:.3g} % of their largest values"
+    )
+    return Event(float(motion.time[0]), "INFO", cam.name, text)
+
+
+def _where(cam: AnyCam, argument: float) -> str:
+    """A place of the law in words."""
+    rotary = cam.bed is None
+    return f"{as_coordinate(argument % (2.0 * np.pi) if rotary else argument, rotary=rotary, digits=4)} of the cam"
+
+
+def _at(motion: Motion, values: Real, t: float) -> float:
+    return float(np.interp(t, motion.time, values))
+
+
+def _arguments(motion: Motion, cam: AnyCam) -> Real:
+    x = cam.argument(motion)
+    return x if cam.bed is not None else np.unwrap(x)
+
+
+def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
+    """Where a follower that is only pressed on its cam would have to be pulled."""
+    motion = forces.motion
+    n, time = contact_force(forces, cam), forces.motion.time
+    largest = float(np.nanmax(np.abs(n), initial=0.0))
+    x = _arguments(motion, cam)
+    for first, last in runs(n < -NOISE * largest):
+        least = float(np.nanmin(n[first : last + 1]))
+        for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
+            if not 0 <= other < len(time):
+                if what == "regained":
+                    continue  # the run ends before
+                t = float(time[k])
+            else:
+                ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
+                t = crossing(forces, lambda f: contact_force(f, cam), *ends)
+            where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
+            if what == "lost":
+                text = (
+                    f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {as_force(-least, 4)}. "
+                    f"Press harder by {as_force(_lacking(forces, cam, first, last), 4)} along the follower's path, or turn slower"
+                )
+                yield Event(t, "WARN", cam.name, text, least)
+            else:
+                yield Event(t, "INFO", cam.name, f"contact regained {where}")
+
+
+def _turning(motion: Motion, t: float) -> str:
+    """How fast the first drive turns, in words; empty where it slides."""
+    drives = motion.mechanism.drives
+    if not drives or not any(p.name == drives[0].pair and isinstance(p, Revolute) for p in motion.mechanism.pairs):
+        return ""
+    return f" at {abs(_at(motion, motion.coordinate(drives[0].pair)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
+
+
+def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
+    """The force along the follower's motion [N] that would just keep it on its cam over some frames."""
+    part = slice(first, last + 1)
+    return float(np.nanmax(-contact_force(forces, cam)[part] * np.cos(cam.rows(forces.motion).pressure_angle[part])))
+
+
+def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
+    """Steps of the law's velocity and acceleration, each time the cam comes by."""
+    law = cam.cam.law
+    steps = jumps(law, (1, 2), ends=law.repeats)
+    if not steps:
+        return
+    leaps = [b.angle for b in cam.bridges]
+    told: list[float] = []
+    for step in sorted(steps, key=lambda s: s.order):
+        if any(abs(step.angle - a) < 1e-9 * law.length for a in (*told, *leaps)):
+            continue  # where the velocity jumps, the rest is no news
+        told.append(step.angle)
+        what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
+        for t in _passes(motion, cam, step.angle):
+            text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
+            yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
+
+
+def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
+    """Times at which the law's argument passes a place of the law."""
+    law = cam.cam.law
+    x = _arguments(motion, cam) * cam.ahead
+    if not np.isfinite(x).all():
+        return []
+    times: list[float] = []
+    laps = range(int(np.floor((x.min() - place) / law.length)), int(np.ceil((x.max() - place) / law.length)) + 1)
+    for lap in laps if law.repeats else (0,):
+        gap = x - (place + lap * law.length)
+        hits = np.flatnonzero((gap[:-1] < 0.0) & (gap[1:] >= 0.0) | (gap[:-1] > 0.0) & (gap[1:] <= 0.0))
+        for k in hits:
+            share = gap[k] / (gap[k] - gap[k + 1])
+            times.append(float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k])))
+    return times
+
+
+def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
+    """Where the contact leaves a given profile and lands elsewhere on it, and what the cutter took away of an intended one."""
+    if not isinstance(cam, PlacedCam):
+        return
+    for bridge in cam.bridges:
+        before, after = bridge.velocity
+        knock = ": the velocity jumps, a knock" if bridge.shock else ""
+        point = cam.contour(np.array([bridge.leaves, bridge.lands]))[0]
+        way = abs(point[1] - point[0])
+        what = (
+            "the contact passes a corner"
+            if way < 1e-6 * cam.contour.size
+            else f"the contact leaps {as_length(way, 4)} over a hollow"
+        )
+        for t in _passes(motion, cam, bridge.angle):
+            text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"
+            yield Event(t, "WARN" if bridge.shock else "INFO", cam.name, text, after - before)
+    for first, last, at, miss in lost_ranges(cam):
+        size = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+        for t in _passes(motion, cam, first):
+            text = (
+                f"undercut from {_where(cam, first)} to {_where(cam, last)}: the cutter takes away what the law asks for, and the "
+                f"follower misses it by up to {size} (at {_where(cam, at)})"
+            )
+            yield Event(t, "WARN", cam.name, text, miss)
+
+
+def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
+    """Where a drive goes past the ends of a law that does not repeat, of a wedge or an inverse cam: once on either side."""
+    law = cam.cam.law
+    if law.repeats:
+        return
+    low, high = sorted(float(k) * cam.ahead + 0.0 for k in law.knots[[1, -2]])  # between the level pieces that were added
+    x = _arguments(motion, cam)
+    for far in (low - x, x - high):
+        out = np.flatnonzero(far > 1e-9 * (high - low))
+        if not len(out):
+            continue
+        k = int(out[np.argmax(far[out])])
+        ends = f"its law, which goes from {_where(cam, low)} to {_where(cam, high)}"
+        if cam.bed is None and far[k] > np.pi - 0.5 * (high - low):
+            text = f"the crank turns round: it leaves {ends}, and its slot, where nothing leads the follower. Let it swing"
+            yield Event(float(motion.time[out[0]]), "WARN", cam.name, text, float(x[k]))
+            return
+        text = f"beyond {ends}, as far as {_where(cam, x[k])}: the follower rests there"
+        yield Event(float(motion.time[out[0]]), "INFO", cam.name, text, float(x[k]))
+
+
+def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
+    """Ranges of the law that the cutter takes away: from, to, where the follower misses the law most, and by how much there."""
+    found = []
+    for first, last in cam.lost if cam.intended is not None else ():
+        grid = np.linspace(first, last, 181)
+        miss = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
+        k = int(np.argmax(np.abs(miss)))
+        found.append((first, last, float(grid[k]), float(miss[k])))
+    return found
+
+
+def limit_events(motion: Motion, cam: AnyCam, touches: NDArray[np.bool_] | None = None) -> Iterator[Event]:
+    """Pressure angles beyond the limit, and contacts beyond the ends of a flat face, where the follower ``touches`` its cam (F)."""
+    rows = cam.rows(motion)
+    on = np.ones(motion.frames, bool) if touches is None else touches
+    x = _arguments(motion, cam)
+    if cam.pressure_limit is not None:
+        size = np.abs(rows.pressure_angle)
+        for first, last in runs(on & (size > cam.pressure_limit)):
+            k = first + int(np.argmax(size[first : last + 1]))
+            text = (
+                f"pressure angle up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) from "
+                f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
+    face = cam.face
+    if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
+        for first, last in runs(on & ((rows.eccentricity < -face.left) | (rows.eccentricity > face.right))):
+            far = rows.eccentricity[first : last + 1]
+            worst = float(far[np.argmax(np.abs(far))])
+            text = (
+                f"the contact leaves the face at {_where(cam, x[first])}: it reaches {as_length(worst, 4)} from the follower's "
+                "point"
+            )
+            yield Event(float(motion.time[first]), "WARN", cam.name, text, worst)

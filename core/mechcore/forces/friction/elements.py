@@ -1,0 +1,247 @@
+"""Where friction acts: one element for each relative motion that a pair with a coefficient brakes.
+
+An element puts ``lambda`` times a unit wrench on the second link of its pair and the opposite on the first, with
+``lambda = -sign(rate) factor * g``, where ``rate`` is the relative speed that does work on the wrench and ``g`` the normal load:
+the length, or the larger component, of two numbers that are linear in what the pair transmits.
+
+Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r / sqrt(1 + mu^2) |R| (friction circle).
+Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
+its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
+count, whatever the pressure between them; beyond that they press on opposite sides.
+Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags. Where a roller rolls and is
+also pushed along its axis, as on cams about an axis in the plane, the whole friction at the flank is mu |N| against the whole
+sliding; what the pin drags is its part across the axis, so that along it there is mu sqrt(1 - r^2 / R^2) |N|.
+Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.kinematics.dyads import cross
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import (
+    CamPair,
+    Cylinder,
+    Friction,
+    Pair,
+    PinSlot,
+    Prismatic,
+    Revolute,
+    Rolling,
+    friction_of,
+)
+
+Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
+
+
+Array = Any
+Real = NDArray[np.float64]
+
+STILL = 1e-9
+"""Relative speeds below this part of the pair's largest are rest: friction is undetermined there and counted as zero."""
+NOISE = 1e-12  # the same of the largest speed of the whole mechanism: pairs that never move
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One braked relative motion. ``rate`` (F,) and its ``sign`` (F,), 0 at rest."""
+
+    pair: str
+    what: Literal["turn", "slide"]
+    kind: Kind  # how the normal load follows from what the pair transmits
+    friction: Friction
+    factor: Any  # moment or force per normal load [m or 1] where it slides, a number or (F,)
+    limit: Any  # the same up to which it sticks
+    coefficient: Any  # of sliding, a number or (F,)
+    links: tuple[int, int]  # first and second
+    joint: int  # -1 for a relation
+    along: Array  # of a slide: unit vector of the force on the second link for lambda = 1
+    rate: Real
+    sign: Real
+    place: Array = None  # of a cam: where they touch
+    twist: Array = None  # of a cam about an axis in the plane: couple on it per unit, the opposite on its carrier [m]
+    carrier: int = -1
+    seen: Array = 1.0  # of the same: how much of the normal force the plane sees
+
+    @property
+    def unit(self) -> str:
+        return "N" if self.what == "slide" else "N m"
+
+    @property
+    def euclidean(self) -> bool:
+        """Whether the normal load is the length of its two numbers, else it is the larger of them."""
+        return self.kind in ("pin", "contact")
+
+    def load(self, motion: Motion, force: list[Array], moment: list[Array], value: Array) -> None:
+        """Add ``value`` times the unit wrench to the loads on the links (moments about their origins)."""
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            k = self.links[side]
+            if self.what == "turn":
+                moment[k] = moment[k] + sign * value
+            else:
+                f = sign * value * self.along
+                force[k] = force[k] + f
+                at = motion.joint_point(self.joint) if self.place is None else self.place
+                moment[k] = moment[k] + cross(at - motion.origins[k], f)
+        if self.twist is not None:
+            for k, couple in ((self.links[0], value * self.twist), (self.carrier, -value * self.twist)):
+                moment[k] = moment[k] + couple
+
+    def normal(
+        self, motion: Motion, transmitted: Sequence[tuple[Array, Array]], contacts: dict[str, tuple[Array, Array]], sign: Array
+    ) -> tuple[Array, Array]:
+        """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
+        if self.kind == "brake":  # its factor is the whole friction, whatever the pair transmits: see `response.system`
+            return np.ones(motion.frames), np.zeros(motion.frames)
+        if self.kind == "contact":
+            force = contacts[self.pair][1] / self.seen
+            return np.real(force), np.imag(force)
+        force, couple = transmitted[self.joint]
+        if self.kind == "pin":
+            return np.real(force), np.imag(force)
+        u = motion.guide(self.joint)
+        if self.kind == "drive":
+            return np.real(np.conj(u) * force), np.zeros(motion.frames)
+        n = np.real(np.conj(1j * u) * force)
+        f = self.friction
+        if self.kind == "normal" or not f.length:
+            return n, 0.0 * n
+        middle = motion.state.slide[self.joint] - f.offset if f.bearing == "guide" else -f.offset  # from it to the sliding point
+        c = couple + middle * n + sign * self.coefficient * 0.5 * f.height * n
+        return n, c * (2.0 / f.length)
+
+
+def elements_of(motion: Motion, flanks: Mapping[int, Array] | None = None) -> list[Element]:
+    """All elements of a mechanism, in the order of its pairs. ``flanks``: relation -> multiplier (F,) whose sign says on which of
+    its two sides a cam presses; without it all press where they push."""
+    turning = max((_peak(w) for w in motion.speeds.spin), default=0.0)
+    moving = max([turning * motion.model.size, *(_peak(v) for v in motion.speeds.slide.values())])
+    least = {"turn": NOISE * turning, "slide": NOISE * moving}
+    return [
+        _element(motion, pair, *parts, least, flanks or {}, nth)
+        for pair in motion.mechanism.pairs
+        for nth, parts in enumerate(_parts(pair))
+    ]
+
+
+def two_sided(motion: Motion) -> bool:
+    """Whether friction acts on a cam that can press on either of two sides."""
+    return any(isinstance(p, CamPair) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.pairs)
+
+
+def _parts(pair: Pair) -> list[tuple[Literal["turn", "slide"], Kind, float]]:
+    """What friction brakes in a pair, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or N]."""
+    f = friction_of(pair)
+    if f is None:
+        return []
+    found: list[Any] = []
+    if isinstance(pair, Revolute | Prismatic | Cylinder):
+        what: Literal["turn", "slide"] = "turn" if isinstance(pair, Revolute) else "slide"
+        kind = "pin" if what == "turn" else "guide" if isinstance(pair, Prismatic) else "drive"
+        arm = f.radius if what == "turn" else 1.0
+        found = [(what, kind, arm)] if f.coefficient and arm else []
+        return [*found, (what, "brake", f.brake)] if f.brake else found
+    if isinstance(pair, CamPair):
+        roller = getattr(pair.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
+        share = f.radius / roller if roller else 1.0
+        found = [("slide", "contact", share)]
+        return found if pair.spatial is None else [*found, ("slide", "contact", np.sqrt(1.0 - share * share))]
+    if isinstance(pair, PinSlot):
+        found = [("slide", "normal", 1.0), ("turn", "normal", f.radius)]
+        return found if f.radius else found[:1]
+    return [("turn", "normal" if isinstance(pair, Rolling) else "contact", f.lever)]
+
+
+def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Array) -> Array:
+    """Moment or force per normal load at a coefficient of friction."""
+    if kind == "brake" or friction.lever:
+        return arm
+    return arm * (coefficient / np.sqrt(1.0 + coefficient * coefficient) if friction.exact else coefficient)
+
+
+def _coefficient(friction: Friction, speed: Array) -> Array:
+    """Coefficient of friction at speeds (F,) [m/s] at which the surfaces slide."""
+    f = friction
+    if not f.stribeck:
+        return f.coefficient
+    return f.coefficient + (f.static - f.coefficient) * np.exp(-((speed / f.stribeck) ** 2))
+
+
+def _element(
+    motion: Motion, pair: Pair, what: Any, kind: Any, arm: float, least: dict[str, float], flanks: Mapping[int, Array], nth: int
+) -> Element:
+    model = motion.model
+    friction = friction_of(pair)
+    assert friction is not None
+    j = model.joint_index.get(pair.name, -1)
+    first, second = (model.index[k] for k in (pair.links if j < 0 else model.joints[j].links))  # of a cylinder: barrel and rod
+    if isinstance(pair, CamPair):
+        return _of_cam(motion, pair, friction, arm, (first, second), least["slide"], flanks, nth)
+    rate = relative_rate(motion, motion.speeds, what, j, (first, second))
+    along = 0j if what == "turn" else motion.guide(j) * (1.0 if model.joints[j].guide == 0 else -1.0)
+    mu = _coefficient(friction, rate * friction.radius if what == "turn" else rate)
+    factor, limit = (_factor(friction, kind, arm, c) for c in (mu, max(friction.static, friction.coefficient)))
+    sign = _sign(rate, least[what])
+    return Element(pair.name, what, kind, friction, factor, limit, mu, (first, second), j, along, rate, sign)
+
+
+def _of_cam(
+    motion: Motion,
+    pair: CamPair,
+    friction: Friction,
+    arm: float,
+    links: tuple[int, int],
+    least: float,
+    flanks: Mapping[int, Array],
+    nth: int,
+) -> Element:
+    """Sliding of the follower on its cam: along the common tangent at the contact, at the difference of both surfaces' speeds.
+
+    A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
+    """
+    index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == pair.name)
+    geometry, flank = relation.geometry, flanks.get(index, np.ones(motion.frames))
+    mu = friction.coefficient
+    factor: Any = mu * arm
+    if relation.bearing is not None:
+        *rubbing, seen = geometry.rubbing(motion, flank)
+        r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
+        sign = _sign(r.rate, least)
+        return Element(
+            pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, r.along, r.rate, sign, r.place, r.twist,
+            carrier, seen,
+        )  # fmt: skip
+    if pair.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
+        factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
+    place, direction = geometry.contact(motion, flank)
+    with np.errstate(invalid="ignore"):
+        along = 1j * direction / np.abs(direction)
+    spin = motion.model.angles.spin
+    speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
+    rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
+    sign = _sign(rate, least)
+    return Element(pair.name, "slide", "contact", friction, factor, factor, mu, links, -1, along, rate, sign, place)
+
+
+def _sign(rate: Real, least: float) -> Real:
+    return np.where(np.abs(rate) <= max(STILL * _peak(rate), least), 0.0, np.sign(rate))
+
+
+def relative_rate(motion: Motion, rates: Any, what: str, j: int, links: tuple[int, int]) -> Real:
+    """Rate (F,) that does work on an element's unit wrench; ``rates`` are the motion's speeds or accelerations."""
+    if what == "turn":
+        spin = motion.model.angles.spin
+        value = rates.spin[spin[links[1]]] - rates.spin[spin[links[0]]]
+    else:
+        value = rates.slide[j]
+    return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
+
+
+def _peak(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))

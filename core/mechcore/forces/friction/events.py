@@ -1,0 +1,209 @@
+"""When friction changes: its sign, jams with their edges found between frames, self-locking, and what it costs over a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.forces.friction.elements import Element, relative_rate
+from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.events import Event, at_drive, runs, turning_points
+from mechcore.motion.extremes import zeros
+from mechcore.motion.motion import Motion
+
+Real = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PARTS = 16  # into which an interval is divided at every round of the search for an edge
+ROUNDS = 7  # 16^7 = 3e8 places between two frames
+NEAR = 0.7  # stability below which a minimum between frames is looked at
+CANDIDATES = 24
+
+
+@dataclass(frozen=True)
+class Jam:
+    """A stretch of time [s] in which the drives cannot move the mechanism, and the pairs whose friction does it."""
+
+    start: float
+    end: float
+    pairs: tuple[str, ...]
+    reached: float  # smallest proportion of the coefficients with which it could still be moved
+
+
+def sign_changes(forces: Forces) -> list[tuple[float, str]]:
+    """Times [s], between frames too, at which the relative motion of a pair with friction reverses, and the pair."""
+    friction = forces.friction
+    if friction is None:
+        return []
+    motion = forces.motion
+    found = []
+    for e in friction.elements:
+        if not np.isfinite(e.rate).all() or not e.sign.any() or e.place is not None:  # the sliding of cams is known at frames only
+            continue
+
+        def rows(m: Motion, e: Element = e) -> Real:
+            """Relative speed and acceleration (F, 2)."""
+            return np.stack([relative_rate(m, of, e.what, e.joint, e.links) for of in (m.speeds, m.accelerations)], axis=-1)
+
+        times = turning_points(motion.time, np.where(e.sign == 0.0, 0.0, e.rate), rows(motion)[:, 1])
+        found += [(float(t), e.pair) for t in zeros(motion, rows, times)]
+    return sorted(set(found))
+
+
+def find_jams(forces: Forces) -> list[Jam]:
+    """All jams of a run. Their edges, and jams that begin and end between two frames, are found where laws lead the drives."""
+    friction = forces.friction
+    if friction is None:
+        return []
+    time = forces.motion.time
+    again = _again(forces)
+    near = forces.motion.accuracy.event * float(np.max(np.diff(time), initial=0.0))
+    found = []
+    for first, last in runs(friction.jammed):
+        frame = first + int(np.argmin(friction.reached[first : last + 1]))
+        start, end = float(time[first]), float(time[last])
+        if again is not None:
+            start = _edge(again, float(time[first - 1]), start, near) if first else start
+            end = _edge(again, float(time[last + 1]), end, near) if last + 1 < len(time) else end
+        found.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
+    if again is not None:
+        for jam in _hidden(again, friction, time, near):  # two low frames may lead to the same one
+            if not any(jam.start <= known.end and known.start <= jam.end for known in found):
+                found.append(jam)
+    return sorted(found, key=lambda jam: jam.start)
+
+
+def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
+    """The friction of the same motion at other times."""
+    motion_at = forces.motion.again
+    if motion_at is None:
+        return None
+
+    def at(t: Real) -> FrictionResult:
+        friction = solve_forces(motion_at(t)).friction
+        assert friction is not None
+        return friction
+
+    return at
+
+
+def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, near: float) -> float:
+    """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]."""
+    for _ in range(ROUNDS):
+        t = np.linspace(free, jammed, PARTS + 1)
+        if not np.all(np.diff(np.sort(t)) > 0.0) or abs(jammed - free) <= near:
+            break
+        state = again(np.sort(t)).jammed
+        state = state if jammed > free else state[::-1]
+        k = int(np.argmax(state)) or PARTS
+        free, jammed = float(t[k - 1]), float(t[k])
+    return jammed
+
+
+def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
+    """Jams between frames: the stability has a low minimum there, which the neighbourhood of its lowest frame is searched for."""
+    s = np.where(friction.jammed, np.nan, friction.stability)
+    with np.errstate(invalid="ignore"):
+        low = np.flatnonzero((s[1:-1] <= s[:-2]) & (s[1:-1] <= s[2:]) & (s[1:-1] < NEAR)) + 1
+    for k in sorted(low[np.argsort(s[low])][:CANDIDATES]):
+        left, right = float(time[k - 1]), float(time[k + 1])
+        for _ in range(4):
+            t = np.linspace(left, right, 4 * PARTS + 1)
+            if not np.all(np.diff(t) > 0.0):
+                break
+            fine = again(t)
+            if fine.jammed.any():
+                first, last = runs(fine.jammed)[0]
+                start = _edge(again, float(t[first - 1]), float(t[first]), near) if first else float(t[0])
+                end = _edge(again, float(t[last + 1]), float(t[last]), near) if last + 1 < len(t) else float(t[-1])
+                yield Jam(start, end, fine.jammed_by(first), float(fine.reached[first : last + 1].min()))
+                break
+            lowest = int(np.argmin(np.where(np.isfinite(fine.stability), fine.stability, np.inf)))
+            left, right = float(t[max(lowest - 1, 0)]), float(t[min(lowest + 1, len(t) - 1)])
+
+
+def friction_events(forces: Forces) -> list[Event]:
+    """Sign changes, jams, self-locking and the efficiency of a run with friction, in order of time."""
+    friction = forces.friction
+    if friction is None or not forces.motion.frames:
+        return []
+    motion, time = forces.motion, forces.motion.time
+    found = [
+        Event(t, "INFO", pair, f"friction changes its sign: the relative motion reverses, {at_drive(motion, t)}")
+        for t, pair in sign_changes(forces)
+    ]
+    for jam in find_jams(forces):
+        names = ", ".join(jam.pairs)
+        until = "to the end of the run" if jam.end >= time[-1] else f"until {jam.end:.6g} s"
+        text = (
+            f"jams {until}: friction in {names} is too strong for any drive effort, {at_drive(motion, jam.start)} to "
+            f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.reached:.4g} % of the coefficients"
+        )
+        found.append(Event(jam.start, "WARN", jam.pairs[0] if jam.pairs else "mechanism", text))
+    for first, last in runs(friction.ambiguous):
+        text = (
+            f"more than one state of friction is in equilibrium until {time[last]:.6g} s, {at_drive(motion, float(time[first]))}: "
+            "given is the one that grows out of the frictionless state"
+        )
+        found.append(Event(float(time[first]), "WARN", "mechanism", text))
+    drives = ", ".join(d.pair for d in motion.mechanism.drives) or "mechanism"
+    locked = friction.self_locking
+    for first, last in runs(locked):
+        start, end = float(time[first]), float(time[last])
+        there = at_drive(motion, end)
+        if len(motion.mechanism.drives) == 1:  # it need not be named twice
+            there = there.removeprefix(f"drive {drives} at ")
+        span = f"from {start:.6g} s to {end:.6g} s ({at_drive(motion, start)} to {there})"
+        if first == last:
+            span = f"at {start:.6g} s ({at_drive(motion, start)})"
+        whole = "over the whole run" if locked.all() else span
+        found.append(Event(start, "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
+    found += _cost(forces, friction)
+    return sorted(found, key=lambda e: e.time)
+
+
+def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
+    if friction.jammed.any() or not np.isfinite(friction.power).all():
+        return
+    mean = friction.mean_losses()
+    total = sum(mean.values())
+    if total > 0.0:
+        parts = ", ".join(f"{p} {100.0 * w / total:.3g} %" for p, w in sorted(mean.items(), key=lambda item: -item[1]))
+        text = f"efficiency of the run {friction.efficiency:.4g}; friction takes {total:.4g} W on average: {parts}"
+        yield Event(float(forces.motion.time[-1]), "INFO", "mechanism", text)
+
+
+def friction_lanes(forces: Forces) -> dict[str, list[tuple[float, str]]]:
+    """What every pair with friction does, as (time [s], state) from each change on, and the "mechanism" as a whole.
+
+    Pairs: "slips +", "slips -", "at rest", "jammed". Mechanism: "moves", "self-locking", "jammed".
+    """
+    friction = forces.friction
+    if friction is None or not forces.motion.frames:
+        return {}
+    time = forces.motion.time
+    turns: dict[str, list[float]] = {}
+    for t, pair in sign_changes(forces):
+        turns.setdefault(pair, []).append(t)
+    lanes = {p: _lane(time, friction.state(p), turns.get(p, [])) for p in friction.pairs}
+    whole = np.where(friction.jammed, "jammed", np.where(friction.self_locking, "self-locking", "moves"))
+    return {**lanes, "mechanism": _lane(time, list(whole), [])}
+
+
+def _lane(time: Real, states: list[str], turns: list[float]) -> list[tuple[float, str]]:
+    """Changes of a state; a reversal counts where it happens between frames, and a single frame of rest in it does not."""
+    n = len(states)
+    calm = [
+        states[k + 1] if 0 < k < n - 1 and states[k] == "at rest" and "at rest" not in (states[k - 1], states[k + 1]) else states[k]
+        for k in range(n)
+    ]
+    found = [(float(time[0]), calm[0])]
+    for k in range(1, n):
+        if calm[k] != calm[k - 1]:
+            between = [t for t in turns if time[k - 1] < t <= time[k]]
+            found.append((between[0] if between else float(time[k]), calm[k]))
+    return found

@@ -1,0 +1,420 @@
+"""Kinetostatics: all joint reactions and the drives' torques or forces that a given motion needs.
+
+The hand method, from the last group inwards: the contours' closing joints are cut; the forces in the cuts follow block by block
+from the transposed columns of the kinematics (virtual work of each unknown); then every link of the remaining tree is in
+equilibrium with what hangs on it, and moments about the joints that fix an angle give couples and driving torques.
+Where constraints are redundant the shortest of all solutions is taken (`leastnorm`). All of this is linear in the loads; dry
+friction, where a scene names it, is one more load that depends on the result (`mechcore.forces.friction.solve`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.effects.base import Wrench, point_of, power_of, sum_up
+from mechcore.effects.registry import potential, totals, wrenches
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.dyads import cross
+from mechcore.kinematics.statics import Hanging
+from mechcore.motion.motion import CALM, Motion
+from mechcore.motion.redundancy import least_norm
+from mechcore.numerics.frames import added, crossed, integral_so_far, lazy, minus, nothing, plus, rows_of
+from mechcore.spec.mechanism import braked
+
+if TYPE_CHECKING:
+    from mechcore.forces.friction.result import FrictionResult
+
+
+Array = Any
+Real = NDArray[np.float64]
+
+LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
+
+
+@dataclass(frozen=True, eq=False)
+class LoadResult:
+    """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world).
+
+    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point.
+    """
+
+    name: str
+    kind: str
+    cause: str
+    links: tuple[str, ...]
+    values: Real
+
+    @property
+    def link(self) -> str:
+        """The link that the stated load acts on."""
+        return self.links[0]
+
+
+class Forces:
+    """Reactions, drive efforts, loads and energies of a motion; results have a leading frame axis and go by names."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        applied: Sequence[Wrench] | Callable[[], Sequence[Wrench]],
+        transmitted: list[tuple[Array, Array]],
+        contacts: dict[str, tuple[Array, Array]],
+        friction: FrictionResult | None = None,
+    ):
+        self.motion = motion
+        self.friction = friction  # None where the scene does not name it
+        self._applied = applied
+        self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
+        self._contacts = contacts  # of each relation: place and force on its second link
+        self._shape = (motion.frames,)
+
+    @lazy
+    def applied(self) -> tuple[Wrench, ...]:
+        """All wrenches on the links but those of dry friction."""
+        return tuple(self._applied() if callable(self._applied) else self._applied)
+
+    # -- results by name ----------------------------------------------------------------------------------------------
+    def reaction(self, pair: str) -> Real:
+        """Fx, Fy [N] on the pair's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
+        rows = self._normal(pair)
+        return rows if self.friction is None else rows + self.friction.applied(pair)
+
+    def _normal(self, pair: str) -> Real:
+        """The reaction without what friction adds to it."""
+        if pair in self._contacts:
+            force: Array = self._contacts[pair][1]
+            if pair in self.motion.model.joint_index:  # rolling: the normal force passes through the wheel's centre and the contact
+                force = force + self._transmitted[self._joint(pair)][0] - self._drive(self._joint(pair))[0]
+            return self._rows(force, 0.0)
+        model = self.motion.model
+        j = model.joint_index[pair]
+        force, couple = self._transmitted[j]
+        if j not in model.driven:
+            return rows_of(self._shape, force, added(couple, self._carried(pair)) if model.relations else couple)
+        if model.joints[j].coordinate == "angle":  # the drive is all of the couple
+            return rows_of(self._shape, force, self._carried(pair) if model.relations else 0.0)
+        drive_force, drive_moment = self._drive(j)
+        return self._rows(added(force, drive_force, -1), added(couple, drive_moment, -1))
+
+    def pressed(self, pair: str) -> Real:
+        """The reaction of a pair without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
+        return self._normal(pair)
+
+    def position(self, pair: str) -> Real:
+        """Where the reaction of a pair is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
+        if pair in self._contacts:
+            return self._rows(self._contacts[pair][0], 0.0)[:, :2]
+        return self.motion.pair_position(pair)
+
+    def wrench(self, pair: str) -> Real:
+        """What a drive exerts on the pair's second link: Fx, Fy [N], moment [N m] at the pair's position (F, 3)."""
+        j = self._joint(pair)
+        force, moment = self._drive(j)
+        if pair in self._contacts:  # a driven wheel: the force acts at its centre, the pair is where it touches
+            moment = moment + cross(self.motion.joint_point(j) - self._contacts[pair][0], force)
+        return self._rows(force, moment)
+
+    def effort(self, pair: str) -> Real:
+        """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
+        return self._over_frames(self._effort(self._joint(pair)))
+
+    def power(self, pair: str) -> Real:
+        """Power that a drive puts into the mechanism (F,) [W]."""
+        return self.effort(pair) * self.motion.drives[self.motion.model.driven[self._joint(pair)]][1]
+
+    def inertia(self, link: str) -> Real:
+        """Inertia force Fx, Fy [N] and moment about the centre of mass [N m] (F, 3); zero where inertia is not asked for."""
+        k = self.motion.model.index[link]
+        for w in self.applied:
+            if w.kind == "inertia" and w.link == k:
+                return self._rows(w.force, w.moment)
+        return np.zeros((self.motion.frames, 3))
+
+    @cached_property
+    def loads(self) -> dict[str, LoadResult]:
+        """All loads but inertia, by name (gravity of a link: ``gravity/<link>``)."""
+        m = self.motion
+        return {
+            w.name: LoadResult(
+                name=w.name,
+                kind=w.kind,
+                cause=w.cause,
+                links=tuple(m.model.links[k] for k in w.links),
+                values=np.column_stack([self._rows(w.force, w.moment), m._rows(point_of(m, w))]),
+            )
+            for w in self.applied
+            if w.kind != "inertia"
+        }
+
+    # -- energy -------------------------------------------------------------------------------------------------------
+    @cached_property
+    def power_supplied(self) -> Real:
+        """Power of all drives (F,) [W]."""
+        names = [d.pair for d in self.motion.mechanism.drives]
+        return sum((self.power(p) for p in names), np.zeros(self.motion.frames))
+
+    def powers(self) -> list[tuple[Wrench, Real]]:
+        """All loads and inertia forces, each with its power (F,) [W]."""
+        return [(w, self._over_frames(power_of(self.motion, w))) for w in self.applied]
+
+    def power_of(self, kinds: Sequence[str]) -> Real:
+        """Power of the loads of some kinds (F,) [W]."""
+        return self._power(lambda w: w.kind in kinds)
+
+    def power_by_cause(self, causes: Sequence[str]) -> Real:
+        """Power of the loads and effects of some causes (F,) [W]."""
+        known = self._power(lambda w: w.cause in causes)
+        return known if self.friction is None or "dry friction" not in causes else known + self.friction.power
+
+    def _power(self, which: Callable[[Wrench], bool]) -> Real:
+        chosen = [w for w in self.applied if which(w)]
+        return self._over_frames(sum((power_of(self.motion, w) for w in chosen), 0.0)) if chosen else np.zeros(self.motion.frames)
+
+    @cached_property
+    def power_balance(self) -> Real:
+        """Power supplied plus power of all loads and inertia, relative to the largest single power of the run (F,)."""
+        total, largest = self.power_residual
+        return total / largest if largest > 0 else total
+
+    @cached_property
+    def power_residual(self) -> tuple[Real, float]:
+        """Power supplied plus power of all loads and inertia (F,) [W], and the largest single power of the run."""
+        m = self.motion
+        parts = [self.power(d.pair) for d in m.mechanism.drives]
+        parts += [self._over_frames(power_of(m, w)) for w in self.applied]
+        if self.friction is not None:
+            parts.append(self.friction.power)
+        largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
+        total = sum(parts, np.zeros(m.frames))
+        if float(np.nanmax(np.abs(total), initial=0.0)) > 1e-9 * largest:
+            # forces at right angles to the motion all the time, or on links that stand still: what is left of the powers is
+            # rounding of |F| |v| in all the joints that the forces pass through
+            pace = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in m.origin_velocities), default=0.0)
+            pace = max([pace, *(m.model.size * float(np.nanmax(np.abs(w), initial=0.0)) for w in m.speeds.spin)])
+            pushes = (float(np.nanmax(np.abs(w.force), initial=0.0)) for w in self.applied)
+            twists = (float(np.nanmax(np.abs(w.moment), initial=0.0)) / m.model.size for w in self.applied)
+            largest = max(largest, 1e-6 * pace * max([*pushes, *twists], default=0.0))
+        return total, largest
+
+    @cached_property
+    def kinetic_energy(self) -> Real:
+        """Kinetic energy of all links, where inertia is asked for (F,) [J]."""
+        m = self.motion
+        total: Array = np.zeros(m.frames)
+        for w in self.applied:
+            if w.kind == "inertia":
+                mass, centre, inertia = m.model.masses[w.link]
+                v = m.of_point(w.link, centre, 1)
+                spin = m.speeds.spin[m.model.angles.spin[w.link]]
+                total = total + 0.5 * mass * np.abs(v) ** 2 + 0.5 * inertia * spin**2
+        return total
+
+    @cached_property
+    def potential_energy(self) -> Real:
+        """Potential energy of gravity (zero at the world's origin), springs and gas springs, where there are any (F,) [J]."""
+        return self._over_frames(potential(self.motion))
+
+    @cached_property
+    def work(self) -> Real:
+        """Work done on the mechanism so far by drives and process loads (F,) [J], by Simpson's rule over the frames."""
+        return self._integral(self.power_supplied + self.power_by_cause(["process"]))
+
+    @cached_property
+    def dissipated(self) -> Real:
+        """Energy dissipated so far by dampers, media and friction (F,) [J], by Simpson's rule; NaN from where it jams."""
+        if self.friction is None and not any(w.cause in LOSSES for w in self.applied):
+            return np.zeros(self.motion.frames)
+        return self._integral(-self.power_by_cause(LOSSES))
+
+    def _integral(self, p: Real) -> Real:
+        """Integral over time so far (F,), by Simpson's rule; NaN from the first frame that is."""
+        known = len(p) if np.isfinite(p).all() else int(np.argmax(~np.isfinite(p)))
+        out = np.full(len(p), np.nan)
+        out[:known] = integral_so_far(p[:known], self.motion.time[:known])
+        return out
+
+    @cached_property
+    def energy(self) -> Real:
+        """Kinetic, potential, work done so far, dissipated so far (F, 4) [J]."""
+        return np.column_stack([self.kinetic_energy, self.potential_energy, self.work, self.dissipated])
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _carried(self, pair: str) -> Array:
+        """Couple on the second link that the bearings of a shaft in the plane carry."""
+        total: Array = 0.0
+        for relation in self.motion.model.relations:
+            if relation.bearing is not None:
+                for name, sign in relation.bearing.joints:
+                    if name == pair:
+                        total = total + sign * relation.bearing.couple(self.motion, *self._contacts[relation.name])
+        return total
+
+    def _joint(self, pair: str) -> int:
+        return self.motion.model.joint_index[pair]
+
+    def _effort(self, j: int) -> Array:
+        force, couple = self._transmitted[j]
+        joint = self.motion.model.joints[j]
+        if joint.coordinate == "angle":
+            return couple
+        # the coordinate grows where the link without the guide moves along it: the second link if the first guides
+        along = np.real(np.conj(self.motion.guide(j)) * force)
+        return along if joint.guide == 0 else -along
+
+    def _drive(self, j: int) -> tuple[Array, Array]:
+        if j not in self.motion.model.driven:
+            return 0j, 0.0
+        joint = self.motion.model.joints[j]
+        effort = self._effort(j)
+        if joint.coordinate == "angle":
+            return 0j, effort
+        return effort * self.motion.guide(j) * (1.0 if joint.guide == 0 else -1.0), 0.0
+
+    def _over_frames(self, value: Array) -> Real:
+        if isinstance(value, np.ndarray) and value.shape == self._shape:
+            return value.copy()
+        return np.ascontiguousarray(np.broadcast_to(np.asarray(value, float), self._shape))
+
+    def _rows(self, force: Array, moment: Array) -> Real:
+        return rows_of(self._shape, force, moment)
+
+
+def solve_forces(motion: Motion) -> Forces:
+    """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
+    model = motion.model
+    for effect in model.applied:
+        if effect.limited:
+            effect.check(motion)
+    if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
+        from mechcore.forces.friction.solve import solve_friction  # only where it is named
+
+        applied = wrenches(motion)
+        return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
+    with np.errstate(**CALM):  # one for all, as each costs as much as two sums
+        if model.told.accelerated:
+            motion.accelerate()
+        force, moment, formed = totals(motion)
+        return Forces(motion, formed, *_transmit(motion, force, moment)[:2])
+
+
+def transmit(
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """What joints and relations transmit under loads on the links: linear in the loads.
+
+    ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
+    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the loads ask for.
+    Returns force and couple on the second link of every joint (drive included), place and force on the second link of every
+    relation by name, and the relations' multipliers.
+    """
+    with np.errstate(**CALM):
+        return _transmit(motion, [None if nothing(f) else f for f in force], [None if nothing(m) else m for m in moment], flanks)
+
+
+def _transmit(
+    motion: Motion, force: list[Array], moment: list[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """`transmit` with None for loads that are nothing; the lists are used up."""
+    model = motion.model
+    if model.spread:
+        return least_norm(motion, [0j if f is None else f for f in force], [0.0 if m is None else m for m in moment], flanks)
+    contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
+    cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
+    for r, multiplier in ties.items():
+        relation = model.relations[r]
+        place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
+        contacts[relation.name] = (place, multiplier * direction)
+        for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+            k = model.index[link]
+            f = sign * contacts[relation.name][1]
+            force[k] = plus(force[k], f)
+            moment[k] = plus(moment[k], crossed(place - motion.origins[k], f))
+        if relation.bearing is not None:
+            couple = relation.bearing.couple(motion, *contacts[relation.name])
+            for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
+                k = model.index[link]
+                moment[k] = plus(moment[k], sign * couple)
+    if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
+        cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
+    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
+    for c, cut in cuts.items():
+        j, on = model.closings[c]
+        transmitted[j] = cut, 0.0
+        for k, put, arm in on:
+            force[k] = put(force[k], cut)
+            if arm is not None:
+                moment[k] = put(moment[k], crossed(_arm(motion, *arm), cut))
+    hanging, unbalanced = _hang(motion, force, moment, model.hanging)
+    for j, k, side in model.carriers:
+        f = hanging[k]
+        if f is not None:
+            transmitted[j] = f * -1.0 if side else f, 0.0
+    for j, k, other, second in model.leaves_first:  # couples: moments passed on from the leaves of each group
+        couple = unbalanced[k]
+        if couple is not None:
+            transmitted[j] = transmitted[j][0], -couple if second else couple
+            if other:
+                unbalanced[other] = plus(unbalanced[other], couple)
+    return transmitted, contacts, ties
+
+
+def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array], steps: Hanging) -> tuple[list[Array], list[Array]]:
+    """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
+    forces alone leave unbalanced (of the links that ``steps`` ask for); not of the frame. None: nothing."""
+    hanging, unbalanced = list(force), list(moment)
+    for k, p, own, carrying in steps:
+        f = hanging[k]
+        if f is None:
+            continue
+        if own is not None:
+            unbalanced[k] = minus(unbalanced[k], crossed(_arm(motion, *own), f))
+        if p:
+            hanging[p] = plus(hanging[p], f)
+            if carrying is not None:
+                unbalanced[p] = plus(unbalanced[p], crossed(_arm(motion, *carrying), f))
+    return hanging, unbalanced
+
+
+def _arm(motion: Motion, spin: int, vector: Array, sliding: tuple[int, int, int] | None) -> Array:
+    """The arm of a joint's force on a link: a vector that turns with it, or one that also slides along it."""
+    return vector * motion.state.rot[spin] if sliding is None else motion.arm(*sliding)
+
+
+def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
+    model, columns = motion.model, motion.columns
+    cuts: dict[int, Array] = {}
+    ties: dict[int, Array] = {}
+    for i, block, balances in model.balances:
+        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
+            cuts.update(dict.fromkeys(block.contours, 0j))
+            ties.update(dict.fromkeys(block.relations, 0.0))
+            continue
+        q = []
+        for unknown, links, child, back, contours, relations in balances:
+            total: Array = None
+            for k in links:
+                if unbalanced[k] is not None:
+                    total = plus(total, unbalanced[k])
+            if child and hanging[child] is not None:
+                guide = motion.guide(unknown[1])
+                total = ((-guide if back else guide).conjugate() * hanging[child]).real
+            for c in contours:
+                col = bl.column(model, motion.contours[c], unknown)
+                if col is not None:
+                    total = minus(total, (np.conj(col) * cuts[c]).real)
+            for r in relations:
+                total = minus(total, bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r])
+            q.append(0.0 if total is None else total)
+        found, tied = bl.transposed(block, columns[i], q)
+        for c, cut in zip(block.contours, found, strict=True):
+            cuts[c] = cut
+        for r, tie in zip(block.relations, tied, strict=True):
+            ties[r] = tie
+    return cuts, ties

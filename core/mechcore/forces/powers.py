@@ -1,0 +1,194 @@
+"""Who supplies and who absorbs: forces classed as in lectures on the theory of machines, and their powers over a run.
+
+By place (external, internal), by the sign of the power over the run (driving, resisting, alternating), by use (useful, harmful)
+and by cause (gravity, elastic, viscous, medium, dry friction, inertia, process, drive). The powers of all forces, those of inertia
+included, sum to zero at every instant (d'Alembert), and so do their works over a run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.effects.base import Wrench
+from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import LOSSES, Forces
+
+Real = NDArray[np.float64]
+Role = Literal["driving", "resisting", "alternating", "idle"]
+SMALL = 1e-9  # part of the largest power of a run that counts as nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Classed:
+    """A force, its classes, and its power (F,) [W] over the run; ``supplied`` and ``absorbed`` are works [J], both positive."""
+
+    name: str
+    kind: str
+    cause: str
+    place: Literal["external", "internal"]
+    role: Role
+    use: Literal["useful", "harmful", ""]
+    power: Real
+    mean: float  # [W]
+    peak: float  # power of the largest magnitude, with its sign [W]
+    supplied: float
+    absorbed: float
+
+    @property
+    def label(self) -> str:
+        return label_of(self.kind, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class PowerTable:
+    """All forces of a run; ``time`` (F,) [s]. ``closure``: what is left of the sum of all works over the work supplied."""
+
+    items: tuple[Classed, ...]
+    time: Real
+
+    @property
+    def supplied(self) -> float:
+        """Work of all that supplies [J]."""
+        return sum(i.supplied for i in self.items)
+
+    @property
+    def absorbed(self) -> float:
+        """Work of all that absorbs [J]."""
+        return sum(i.absorbed for i in self.items)
+
+    @property
+    def closure(self) -> float:
+        largest = max(self.supplied, self.absorbed)
+        return abs(self.supplied - self.absorbed) / largest if largest > 0.0 else 0.0
+
+    def by_cause(self) -> dict[str, tuple[float, float]]:
+        """Work supplied and absorbed [J] by cause."""
+        found: dict[str, tuple[float, float]] = {}
+        for i in self.items:
+            a, b = found.get(i.cause, (0.0, 0.0))
+            found[i.cause] = (a + i.supplied, b + i.absorbed)
+        return found
+
+
+def works(power: Real, time: Real) -> tuple[float, float]:
+    """Work supplied and absorbed [J] by a power (F,) [W] that goes straight from frame to frame; exact, sign changes included."""
+    a, b, dt = power[:-1], power[1:], np.diff(time)
+    high, low = np.maximum(a, b), np.minimum(a, b)
+    mixed = (high > 0.0) & (low < 0.0)
+    span = np.where(mixed, high - low, 1.0)
+    up = np.where(mixed, 0.5 * high**2 / span, np.where(low >= 0.0, 0.5 * (a + b), 0.0))
+    down = np.where(mixed, 0.5 * low**2 / span, np.where(high <= 0.0, -0.5 * (a + b), 0.0))
+    return float(np.nansum(up * dt)), float(np.nansum(down * dt))
+
+
+def label_of(kind: str, name: str) -> str:
+    """The name of a force, with what it is where the name alone is a pair's."""
+    return f"{kind} {name}" if kind in ("drive", "friction") else name
+
+
+def power_labels(forces: Forces) -> tuple[str, ...]:
+    """Labels of all items of the table of powers, without the table."""
+    drives = [label_of("drive", d.pair) for d in forces.motion.mechanism.drives]
+    rubbing = [] if forces.friction is None else [label_of("friction", pair) for pair in forces.friction.pairs]
+    return (*drives, *(label_of(w.kind, w.name) for w in forces.applied), *rubbing)
+
+
+def power_table(forces: Forces) -> PowerTable:
+    """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs."""
+    motion = forces.motion
+    uses = {load.name: load.use for load in motion.mechanism.loads}
+    rows: list[tuple[str, str, str, Literal["external", "internal"], Real]] = [
+        (d.pair, "drive", "drive", "external", forces.power(d.pair)) for d in motion.mechanism.drives
+    ]
+    rows += [(w.name, w.kind, w.cause, _place(w), power) for w, power in forces.powers()]
+    if forces.friction is not None:
+        rows += [(pair, "friction", "dry friction", "internal", -forces.friction.losses(pair)) for pair in forces.friction.pairs]
+    largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
+    return PowerTable(
+        items=tuple(
+            _classed(name, kind, cause, place, power, motion.time, uses.get(name) or "", largest)
+            for name, kind, cause, place, power in rows
+        ),
+        time=motion.time,
+    )
+
+
+def _place(w: Wrench) -> Literal["external", "internal"]:
+    """Between two links of the mechanism, the frame among them, a force is internal, as reactions are."""
+    return "external" if w.other is None else "internal"
+
+
+def _classed(
+    name: str,
+    kind: str,
+    cause: str,
+    place: Literal["external", "internal"],
+    power: Real,
+    time: Real,
+    use: str,
+    largest: float,
+) -> Classed:
+    supplied, absorbed = works(power, time)
+    low, high = float(np.nanmin(power)), float(np.nanmax(power))
+    small = SMALL * largest
+    role: Role = (
+        "idle" if max(high, -low) <= small else "driving" if low >= -small else "resisting" if high <= small else "alternating"
+    )
+    if not use and cause in LOSSES:
+        use = "harmful"
+    elif not use and cause == "process" and absorbed > supplied:
+        use = "useful"  # on the whole it resists: what the machine is there for
+    return Classed(
+        name=name,
+        kind=kind,
+        cause=cause,
+        place=place,
+        role=role,
+        use=use,  # type: ignore[arg-type] # one of the three words
+        power=power,
+        mean=(supplied - absorbed) / float(time[-1] - time[0]) if len(time) > 1 else float(power[0]),
+        peak=high if high >= -low else low,
+        supplied=supplied,
+        absorbed=absorbed,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """What a drive does over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
+
+    pair: str
+    power: Real
+    supplied: float
+    absorbed: float
+    delivers: tuple[tuple[float, float], ...]
+
+
+def drive_shares(forces: Forces) -> tuple[Share, ...]:
+    """Which drive delivers power when, and how much. Raises `MechanismError` where there is no drive."""
+    motion = forces.motion
+    if not motion.mechanism.drives:
+        raise MechanismError(Fault("drives", "the mechanism has no drive.", "Add one."))
+    powers = {d.pair: forces.power(d.pair) for d in motion.mechanism.drives}
+    small = SMALL * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
+    found = []
+    for pair, power in powers.items():
+        supplied, absorbed = works(power, motion.time)
+        found.append(Share(pair, power, supplied, absorbed, _positive(power - small, motion.time)))
+    return tuple(found)
+
+
+def _positive(values: Real, time: Real) -> tuple[tuple[float, float], ...]:
+    """Intervals where a function that goes straight from frame to frame is positive."""
+    above = values > 0.0
+    change = np.flatnonzero(above[1:] != above[:-1])
+    with np.errstate(invalid="ignore"):
+        cross = time[change] - values[change] * (time[change + 1] - time[change]) / (values[change + 1] - values[change])
+    edges = [float(time[0])] if above[0] else []
+    edges += [float(c) for c in cross]
+    edges += [float(time[-1])] if len(edges) % 2 else []
+    return tuple(zip(edges[::2], edges[1::2], strict=True))

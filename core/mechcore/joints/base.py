@@ -1,0 +1,184 @@
+"""The common form of every lower pair."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.spec.mechanism import Link, Mechanism, Pair, Revolute, Weld
+
+if TYPE_CHECKING:
+    from mechcore.motion.motion import Motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """One pair as the contour equations see it; plane vectors are complex numbers.
+
+    The point ``a`` of the first link and ``b`` of the second coincide, except that where there is a ``slide`` direction the
+    other link's point lies at ``s * slide`` from the guide's, on the guide. If the pair does not ``turn``, the second link's
+    angle is the first's plus ``angle``.
+    """
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    a: complex  # in the first link's frame [m]
+    b: complex  # in the second link's frame [m]
+    turns: bool
+    angle: float = 0.0  # [rad], where it does not turn
+    slide: complex | None = None  # unit vector in the guide's frame
+    guide: Literal[0, 1] = 0
+
+    @property
+    def freedoms(self) -> int:
+        return int(self.turns) + int(self.slide is not None)
+
+    @property
+    def coordinate(self) -> Literal["angle", "slide"]:
+        """What a drive on this pair prescribes."""
+        return "slide" if self.slide is not None else "angle"
+
+
+def point_of(link: Link, name: str) -> complex:
+    """A named point of a link in its own frame."""
+    x, y = link.points[name]
+    return x + 1j * y
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """A nonlinear term: ``function(sum of coefficient * angle + sum of coefficient * displacement + shift)``.
+
+    ``function``: arguments (...) -> value, first and second derivative with respect to the argument, (3, ...), value in metres.
+    Angles of groups with a closed form are known within one turn only: the function of an angle must repeat every turn.
+    """
+
+    function: Callable[[Any], Any]
+    angles: tuple[tuple[str, float], ...] = ()  # (link, coefficient)
+    slides: tuple[tuple[str, float], ...] = ()  # (sliding pair, coefficient)
+    shift: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bearing:
+    """What a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
+
+    The force on the second link acts at the contact, the opposite there on the first; beside it a couple acts on the first link,
+    the opposite on the ``carrier``. ``joints``: (revolute pair, +1 where its second link is on the side of the first link of the
+    relation) through which the couple passes from the carrier.
+    """
+
+    carrier: str
+    couple: Callable[[Motion, Any, Any], Any]  # (motion, place, force on the second link) -> couple on the first link [N m]
+    joints: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """``sum of coefficient * angle + sum of coefficient * displacement + curve = constant``; no constant: taken from the start.
+
+    It is written so that its rate is the velocity of the first link at the contact minus that of the second, along the unit
+    vector that ``contact`` gives together with the contact's place: the force that it transmits is then its Lagrange multiplier.
+    """
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    angles: tuple[tuple[str, float], ...]  # (link, coefficient [m])
+    slides: tuple[tuple[str, float], ...]  # (sliding pair, coefficient)
+    contact: Callable[[Motion, Any], tuple[Any, Any]]  # (motion, multiplier) -> place [m], force on the second link per multiplier
+    curve: Curve | None = None
+    constant: float | None = None  # [m], of the links' own angles and of displacements
+    bearing: Bearing | None = None
+    geometry: Any = None  # what else the pair knows, for those who draw or record it
+
+
+@dataclass
+class Builder:
+    """Collects the parts while a mechanism is compiled. ``links`` grows where a pair brings links along."""
+
+    mechanism: Mechanism
+    links: dict[str, Link]
+    joints: list[Joint] = field(default_factory=list)
+    relations: list[Relation] = field(default_factory=list)
+
+    def ends(self, pair: Any) -> tuple[Link, Link]:
+        """The two links of a pair."""
+        return self.links[pair.links[0]], self.links[pair.links[1]]
+
+    def axis_between(self, pair: Pair, link: str, carrier: str) -> tuple[complex, complex]:
+        """The axis about which ``link`` turns on ``carrier``, in the carrier's frame and in the link's.
+
+        They may be pinned to each other, or to the same place of others (several links on one shaft, a wheel welded to its shaft).
+        """
+        return self._way_between(pair, link, carrier)[:2]
+
+    def bearings_between(self, pair: Pair, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
+        """The revolute pairs about that axis on the way from ``carrier`` to ``link``, +1 where the second is nearer to it."""
+        return self._way_between(pair, link, carrier)[2]
+
+    def _way_between(self, pair: Pair, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
+        reached: list[tuple[str, complex, complex, tuple[tuple[str, float], ...]]] = [(link, z, z, ()) for z in self._axes_of(link)]
+        for k, z, own, way in reached:  # grows while it is walked through: nearest first
+            if k == carrier:
+                return z, own, way
+            for other, there, through in self._on_the_same_axis(k, z):
+                if not any(other == seen[0] and self._same(other, there, seen[1]) for seen in reached):
+                    reached.append((other, there, own, way + through))
+        others = sorted({k for p in self.mechanism.pairs if isinstance(p, Revolute) and link in p.links for k in p.links} - {link})
+        known = f" It is pinned to {', '.join(repr(k) for k in others)}." if others else ""
+        raise MechanismError(
+            Fault(
+                f"pairs.{pair.name}",
+                f"'{link}' is not pinned to '{carrier}', which is to carry it, nor to anything on the same axis.{known}",
+                f"Add a revolute pair between them, or name the carrier that '{link}' is pinned to.",
+            )
+        )
+
+    def _axes_of(self, link: str) -> list[complex]:
+        """Where a link, with all that is welded to it, is pinned to others, in the link's frame."""
+        rigid = [(link, 0j, 1 + 0j)]  # link, origin and rotation of its frame
+        for k, origin, turn in rigid:  # grows while it is walked through
+            for p in self.mechanism.pairs:
+                if isinstance(p, Weld) and k in p.links:
+                    side = p.links.index(k)
+                    other = p.links[1 - side]
+                    if all(other != seen for seen, _, _ in rigid):
+                        here, there = (point_of(self.links[p.links[i]], p.points[i]) for i in (side, 1 - side))
+                        way = turn * cmath.exp(1j * (-p.angle if side else p.angle))
+                        rigid.append((other, origin + turn * here - way * there, way))
+        return [
+            origin + turn * point_of(self.links[k], name)
+            for k, origin, turn in rigid
+            for p in self.mechanism.pairs
+            if isinstance(p, Revolute)
+            for end, name in zip(p.links, p.points, strict=True)
+            if end == k
+        ]
+
+    def _on_the_same_axis(self, link: str, z: complex) -> list[tuple[str, complex, tuple[tuple[str, float], ...]]]:
+        """Where the axis through ``z`` of a link goes through the links pinned to it there, or welded to it, and the pin."""
+        out: list[tuple[str, complex, tuple[tuple[str, float], ...]]] = []
+        for p in self.mechanism.pairs:
+            if not isinstance(p, Revolute | Weld) or link not in p.links:
+                continue
+            side = p.links.index(link)
+            own, other = (point_of(self.links[p.links[i]], p.points[i]) for i in (side, 1 - side))
+            if isinstance(p, Weld):
+                turn = cmath.exp(1j * (p.angle if side else -p.angle))
+                out.append((p.links[1 - side], other + (z - own) * turn, ()))
+            elif self._same(link, z, own):
+                out.append((p.links[1 - side], other, ((p.name, 1.0 if side else -1.0),)))
+        return out
+
+    def _same(self, link: str, a: complex, b: complex) -> bool:
+        """Whether two places of a link are one, up to rounding of its coordinates."""
+        return abs(a - b) <= 1e-9 * max(abs(complex(*xy)) for xy in self.links[link].points.values())
+
+    def add_points(self, link: str, **points: tuple[float, float]) -> None:
+        """Give a link more points, for a pair that needs them."""
+        self.links[link] = replace(self.links[link], points={**self.links[link].points, **points})

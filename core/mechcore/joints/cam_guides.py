@@ -1,0 +1,104 @@
+"""What all cams share on their way into a mechanism: guides on the carrier, the relation, faults by their scene's names."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any
+
+import numpy as np
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.joints.base import Bearing, Builder, Curve, Relation, point_of
+from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.spec.mechanism import CamPair, Prismatic
+
+_KEYS = {"base": "base", "lift": "lift", "radius": "face.radius"}
+"""What a cam's geometry calls what a `CamPair` states."""
+
+Terms = tuple[tuple[str, float], ...]
+
+
+def relate(
+    pair: CamPair,
+    builder: Builder,
+    placed: Any,
+    follower: tuple[Terms, Terms, float],
+    cam: tuple[Terms, Terms],
+    bearing: Bearing | None = None,
+) -> None:
+    """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
+
+    def lift(argument: Any) -> Any:
+        values = placed.law(argument)
+        if placed.pace:
+            values[0] -= placed.pace * np.asarray(argument)
+            values[1] -= placed.pace
+        return placed.scale * values
+
+    angles, slides, constant = follower
+    builder.relations.append(
+        Relation(
+            name=pair.name,
+            kind="cam",
+            links=pair.links,
+            angles=angles,
+            slides=slides,
+            contact=placed.contact,
+            curve=Curve(function=lift, angles=cam[0], slides=cam[1], shift=placed.phase),
+            constant=constant,
+            geometry=placed,
+            bearing=bearing,
+        )
+    )
+
+
+def fault_of(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
+    return MechanismError(Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), message, remedy))
+
+
+def renamed(pair: CamPair, fault: Fault) -> Fault:
+    """A fault of the geometry, said of the pair and what it states."""
+    if fault.path.startswith("pairs."):
+        return fault
+    key = _KEYS.get(fault.path.partition(".")[2], "")
+    return Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
+
+
+def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
+    """Direction in which the slider moves on the carrier as the coordinate grows (carrier's axes), and the sign of along."""
+    along = complex(*guide.along) / abs(complex(*guide.along))
+    if guide.links[guide.guide] == carrier:
+        return along, 1.0
+    # the guide line belongs to the slider: it moves against the coordinate
+    turn = cmath.exp(1j * (guide.angle if guide.links[1] != carrier else -guide.angle))
+    return along * turn, -1.0
+
+
+def place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> complex:
+    """Where a place ``at`` of the sliding link lies in the carrier's axes at coordinate zero."""
+    side = guide.links.index(carrier)
+    own = point_of(builder.links[carrier], guide.points[side])
+    other = point_of(builder.links[guide.links[1 - side]], guide.points[1 - side])
+    turn = cmath.exp(1j * (guide.angle if side == 0 else -guide.angle))
+    return own + turn * (at - other)
+
+
+def bed_of(pair: CamPair, builder: Builder, carrier: str, what: str) -> Prismatic:
+    """The pair on which the driving link slides."""
+    bed = next((p for p in builder.mechanism.pairs if p.name == pair.bed), None)
+    if not isinstance(bed, Prismatic) or set(bed.links) != {pair.links[0], carrier}:
+        raise fault_of(
+            pair,
+            "bed",
+            f"'{pair.bed}' is not a prismatic pair of '{pair.links[0]}' on '{carrier}', which carries {what}.",
+            f"Guide '{pair.links[0]}' on '{carrier}'.",
+        )
+    return bed
+
+
+def levelled(law: MotionCurve) -> MotionCurve:
+    """A law that goes on level before its start and after its end."""
+    begin, end = float(law.pieces[0].at(0.0, 0)[0]), float(law.pieces[-1].at(law.pieces[-1].length, 0)[0])
+    nothing = np.zeros((0, 3))
+    before, after = (Piece(law.length, np.array([value]), nothing) for value in (begin, end))
+    return MotionCurve((before, *law.pieces, after), law.start - law.length)

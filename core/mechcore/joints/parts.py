@@ -1,0 +1,49 @@
+"""Kinematic pairs: what each kind allows, in the common forms that the rest of the core works with.
+
+A lower pair is a `Joint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
+To add a pair: its spec in ``mechcore.spec.mechanism``, one file here with a function ``build(pair, builder)``, one line in `KINDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from mechcore.joints import belt, cam, cylinder, gear, pin_slot, planar, prismatic, rack, revolute, rolling, weld
+from mechcore.joints.base import Builder
+from mechcore.spec.mechanism import (
+    Belt,
+    CamPair,
+    Cylinder,
+    Gear,
+    Mechanism,
+    PinSlot,
+    Planar,
+    Prismatic,
+    Rack,
+    Revolute,
+    Rolling,
+    Weld,
+)
+
+KINDS: dict[type, Callable[[Any, Builder], None]] = {
+    Revolute: revolute.build,
+    Prismatic: prismatic.build,
+    Weld: weld.build,
+    PinSlot: pin_slot.build,
+    Rolling: rolling.build,
+    Gear: gear.build,
+    Belt: belt.build,
+    Rack: rack.build,
+    Cylinder: cylinder.build,
+    Planar: planar.build,
+    CamPair: cam.build,
+}
+
+
+def build_pairs(mechanism: Mechanism) -> Builder:
+    """Joints, relations and links of a whole mechanism."""
+    builder = Builder(mechanism=mechanism, links={link.name: link for link in mechanism.links})
+    for pair in mechanism.pairs:
+        KINDS[type(pair)](pair, builder)
+    return builder

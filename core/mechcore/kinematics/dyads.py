@@ -1,0 +1,129 @@
+"""Closed forms for the contour equations with two unknowns: these solve every dyad (Assur group of class II).
+
+In the contour form there are only four, whatever the order of revolute and prismatic pairs in the group:
+
+============== ================================== ==================
+`theta_theta`  ``A e1 + B e2 = C``                RRR
+`theta_slide`  ``A e + s D = C``                  RRP, PRR
+`arm_slide`    ``(A + s d) e = C``                RPR
+`slide_slide`  ``s1 D1 + s2 D2 = C``              RPP, PRP, PPR
+============== ================================== ==================
+
+with ``e = exp(i angle)``, |D| = |d| = 1. All arguments broadcast, frames last; where the links do not meet the answer is NaN, and
+`gap_*` tells by how much they miss each other. ``mode`` (+1 or -1) is the assembly mode, an input, never guessed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+ROUNDING = 4e-15  # links that miss each other by less than this part of their length meet: they are at a dead point
+Array = Any  # complex or float arrays (..., frames), or scalars
+
+
+def cross(a: Array, b: Array) -> Array:
+    """z component of the cross product of plane vectors (...) -> (...)."""
+    return a.real * b.imag - a.imag * b.real
+
+
+def four_areas(a: Array, b: Array, d: Array) -> Array:
+    """Four times the area of triangles with sides a, b, d (...) [m] -> (...) [m^2]; NaN where they do not close.
+
+    Heron's formula as a product of differences of sides, after W. Kahan, "Miscalculating Area and Angles of a Needle-like
+    Triangle": at a dead point the triangle is a needle; a relative 1e-12 short of it this keeps the digits that the sides have,
+    the cosine rule 5. (Kahan also sorts the sides; ``d`` is a computed distance here, whose own rounding is as large as what
+    sorting would save.)
+    """
+    total, difference = a + b, abs(a - b)
+    short, spare = total - d, d - difference
+    product = total + d
+    product *= short
+    product *= spare
+    product *= d + difference
+    if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
+        out = product < 0
+        least = -ROUNDING * total
+        product = np.where(out & (short > least) & (spare > least), 0.0, product)
+    return np.sqrt(product)
+
+
+def leg(r: Array, y: Array) -> Array:
+    """Other leg of right triangles with hypotenuse r and leg y (...) [m] -> (...) [m]; NaN where |y| > r."""
+    product = r - y
+    product *= r + y
+    if not np.minimum.reduce(product, axis=None, initial=0.0) >= 0:
+        out = product < 0
+        product = np.where(out & (abs(y) - r < ROUNDING * r), 0.0, product)
+    return np.sqrt(product)
+
+
+def _with_mode(x: Array, mode: Array) -> Array:
+    return x if isinstance(mode, float) and mode == 1.0 else mode * x
+
+
+def theta_theta(a: Array, b: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+    """e1, e2 of ``a e1 + b e2 = c``. mode +1: the vector ``a e1`` lies left of ``c``.
+
+    Both rotations come out with modulus 1 and the sum closes to a few rounding errors however thin the triangle is, because
+    the parts along and across ``c`` are each accurate in the relative sense.
+    """
+    ra, rb, d2 = abs(a), abs(b), (c * c.conjugate()).real
+    d = np.sqrt(d2)
+    difference = (ra - rb) * (ra + rb)
+    half = 0.5 / d2
+    across = half * four_areas(ra, rb, d)
+    across = _with_mode(across, mode)
+    shift = difference * half
+    e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
+    np.add(0.5, shift, out=e1.real)
+    e1.imag = across
+    np.subtract(0.5, shift, out=e2.real)
+    np.negative(across, out=e2.imag)
+    for e, length in ((e1, a), (e2, b)):
+        e *= c
+        e *= 1.0 / length
+    return e1, e2
+
+
+def gap_theta_theta(a: Array, b: Array, c: Array) -> Array:
+    """By how much the links of a theta_theta group miss each other (...) [m]; 0 where they meet."""
+    ra, rb, d = abs(a), abs(b), abs(c)
+    return np.maximum(np.maximum(d - (ra + rb), abs(ra - rb) - d), 0.0)
+
+
+def theta_slide(a: Array, along: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+    """e, s of ``a e + s along = c``. mode +1: the end of ``a`` lies ahead, in the direction of ``along``, mode -1: behind."""
+    turned = c if isinstance(along, complex) and along == 1 else c * along.conjugate()
+    ra, y = abs(a), turned.imag
+    x = _with_mode(leg(ra, y), mode)
+    e = np.empty(x.shape, complex)
+    e.real, e.imag = x, y
+    e *= along / a
+    return e, turned.real - x
+
+
+def gap_theta_slide(a: Array, along: Array, c: Array) -> Array:
+    """By how much the end of the link misses the guide (...) [m]."""
+    return np.maximum(abs((c * along.conjugate()).imag) - abs(a), 0.0)
+
+
+def arm_slide(a: Array, d: Array, c: Array, mode: Array) -> tuple[Array, Array]:
+    """e, s of ``(a + s d) e = c``. mode +1: the slide lies ahead of the foot of the perpendicular on the guide, -1: behind."""
+    foot = a * d.conjugate()
+    r, y = abs(c), foot.imag
+    x = _with_mode(leg(r, y), mode)
+    return c * d.conjugate() / (x + 1j * y), x - foot.real
+
+
+def gap_arm_slide(a: Array, d: Array, c: Array) -> Array:
+    """By how much the guide misses the point (...) [m]."""
+    return np.maximum(abs((a * d.conjugate()).imag) - abs(c), 0.0)
+
+
+def slide_slide(d1: Array, d2: Array, c: Array) -> tuple[Array, Array]:
+    """s1, s2 of ``s1 d1 + s2 d2 = c``; infinite or NaN where the guides are parallel."""
+    det = cross(d1, d2)
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel guides decide nothing
+        return np.divide(cross(c, d2), det), np.divide(cross(d1, c), det)

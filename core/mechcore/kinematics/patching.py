@@ -1,0 +1,167 @@
+"""Positions and rates next to an instant at which a group's equations are singular.
+
+The motion itself is smooth there; only its equations are ill conditioned. Positions and rates come from the branch on both sides,
+by a polynomial through nodes that are far enough away to be exact. How far the nodes reach is each change's own ``step``: a group
+that runs fast has its nodes near, or the polynomial could not follow it. Groups are worked through in solving order, because the
+nodes of a later group may lie where an earlier one is singular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import Patch, State
+from mechcore.kinematics.model import Block, Model
+from mechcore.kinematics.positions import initial_state
+from mechcore.kinematics.rates import accelerations, velocities
+
+if TYPE_CHECKING:
+    from mechcore.branches.singular_points import Change, Changes
+
+
+Array = Any
+NEAR = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
+FAR = 22
+NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
+DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
+FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
+QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # a branch that ends among the nodes is NaN, no warning
+TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
+
+
+def unknowns_of(model: Model, block: Block, state: State, at: Array) -> Array:
+    """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
+    rows = [np.unwrap(bl.wrapped_angle(model, state, g)[at]) for g in block.angles]
+    return np.array([*rows, *(state.slide[j][at] for j in block.slides)]).T
+
+
+def smooth(model: Model, block: Block, state: State, time: Array, instant: float, step: float) -> tuple[float, Array | None]:
+    """The curve of a block's positions next to an instant, through its samples on both sides of it.
+
+    Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
+    that are too near; None where the samples end.
+    """
+    away = (time - instant) / (step * FAR)
+    near = np.flatnonzero(np.abs(away) < NEAR / FAR)
+    fit = np.flatnonzero((np.abs(away) <= 1.0 + 1e-9) & (np.abs(away) >= 8.0 / FAR))
+    if not len(near) or len(fit) < 2 or np.ptp(away[fit]) < 1.9:
+        return 0.0, None
+    values = unknowns_of(model, block, state, fit)
+    scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.size)
+    with np.errstate(**QUIET):
+        coefficients = np.linalg.pinv(chebyshev.chebvander(away[fit], DEGREE)) @ values
+        tail = float(np.max(np.abs(coefficients[-2:]) / scale))
+        at_samples = chebyshev.chebvander(away[near], DEGREE) @ coefficients
+    return tail, Patch(near, at_samples, at_samples, at_samples)
+
+
+def tail_of(values: Array) -> float:
+    """How large the last terms still are of the polynomials through values (nodes, unknowns)."""
+    with np.errstate(**QUIET):
+        return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
+
+
+@dataclass
+class _Through:
+    """A change as the nodes see it: ``own`` are its nodes, ``near`` those (of others) at which its group is ill conditioned."""
+
+    change: Change
+    own: Array
+    near: Array
+    away: Array  # of the near ones, in units of the window
+    curves: list[Array] = field(default_factory=list)  # coefficients of positions, first and second rates (terms, unknowns)
+
+    def fit(self, values: Array) -> Array:
+        """Fit a curve to values (nodes, unknowns); returns it at the near nodes."""
+        self.curves.append(FIT @ values)
+        return chebyshev.chebvander(self.away, DEGREE) @ self.curves[-1]
+
+    def into(self, rates: list[Array], derivative: int) -> None:
+        """Fit the rates that a block has been solved for, and replace them where they are ill conditioned."""
+        width = max((np.size(r) for r in rates), default=1)
+        for u, r in enumerate(rates):
+            rates[u] = np.array(np.broadcast_to(r, width))
+        given = self.fit(np.array([r[self.own] for r in rates]).T)
+        for u, r in enumerate(rates):
+            r[self.near] = given[:, u]
+
+
+def make_patches(
+    model: Model,
+    changes: Changes,
+    modes: Sequence[float],
+    time: Array,
+    scale: Sequence[Array],
+    constants: Sequence[float] = (),
+    starts: Any = None,
+) -> dict[int, list[Patch]]:
+    """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
+    they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
+    asked = [c for c in changes.found if _frames_near(changes, c, time).any()]
+    if not asked:
+        return {}
+    nodes, needed = _nodes_of(changes, asked)
+    values = [law(nodes) for law in changes.laws]
+    near = starts(nodes) if starts is not None else {}
+    state = initial_state(model, [v[0] for v in values], constants, near)
+    throughs: dict[int, list[_Through]] = {}
+    for c in needed:
+        beside = np.flatnonzero(_distance(changes, c, nodes) < NEAR * c.step)
+        away = _signed(changes, c, nodes[beside]) / (c.step * FAR)
+        own = np.searchsorted(nodes, _nodes(c))
+        throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
+    with np.errstate(**QUIET):
+        for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
+            bl.place(model, block, state, mode * changes.signs(i, nodes), near.get(block.name))
+            for through in throughs.get(i, ()):
+                given = through.fit(unknowns_of(model, block, state, through.own))
+                bl.apply(model, block, state, Patch(through.near, given, given, given))
+        contours = {c: bl.vectors(model, c, state) for c in range(len(model.contours))}
+        cols = [bl.columns(model, b, contours) for b in model.blocks]
+        speeds = velocities(model, contours, cols, [v[1] for v in values], throughs, state.bends)
+        accelerations(model, contours, cols, speeds, [v[2] for v in values], throughs)
+    patches: dict[int, list[Patch]] = {}
+    for c in asked:
+        (through,) = (x for x in throughs[c.block] if x.change is c)
+        frames = np.flatnonzero(_frames_near(changes, c, time))
+        basis = chebyshev.chebvander(_signed(changes, c, time[frames]) / (c.step * FAR), DEGREE)
+        s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
+        with np.errstate(**QUIET):
+            value, rate, bend = (basis @ curve for curve in through.curves)
+            patches.setdefault(c.block, []).append(Patch(frames, value, rate * s1, bend * s1**2 + rate * s2))
+    return patches
+
+
+def _nodes(c: Change) -> Array:
+    return c.time + c.step * FAR * NODES
+
+
+def _nodes_of(changes: Changes, asked: Sequence[Change]) -> tuple[Array, list[Change]]:
+    """Nodes of the changes that are asked for, and of those that these nodes come near, and so on."""
+    needed = list(asked)
+    fresh, nodes = needed, np.zeros(0)
+    while fresh:
+        nodes = np.unique(np.concatenate([nodes, *(_nodes(c) for c in fresh)]))
+        have = {id(c) for c in needed}
+        fresh = [c for c in changes.found if id(c) not in have and (_distance(changes, c, nodes) < NEAR * c.step).any()]
+        needed = needed + fresh
+    return nodes, needed
+
+
+def _signed(changes: Changes, c: Change, time: Array) -> Array:
+    away = time - c.time
+    return away - changes.period * np.round(away / changes.period)
+
+
+def _distance(changes: Changes, c: Change, time: Array) -> Array:
+    return np.abs(_signed(changes, c, time))
+
+
+def _frames_near(changes: Changes, c: Change, time: Array) -> Array:
+    return _distance(changes, c, time) < NEAR * c.step

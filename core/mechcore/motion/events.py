@@ -1,0 +1,330 @@
+"""Events of a motion: limit positions, starts, stops and zone boundaries of drives, near singular positions of groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.laws.timed import Table, TableLaw, moves
+from mechcore.motion.extremes import peak, zeros
+from mechcore.motion.metrics import curvature, per_unit, transmission_angles, velocity_ratios
+from mechcore.motion.motion import Motion
+from mechcore.motion.redundancy import indeterminate
+from mechcore.spec.mechanism import Mechanism
+from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
+
+Real = NDArray[np.float64]
+
+SINGULAR = 1e8
+"""Condition number of a block from which half of the digits of a result are gone."""
+
+POOR = 30.0
+"""Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
+
+OVERSHOOT = 0.05
+"""Part of a table's range by which a spline may pass the two rows around it: ten rows a cycle of a sine make it 0.02."""
+
+NOISE = 1e-9
+"""Speeds below this part of the run's largest are standstill."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens at a time [s] to a named item."""
+
+    time: float
+    level: Literal["INFO", "WARN"]
+    item: str
+    text: str
+    value: float = float("nan")  # of what is named, in SI units, where it is a number
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", Text.of(self.text))
+
+    def in_units(self, units: UnitSystem) -> Event:
+        """The same event with the quantities of its text in other units."""
+        return replace(self, text=Text.of(self.text).in_units(units))
+
+
+def find_events(motion: Motion) -> list[Event]:
+    """All events of a motion, sorted by time."""
+    found = [*_limits(motion), *_drive_events(motion), *_singular(motion), *_changes(motion), *_extremes(motion)]
+    found += [*_indeterminate(motion), *overshoots(motion.mechanism)]
+    return sorted(found, key=lambda e: e.time)
+
+
+def overshoots(mechanism: Mechanism) -> Iterator[Event]:
+    """Splines of loads and drives that leave the range of the two rows between which they are, and how far."""
+    factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
+    tables: list[tuple[str, Any]] = [(name, factor.function) for name, factor in factors if factor is not None]
+    for name, table in [*tables, *((drive.pair, drive.law) for drive in mechanism.drives)]:
+        if isinstance(table, Table | TableLaw):
+            far, row = table.overshoot
+            if far > OVERSHOOT:
+                what = "give it more rows" if isinstance(table, TableLaw) else "smooth = true stays between them"
+                text = f"the spline leaves its rows by {far:.2g} of their whole range, between row {row + 1} and the next; {what}"
+                yield Event(0.0, "WARN", name, text, far)
+
+
+def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
+    """Times (n,) at which a speed (F,) passes through zero and changes its sign.
+
+    Between two frames the speed is the cubic with the given accelerations as slopes; its root is found by bisection of the
+    sign change, for all crossings at once. After a rest of more than one frame a return is not a turning point.
+    """
+    largest = np.abs(speed).max(initial=0.0)
+    moving = np.flatnonzero(np.abs(speed) > NOISE * largest)
+    if largest == 0.0 or len(moving) < 2:
+        return np.zeros(0)
+    flips = np.flatnonzero((speed[moving][:-1] * speed[moving][1:] < 0) & (np.diff(moving) <= 2))
+    i, j = moving[flips], moving[flips + 1]
+    h = time[j] - time[i]
+    low, high = np.zeros(len(i)), np.ones(len(i))
+    for _ in range(50):
+        u = 0.5 * (low + high)
+        same = np.sign(_cubic(u, speed[i], h * acceleration[i], speed[j], h * acceleration[j])) == np.sign(speed[i])
+        low, high = np.where(same, u, low), np.where(same, high, u)
+    return np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a frame between at rest is where it turns
+
+
+def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
+    """Hermite cubic on [0, 1] with values v and slopes d at the ends."""
+    w = 1.0 - u
+    return np.asarray(w * w * ((1.0 + 2.0 * u) * v0 + u * d0) + u * u * ((1.0 + 2.0 * w) * v1 - w * d1))
+
+
+def _at(motion: Motion, rows: Real, t: float) -> float:
+    """About where a coordinate is between frames, from the nearest frame's value, speed and acceleration (F, 3)."""
+    k = int(np.argmin(np.abs(motion.time - t)))
+    d = t - motion.time[k]
+    return float(rows[k, 0] + d * (rows[k, 1] + 0.5 * d * rows[k, 2]))
+
+
+def _words(motion: Motion, pair: str, value: float) -> str:
+    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(pair)), initial=0.0):  # rounding
+        value = 0.0
+    rotary = motion.model.rotary(pair)
+    return as_coordinate(value, rotary=rotary, digits=4 if rotary else 5)
+
+
+def _placed(words: str, motion: Motion, t: float) -> str:
+    """What happens at a time, and where the drives are then, if there are any."""
+    return ", ".join(filter(None, (words, at_drive(motion, t))))
+
+
+def at_drive(motion: Motion, t: float) -> str:
+    """Where the drives are at a time, in words."""
+    places = []
+    for d in motion.mechanism.drives:
+        led = motion.again is not None  # by the laws, which are exact between frames too
+        value = float(d.law(t)[0]) if led else _at(motion, motion.coordinate(d.pair), t)
+        places.append(f"drive {d.pair} at {_words(motion, d.pair, value)}")
+    return ", ".join(places)
+
+
+def _exactly(motion: Motion, pair: str, times: Real) -> Real:
+    """A coordinate (n,) at times between frames, solved for again where laws lead the motion."""
+    rows = motion.coordinate(pair)
+    rough = np.array([_at(motion, rows, float(t)) for t in times])
+    if motion.again is None or not len(times):
+        return rough
+    return np.asarray(motion.again(times).coordinate(pair)[:, 0])
+
+
+def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
+    """Undriven pairs at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
+    drives go on, and its coordinates there [rad or m]."""
+    driven = {d.pair for d in motion.mechanism.drives}
+    stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
+    reversals = np.concatenate([np.zeros(0), *stops])
+    near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
+    for pair in motion.mechanism.pairs:
+        if pair.name in driven or motion.mechanism.frame not in pair.links:
+            continue
+        rows = motion.coordinate(pair.name)
+        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, rows):
+            continue
+        times = turning_points(motion.time, rows[:, 1], rows[:, 2])
+        times = np.sort([t for t in times if not np.any(np.abs(reversals - t) < near)])
+        times = zeros(motion, partial(_rates, pair.name), times)
+        yield pair.name, times, _exactly(motion, pair.name, times)
+
+
+def _limits(motion: Motion) -> Iterator[Event]:
+    for pair, times, values in limit_positions(motion):
+        rows = motion.coordinate(pair)
+        for t, value in zip(times, values, strict=True):
+            side = "largest" if np.interp(t, motion.time, rows[:, 2]) < 0 else "smallest"
+            text = _placed(f"limit position: coordinate {side}, {_words(motion, pair, value)}", motion, float(t))
+            yield Event(float(t), "INFO", pair, text, float(value))
+
+
+def _still(motion: Motion, rows: Real) -> float:
+    """A speed that is rounding noise: that of a coordinate that moves by 1e-9 of its scale over the run."""
+    scale = max(motion.model.size, float(np.abs(rows[:, 0]).max(initial=0.0)))
+    return NOISE * scale / max(float(np.ptp(motion.time)), 1e-300)
+
+
+def _drive_events(motion: Motion) -> Iterator[Event]:
+    """Starts, stops and reversals of drives, and the zone boundaries of their laws."""
+    first, last = (float(motion.time[0]), float(motion.time[-1])) if motion.frames else (0.0, 0.0)
+    for drive in motion.mechanism.drives:
+        rows = motion.coordinate(drive.pair)
+        q = rows[:, 0]
+        for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
+            where = _words(motion, drive.pair, _at(motion, rows, float(t)))
+            yield Event(float(t), "INFO", drive.pair, f"drive reverses at {where}")
+        rests = runs(np.abs(rows[:, 1]) <= NOISE * np.abs(rows[:, 1]).max(initial=0.0))
+        for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
+            if start > 0 and (end > start or end == motion.frames - 1):
+                yield Event(float(motion.time[start]), "INFO", drive.pair, f"drive stops at {_words(motion, drive.pair, q[start])}")
+            if end < motion.frames - 1 and (end > start or start == 0):
+                yield Event(float(motion.time[end]), "INFO", drive.pair, f"drive starts at {_words(motion, drive.pair, q[end])}")
+        if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
+            continue  # the motion was made with other drive values than the law's
+        if not moves(drive.law):
+            continue
+        breaks = np.asarray(drive.law.breaks, float)
+        cycles = np.arange(int(np.floor(last / drive.law.duration)) + 1)
+        edges = np.array([motion.time[k] for rest in rests for k in rest])
+        step = (last - first) / max(motion.frames - 1, 1)
+        for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
+            if first < t < last and not np.any(np.abs(edges - t) < step):  # a start or stop has been reported already
+                where = _words(motion, drive.pair, float(drive.law(t)[0]))
+                shock = getattr(drive.law, "shock", None)  # programs know what jumps there
+                what = f": {shock(float(t))}" if shock is not None and shock(float(t)) else ""
+                yield Event(float(t), "INFO", drive.pair, f"zone boundary of the drive's law at {where}{what}")
+
+
+def _singular(motion: Motion) -> Iterator[Event]:
+    """Ranges of frames in which a group's equations are near singular."""
+    bad = ~(motion.condition <= SINGULAR)
+    for start, end in runs(bad):
+        worst = float(np.max(motion.condition[start : end + 1]))
+        t0, t1 = float(motion.time[start]), float(motion.time[end])
+        text = _placed(f"near singular position: condition number {worst:.1e} until {t1:.6g} s", motion, t0)
+        yield Event(t0, "WARN", "mechanism", text)
+
+
+def _changes(motion: Motion) -> Iterator[Event]:
+    """Where assembly modes meet and the motion goes through."""
+    for change in motion.changes:
+        if change.dead:
+            text = f"dead point of the drive: the group at {change.name} goes through its limit"
+        else:
+            text = f"change point: the two assembly modes of {change.name} meet, the motion goes through"
+        yield Event(float(change.time), "WARN", change.name, _placed(text, motion, change.time))
+
+
+def _extremes(motion: Motion) -> Iterator[Event]:
+    """Where the answers that a scene asks for become extreme, between frames too."""
+    asked = motion.mechanism.answers
+    if "transmission_angle" in asked:
+        for pair in transmission_angles(motion):
+            t, flat = peak(motion, partial(_squared_cosine, pair))
+            if np.isfinite(t):
+                angle = float(_there(motion, partial(_transmission_angle, pair), t))
+                level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
+                text = _placed(f"worst transmission angle of the run, {as_angle(angle, 4)}", motion, t)
+                yield Event(t, level, pair, text, angle)
+    if "velocity_ratio" in asked or "mechanical_advantage" in asked:
+        yield from _ratios(motion, asked)
+    if "curvature" in asked:
+        for link, point in motion.mechanism.traced:
+            t, bend = peak(motion, partial(_bend, link, point))
+            if np.isfinite(t) and bend > 0.0:
+                text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / bend, 5)}"
+                yield Event(t, "INFO", f"{link}.{point}", text, bend)
+
+
+def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
+    """Extremes of velocity ratios, and of the mechanical advantage, which is the reciprocal of those at the frame."""
+    first = motion.mechanism.drives[0].pair
+    at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
+    dead = np.array([c.time for c in motion.changes if c.dead])
+    step = float(np.max(np.diff(motion.time), initial=0.0))
+    for pair, ratio in velocity_ratios(motion).items():
+        finite = ratio[np.isfinite(ratio)]
+        if not len(finite) or np.ptp(finite) <= NOISE * motion.model.size:
+            continue
+        t, _ = peak(motion, partial(_squared_ratio, pair))
+        near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
+        if len(near):
+            t, value = float(near[0]), np.inf
+            words = "velocity ratio without bound at the drive's dead point"
+        else:
+            value = float(_there(motion, partial(_ratio, pair), t))
+            words = f"largest velocity ratio of the run, {value:.5g}"
+        if "velocity_ratio" in asked:
+            yield Event(t, "INFO", pair, _placed(words, motion, t), value)
+        if "mechanical_advantage" in asked and pair in at_frame:
+            least = 0.0 if np.isinf(value) else 1.0 / abs(value)
+            words = f"smallest mechanical advantage of the run, {least:.5g}"
+            yield Event(t, "INFO", pair, _placed(words, motion, t), least)
+            yield from _toggles(motion, pair)
+
+
+def _toggles(motion: Motion, pair: str) -> Iterator[Event]:
+    """Where the mechanical advantage of a pair grows without bound: its velocity ratio passes through zero."""
+
+    def rows(m: Motion) -> Real:
+        """The ratio and its rate in time: the second derivative by the drive times the drive's speed."""
+        unit = per_unit(m).coordinate(pair)
+        return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
+
+    own = rows(motion)
+    for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
+        text = _placed("mechanical advantage without bound (toggle)", motion, float(t))
+        yield Event(float(t), "INFO", pair, text, np.inf)
+
+
+def _transmission_angle(pair: str, m: Motion) -> Real:
+    return transmission_angles(m)[pair]
+
+
+def _squared_cosine(pair: str, m: Motion) -> Real:
+    """Largest where the angle is farthest from a right one, and smooth, other than the angle, where links lie in one line."""
+    return np.asarray(np.cos(transmission_angles(m)[pair]) ** 2)
+
+
+def _ratio(pair: str, m: Motion) -> Real:
+    return per_unit(m).coordinate(pair)[:, 1]
+
+
+def _squared_ratio(pair: str, m: Motion) -> Real:
+    return np.asarray(_ratio(pair, m) ** 2)
+
+
+def _bend(link: str, point: str, m: Motion) -> Real:
+    return np.asarray(np.abs(curvature(m, link, point)))
+
+
+def _rates(pair: str, m: Motion) -> Real:
+    """Speed and acceleration of a coordinate (F, 2)."""
+    return m.coordinate(pair)[:, 1:]
+
+
+def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:
+    """A quantity at one time."""
+    if motion.again is None:
+        return float(quantity(motion)[int(np.argmin(np.abs(motion.time - t)))])
+    return float(quantity(motion.again(np.array([t])))[0])
+
+
+def _indeterminate(motion: Motion) -> Iterator[Event]:
+    """Redundant constraints, where forces are asked for."""
+    if motion.model.redundant and (motion.mechanism.effects or motion.mechanism.loads):
+        names = ", ".join(indeterminate(getattr(motion, "parts", ((None, motion),))[0][1]))
+        text = f"indeterminate reactions at {names}: constraints are redundant, the smallest reactions that balance are given"
+        yield Event(float(motion.time[0]), "WARN", "mechanism", text)
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

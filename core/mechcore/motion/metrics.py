@@ -1,0 +1,209 @@
+"""Answers a teacher asks for: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
+
+All of them are about geometry, not speed: they use the motion per unit of the first drive's coordinate, so that they exist while a
+drive stands still. Everything is vectorised over the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import wraps
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.kinematics.blocks import Patch
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.rates import Rates
+from mechcore.motion.motion import Motion
+
+Array = Any
+Real = NDArray[np.float64]
+CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
+
+
+def over_parts(compute: Callable[..., Any]) -> Callable[..., Any]:
+    """Answers of a motion that is joined of several (forward dynamics): of each part, put together frame by frame."""
+
+    @wraps(compute)
+    def joined(motion: Any, *args: Any) -> Any:
+        parts = getattr(motion, "parts", None)
+        if parts is None:
+            return compute(motion, *args)
+        found = [(rows, compute(part, *args)) for rows, part in parts]
+        if not isinstance(found[0][1], dict):
+            return _put_together(motion.frames, found)
+        return {name: _put_together(motion.frames, [(rows, f[name]) for rows, f in found]) for name in found[0][1]}
+
+    return joined
+
+
+def _put_together(frames: int, found: list[tuple[Any, Real]]) -> Real:
+    out = np.empty((frames, *found[0][1].shape[1:]))
+    for rows, values in found:
+        out[rows] = values
+    return out
+
+
+def per_unit(motion: Motion) -> Motion:
+    """The same positions moved by the first drive at unit speed, all others at rest, without acceleration."""
+    zero = np.zeros(motion.frames)
+    drives = [(d[0], zero + (1.0 if i == 0 else 0.0), zero) for i, d in enumerate(motion.drives)]
+    patches: dict[int, list[Patch]] = {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for block, given in (motion.patches or {}).items():
+            for patch in given:  # frames next to a change point: from rates in time to derivatives by the drive
+                v, a = (np.broadcast_to(motion.drives[0][k], motion.frames)[patch.frames, None] for k in (1, 2))
+                first = patch.first / v
+                patches.setdefault(block, []).append(replace(patch, first=first, second=(patch.second - first * a) / v**2))
+    return Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
+
+
+def answered(answer: str, m: Model) -> list[Any]:
+    """What an answer is given of: names of joints or blocks, or pairs of links; known before it is computed."""
+    match answer:
+        case "transmission_angle":
+            return [block.name for block in m.blocks if block.kind == "theta_theta"]
+        case "velocity_ratio":
+            return [c.name for c in m.connections if c.kind != "weld"]
+        case "mechanical_advantage":
+            first = m.mechanism.drives[0].pair
+            return [c.name for c in m.connections if c.kind != "weld" and m.mechanism.frame in c.links and c.name != first]
+        case "instant_centre":
+            return list(combinations(m.links, 2))
+        case "curvature":
+            return list(m.mechanism.traced)
+    raise ValueError(f"there is no answer '{answer}'")
+
+
+@over_parts
+def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
+    """Instant centre (F, 2) [m] of every two links, where their velocities agree; infinite where they do not turn relative to
+    each other, in the direction in which it lies. n (n - 1) / 2 of them."""
+    unit = per_unit(motion)
+    m = motion.model
+    spins: Rates = unit.speeds
+    out = {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = [np.broadcast_to(np.asarray(spins.spin[m.angles.spin[k]], float), motion.frames) for k in range(len(m.links))]
+        still = [
+            np.broadcast_to(v - 1j * w * o, motion.frames)  # velocity of the link's point that is at the world's origin
+            for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)
+        ]
+        scale = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in turns) or 1.0
+        for a, b in combinations(range(len(m.links)), 2):
+            turn, shift = turns[a] - turns[b], still[b] - still[a]
+            rigid = np.abs(turn) <= 1e-12 * scale
+            centre = shift / (1j * np.where(rigid, 1.0, turn))
+            x = np.where(rigid, np.copysign(np.inf, (shift * -1j).real), centre.real)
+            y = np.where(rigid, np.copysign(np.inf, (shift * -1j).imag), centre.imag)
+            out[m.links[a], m.links[b]] = np.stack([x, y], axis=-1)
+    return out
+
+
+@over_parts
+def transmission_angles(motion: Motion) -> dict[str, Real]:
+    """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2."""
+    m = motion.model
+    out = {}
+    for block in (b for b in m.blocks if b.kind == "theta_theta"):
+        arms: dict[int, Array] = dict.fromkeys(block.angles, 0j)
+        for spin, z in motion.contours[block.contours[0]].arms:
+            group = m.angles.spin_group[spin]
+            if group in arms:
+                arms[group] = arms[group] + z
+        a, b = (arms[g] for g in block.angles)
+        angle = np.abs(np.angle(-a * np.conj(b)))  # both seen from the common pin
+        out[block.name] = np.broadcast_to(angle, motion.frames)
+    return out
+
+
+def velocity_ratios(motion: Motion) -> dict[str, Real]:
+    """Rate of every pair's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
+    unit = per_unit(motion)
+    return {name: unit.coordinate(name)[:, 1] for name in answered("velocity_ratio", motion.model)}
+
+
+def mechanical_advantage(motion: Motion) -> dict[str, Real]:
+    """Output torque or force per input torque or force of an ideal mechanism (F,), for every pair joined to the frame.
+
+    By the power balance it is the reciprocal of the velocity ratio; infinite where the output stands still (dead point, toggle).
+    """
+    ratios = velocity_ratios(motion)
+    with np.errstate(divide="ignore"):
+        return {name: 1.0 / np.abs(ratios[name]) for name in answered("mechanical_advantage", motion.model)}
+
+
+@over_parts
+def curvature(motion: Motion, link: str, point: str) -> Real:
+    """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point stands still.
+
+    (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), with derivatives by the drive's coordinate.
+    """
+    unit = per_unit(motion)
+    v, a = unit.point(link, point, 1), unit.point(link, point, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3
+
+
+@dataclass(frozen=True)
+class Grashof:
+    """A four-bar loop: its pairs, its link lengths [m] in the order of those pairs, its margin and its type.
+
+    ``margin``: p + q - s - l [m]; positive where the shortest link can turn fully (Grashof), 0 at a change-point linkage.
+    """
+
+    pairs: tuple[str, ...]
+    lengths: tuple[float, ...]
+    margin: float
+    type: str
+
+
+def grashof(model: Model) -> tuple[Grashof, ...]:
+    """Every four-bar loop (four links, four revolute pairs) among the contours."""
+    out = []
+    for c in model.contours:
+        arms = [(k, abs(v)) for k, v in c.links if abs(v) > 0]
+        if len(arms) != 4 or c.slides:
+            continue
+        inside = {k for k, _ in arms}
+        pairs = [j for j, e in enumerate(model.ends) if set(e) <= inside and model.joints[j].turns]
+        if len(pairs) != 4:
+            continue
+        length = dict(arms)
+        drive = next((d for d in model.driven if d in pairs), None)
+        ground = 0 if 0 in inside else min(inside)
+        near = [k for j in pairs for k in model.ends[j] if ground in model.ends[j] and k != ground]
+        crank = next((k for k in near if drive is not None and k in model.ends[drive]), near[0])
+        rocker = next(k for k in near if k != crank)
+        coupler = next(k for k in inside if k not in (ground, crank, rocker))
+        order = (crank, coupler, rocker, ground)
+        a, b, c_, d = (length[k] for k in order)
+        s = sorted((a, b, c_, d))
+        out.append(
+            Grashof(
+                pairs=tuple(model.joints[j].name for j in pairs),
+                lengths=(a, b, c_, d),
+                margin=s[1] + s[2] - s[0] - s[3],
+                type=grashof_type(a, b, c_, d),
+            )
+        )
+    return tuple(out)
+
+
+def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> str:
+    """Type of a four-bar by Grashof's rule: the shortest link turns fully if s + l <= p + q."""
+    s, p, q, longest = sorted((crank, coupler, rocker, frame))
+    margin = p + q - s - longest
+    if abs(margin) <= CHANGE_POINT * (s + p + q + longest):
+        return "change point"
+    if margin < 0:
+        return "triple-rocker (non-Grashof)"
+    if s == frame:
+        return "double-crank"
+    if s == coupler:
+        return "double-rocker (Grashof)"
+    return "crank-rocker" if s == crank else "rocker-crank"

@@ -1,0 +1,410 @@
+"""How a mechanism moves: positions, and on request velocities, accelerations, poses, points, pair coordinates, health."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.branches.singular_points import Change
+from mechcore.branches.unwrapped import LinkAngles
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import Columns, Patch, State, Vectors
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.rates import Rates, accelerations, velocities
+from mechcore.kinematics.terms import Terms
+from mechcore.numerics.frames import added, lazy, nothing, rows_of
+from mechcore.spec.mechanism import Mechanism
+
+Array = Any
+Real = NDArray[np.float64]
+CALM: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}
+
+
+class Motion:
+    """The motion of a mechanism at a set of frames; what is not asked for is not computed.
+
+    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive; a rate that does not change may be
+    given as one number. Results have a leading frame axis.
+    Links, pairs and points go by their names; ``link.point`` names a point of a link.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        time: Real,
+        drives: Sequence[tuple[Real, Real | float, Real | float]],
+        state: State,
+        angles: LinkAngles,
+        patches: Mapping[int, Sequence[Patch]] | None = None,
+        changes: Sequence[Change] = (),
+        again: Callable[[Real], Motion] | None = None,
+        accuracy: Accuracy = DEFAULT,
+    ):
+        self.model = model
+        self.time = time
+        self._drives = drives  # rates that do not change are single numbers
+        self.state = state
+        self.angles = angles  # of the links, continuous from the start pose
+        self.states: dict[str, Real] = {}  # of effects that integrate over the time of a motion under forces
+        self.patches = patches
+        self.again = again  # the same motion at other times, where laws lead it
+        self.accuracy = accuracy
+        self.changes = tuple(changes)  # change points and dead points that the run passes
+        # worked out once when first needed
+        self._arms: dict[tuple[int, int, int], Array] = {}
+        self._slid: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._offsets: dict[tuple[int, complex], Array] = {}
+        self._origins: dict[tuple[int, int], Array] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
+
+    def __repr__(self) -> str:
+        return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.model.mechanism
+
+    @property
+    def frames(self) -> int:
+        return len(self.time)
+
+    @lazy
+    def drives(self) -> list[tuple[Real, Real, Real]]:
+        """Position, speed and acceleration (F,) of each drive [rad or m, s]."""
+        return [(q, np.broadcast_to(v, q.shape), np.broadcast_to(a, q.shape)) for q, v, a in self._drives]
+
+    @lazy
+    def shape(self) -> tuple[int, ...]:
+        """(F,), or (D, F) where D designs are computed side by side (see `sweep`)."""
+        return (*self.model.designs, len(self.time))
+
+    # -- results by name ----------------------------------------------------------------------------------------------
+    def pose(self, link: str) -> Real:
+        """x, y [m] and angle [rad] of the link's frame in the world, the angle continuous (F, 3)."""
+        k = self.model.index[link]
+        return self._rows(self.origin(k), self.angle(k))
+
+    def velocity(self, link: str) -> Real:
+        """First derivative of the pose (F, 3) [m/s, rad/s]."""
+        k = self.model.index[link]
+        return self._rows(self.origin(k, 1), self.speeds.spin[self.model.angles.spin[k]])
+
+    def acceleration(self, link: str) -> Real:
+        """Second derivative of the pose (F, 3) [m/s^2, rad/s^2]."""
+        k = self.model.index[link]
+        return self._rows(self.origin(k, 2), self.accelerations.spin[self.model.angles.spin[k]])
+
+    def point(self, link: str, point: str, derivative: int = 0) -> Real:
+        """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
+        terms = self.model.named_terms.get((link, point))
+        if terms is not None:
+            return self._rows(self.summed(terms, derivative), fresh=True)
+        k = self.model.index[link]
+        return self._rows(self.of_point(k, self.model.points[k][point], derivative))
+
+    def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
+        """Position (F, 2) [m] of a link's centre of mass, or its first or second derivative."""
+        k = self.model.index[link]
+        return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
+
+    def coordinate(self, pair: str) -> Real:
+        """Relative coordinate of a pair and its first two derivatives (F, 3): angle [rad], or displacement [m] where it slides.
+
+        Of a gear, belt or rack pair: angle of its second link minus that of its first.
+        """
+        model = self.model
+        j = model.joint_index.get(pair)
+        if j is not None and j in model.driven and (self.angles.exact or model.joints[j].coordinate == "slide"):
+            values = self.drives[model.driven[j]]
+        elif j is not None and model.joints[j].coordinate == "slide":
+            values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
+        else:
+            first, second = next(c.links for c in model.connections if c.name == pair)
+            return self.relative_angle(first, second, pair)
+        return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
+
+    def relative_angle(self, first: str, second: str, pair: str) -> Real:
+        """Angle of the second link minus that of the first, as the coordinate of a pair, and its first two derivatives (F, 3)."""
+        p, q = self.model.index[first], self.model.index[second]
+        a, b = self.model.angles.spin[p], self.model.angles.spin[q]
+        rates = (r.spin[b] - r.spin[a] for r in (self.speeds, self.accelerations))
+        values = (self.angles.relative(p, q, self.angles.start.ranges.get(pair)), *rates)
+        return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
+
+    def pair_position(self, pair: str) -> Real:
+        """Where a pair is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
+        if pair not in self.model.joint_index:
+            relation = next(r for r in self.model.relations if r.name == pair)
+            return self._rows(relation.contact(self, 1.0)[0])
+        return self._rows(self.joint_point(self.model.joint_index[pair]))
+
+    # -- solved stages ------------------------------------------------------------------------------------------------
+    @lazy
+    def contours(self) -> dict[int, Vectors]:
+        """The vectors of every contour in the world."""
+        return {c: bl.vectors(self.model, c, self.state) for c in range(len(self.model.contours))}
+
+    @lazy
+    def columns(self) -> list[Columns]:
+        """Derivatives of each block's contours by its unknowns."""
+        with np.errstate(**CALM):
+            return [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+
+    @lazy
+    def speeds(self) -> Rates:
+        """Speeds of all spins and slides."""
+        if self.accuracy.differentiation != "exact":
+            return self._by_differences(1)
+        with np.errstate(**CALM):
+            return self._speeds()
+
+    def _speeds(self) -> Rates:
+        if "columns" not in self.__dict__:  # found here, they need no quiet of their own
+            self.columns = [bl.columns(self.model, b, self.contours) for b in self.model.blocks]
+        rates = [d[1] for d in self._drives]
+        return velocities(self.model, self.contours, self.columns, rates, self.patches, self.state.bends)
+
+    @lazy
+    def accelerations(self) -> Rates:
+        """Second rates of all spins and slides."""
+        if self.accuracy.differentiation != "exact":
+            return self._by_differences(2)
+        with np.errstate(**CALM):  # at a singular position rates are infinite, or not determined
+            return self._accelerations()
+
+    def _accelerations(self) -> Rates:
+        if "speeds" not in self.__dict__:
+            self.speeds = self._speeds()
+        rates = [d[2] for d in self._drives]
+        return accelerations(self.model, self.contours, self.columns, self.speeds, rates, self.patches)
+
+    def accelerate(self) -> None:
+        """Work out `accelerations` now, for a caller that has quietened numpy."""
+        if "accelerations" not in self.__dict__ and self.accuracy.differentiation == "exact":
+            self.accelerations = self._accelerations()
+
+    def _by_differences(self, derivative: int) -> Rates:
+        from mechcore.motion.differences import numerical_rates  # here: nobody needs it who does not ask for it
+
+        return numerical_rates(self, derivative)
+
+    # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
+    def rotation(self, k: int) -> Array:
+        """exp(i angle) of a link's frame."""
+        turn, rot = self.model.turn[k], self.state.rot[self.model.angles.spin[k]]
+        return rot if turn == 1 else turn * rot
+
+    def turned(self, derivative: int) -> list[tuple[Array, Array] | None]:
+        """Rotations of all spins, or their first or second derivatives, each as a factor times an array; None where it is zero.
+
+        The factor is 1, or the rate where that does not change: a vector fixed in a link is multiplied by it before the frames.
+        """
+        return self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
+
+    @lazy
+    def turned_never(self) -> list[tuple[Array, Array] | None]:
+        """The spins' rotations E."""
+        return [(1.0, e) for e in self.state.rot]
+
+    @lazy
+    def turned_once(self) -> list[tuple[Array, Array] | None]:
+        """First derivatives of the spins' rotations, i omega E."""
+        return [_times(t, e) for t, e in zip(self.speeds.turns, self.state.rot, strict=True)]
+
+    @lazy
+    def turned_twice(self) -> list[tuple[Array, Array] | None]:
+        """Second derivatives of the spins' rotations, (i alpha - omega^2) E."""
+        return [
+            _times(alpha if twice is None else twice if alpha is None else alpha + twice, e)
+            for e, alpha, twice in zip(self.state.rot, self.accelerations.turns, self.speeds.twice, strict=True)
+        ]
+
+    def slid(self, j: int, derivative: int) -> Array:
+        """How far a joint has slid, as a vector in the world, or its first or second derivative."""
+        direction, s = self._slid_along(j, derivative)
+        return s if isinstance(direction, float) else direction * s
+
+    def _slid_along(self, j: int, derivative: int) -> tuple[Array, Array]:
+        """`slid` as a factor times an array: the direction of a guide that is the same in all frames, else 1."""
+        key = j, derivative
+        if key not in self._slid:
+            spin, direction = self.model.guides[j]
+            if spin == self.model.angles.spin[0]:  # the guide rests
+                s = (self.state if derivative == 0 else self.speeds if derivative == 1 else self.accelerations).slide[j]
+                self._slid[key] = direction, s
+                return direction, s
+            s, turn = self.state.slide[j], None if derivative == 0 else self.speeds.turns[spin]
+            if derivative == 1:
+                s = self.speeds.slide[j] if turn is None else self.speeds.slide[j] + turn * s
+            elif derivative == 2:
+                second = self.accelerations.slide[j]
+                if turn is not None:
+                    second = second + 2.0 * turn * self.speeds.slide[j] + self.speeds.twice[spin] * s
+                alpha = self.accelerations.turns[spin]
+                s = second if alpha is None else second + alpha * s
+            guide = direction * self.state.rot[spin]
+            if nothing(s):
+                self._slid[key] = 1.0, 0j
+            else:
+                self._slid[key] = (1.0, s * guide) if isinstance(guide, np.ndarray) else (guide, s)
+        return self._slid[key]
+
+    def offset(self, k: int, local: Array, derivative: int = 0) -> Array:
+        """A vector fixed in link ``k`` in the world, or its first or second derivative."""
+        if derivative == 0 and isinstance(local, complex):
+            found = self._offsets.get((k, local))
+            if found is None:
+                rotation = self.state.rot[self.model.angles.spin[k]]
+                found = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
+            return found
+        turned = None if nothing(local) else self.turned(derivative)[self.model.angles.spin[k]]
+        return 0j if turned is None else (local * self.model.turn[k] * turned[0]) * turned[1]
+
+    def angle(self, k: int) -> Array:
+        """Angle of a link's frame [rad], continuous from the start pose."""
+        return self.angles.link(k)
+
+    def group_angle(self, group: int) -> Array:
+        """Angle of a group of links that turn together [rad], without what drives turn within it, from the start pose on."""
+        turning = self.model.angles
+        spin = turning.spins_of[group][0]
+        return self.angles.spins[spin] - sum(sign * self.drives[d][0] for d, sign in turning.spin_drives[spin])
+
+    def guide(self, j: int) -> Array:
+        """Direction of a sliding joint's guide in the world."""
+        spin, direction = self.model.guides[j]
+        return direction * self.state.rot[spin]
+
+    def arm(self, k: int, j: int, side: int, derivative: int = 0) -> Array:
+        """Vector from the origin of link ``k`` to its point of joint ``j`` (slide included), or its derivative."""
+        key = j, side, derivative
+        found = self._arms.get(key)
+        if found is None:
+            joint = self.model.joints[j]
+            found = self.offset(k, joint.b if side else joint.a, derivative)
+            if joint.slide is not None and joint.guide == side:
+                found = added(found, self.slid(j, derivative))
+            self._arms[key] = found
+        return found
+
+    def origin(self, k: int, derivative: int = 0) -> Array:
+        """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
+        tree, ends, known = self.model.tree, self.model.ends, self._origins
+        way = []
+        while (k, derivative) not in known:
+            way.append(k)
+            k = tree.parent[k]
+        found = known[k, derivative]
+        for link in reversed(way):
+            p, j = tree.parent[link], tree.joint[link]
+            side = 1 if ends[j][1] == link else 0
+            found = added(added(found, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative), -1)
+            known[link, derivative] = found
+        return found
+
+    @lazy
+    def origins(self) -> list[Array]:
+        """Positions of the origins of all links [m]."""
+        return [self.origin(k) for k in range(len(self.model.links))]
+
+    @lazy
+    def origin_velocities(self) -> list[Array]:
+        return [self.origin(k, 1) for k in range(len(self.model.links))]
+
+    @lazy
+    def origin_accelerations(self) -> list[Array]:
+        return [self.origin(k, 2) for k in range(len(self.model.links))]
+
+    def of_point(self, k: int, local: complex, derivative: int = 0) -> Array:
+        """World position of a point given in link axes, or its first or second derivative."""
+        terms = self.model.terms(k, local)
+        if terms is None:
+            return added(self.origin(k, derivative), self.offset(k, local, derivative))
+        return self.summed(terms, derivative)
+
+    def summed(self, terms: Terms, derivative: int) -> Array:
+        """A sum over spins and slides in the world, or its first or second derivative; a new array where it is one."""
+        turned = self.turned_never if derivative == 0 else self.turned_once if derivative == 1 else self.turned_twice
+        total: Array = None
+        for spin, vector in terms.spins:
+            t = turned[spin]
+            if t is not None:
+                term = (vector * t[0]) * t[1]
+                total = term if total is None else total + term
+        for j, sign in terms.slides:
+            direction, s = self._slid_along(j, derivative)
+            if nothing(s):
+                continue
+            factor = sign * direction
+            if total is None:
+                total = factor * s
+            elif isinstance(factor, float) and abs(factor) == 1.0:
+                total = total + s if factor == 1.0 else total - s
+            else:
+                total = total + factor * s
+        return 0j if total is None else total
+
+    def joint_point(self, j: int, derivative: int = 0) -> Array:
+        """Where a joint is: on the link that does not carry the guide."""
+        joint, ends = self.model.joints[j], self.model.ends[j]
+        side = 1 if joint.slide is not None and joint.guide == 0 else 0
+        return self.of_point(ends[side], joint.b if side else joint.a, derivative)
+
+    def _rows(self, z: Array, angle: Array | None = None, *, fresh: bool = False) -> Real:
+        """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
+        if angle is None:
+            if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype != complex:
+                z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
+            return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time
+        return rows_of(self.shape, z, angle)
+
+    # -- health -------------------------------------------------------------------------------------------------------
+    @cached_property
+    def closure(self) -> Real:
+        """Largest contour residual of each frame (F,) [m]."""
+        return self._largest([v.total() for v in self.contours.values()])
+
+    @cached_property
+    def velocity_closure(self) -> Real:
+        """Largest residual of the differentiated contours (F,) [m/s]."""
+        return self._largest([self._contour_rate(v, 1) for v in self.contours.values()])
+
+    @cached_property
+    def acceleration_closure(self) -> Real:
+        """Largest residual of the twice differentiated contours (F,) [m/s^2]."""
+        return self._largest([self._contour_rate(v, 2) for v in self.contours.values()])
+
+    @cached_property
+    def condition(self) -> Real:
+        """Largest block condition number of each frame (F,); inf where a block is singular."""
+        worst = np.ones(self.shape)
+        for block, cols in zip(self.model.blocks, self.columns, strict=True):
+            worst = np.maximum(worst, bl.condition(self.model, block, cols))
+        return worst
+
+    def _contour_rate(self, v: Vectors, derivative: int) -> Array:
+        total: Array = 0j
+        for spin, z in v.arms:
+            w = self.speeds.spin[spin]
+            total = total + (1j * w * z if derivative == 1 else (1j * self.accelerations.spin[spin] - w * w) * z)
+        for j, spin, d in v.slides:
+            if derivative == 1:
+                total = total + self.speeds.slide[j] * d
+            else:
+                total = total + (self.accelerations.slide[j] + 2j * self.speeds.spin[spin] * self.speeds.slide[j]) * d
+        return total
+
+    def _largest(self, residuals: list[Array]) -> Real:
+        worst = np.zeros(self.shape)
+        for r in residuals:
+            worst = np.maximum(worst, np.abs(r))
+        return worst
+
+
+def _times(factor: Array, e: Array) -> tuple[Array, Array] | None:
+    """A product that is left as it is where the factor is a number (frames and designs share it)."""
+    return None if factor is None else (1.0, factor * e) if isinstance(factor, np.ndarray) else (factor, e)

@@ -1,0 +1,147 @@
+"""How far the first drive can go with the mechanism assembled in its stated mode."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from mechcore.branches.singular_points import TWO_MODES, flat_instants, rounding_of
+from mechcore.branches.tracking import STEP, walk
+from mechcore.kinematics.blocks import flatness
+from mechcore.kinematics.positions import place_all
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.motion import Motion
+from mechcore.motion.slots import has_ends, room_in_slots, within_slots
+from mechcore.motion.solve import TURN, Compiled, solve_motion
+from mechcore.spec.mechanism import Cylinder
+
+Array = Any
+SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
+HALVINGS = 40
+INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
+
+
+def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[float, float]]:
+    """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
+
+    A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
+    to 1e-10 of that range. Groups that have to be followed, see `tracking`, are followed from the start, so only the range around
+    it is known.
+    """
+    ranges = _ranges(compiled, samples)
+    pairs = compiled.mechanism.pairs
+    if any(isinstance(pair, Cylinder) and pair.name == compiled.mechanism.drives[0].pair for pair in pairs):
+        return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # the distance of two points
+    return ranges
+
+
+def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
+    model = compiled.model
+    q0 = compiled.start[0]
+    rotary = model.joints[model.joint_index[model.mechanism.drives[0].pair]].coordinate == "angle"
+    half = 0.5 * TURN if rotary else 5.0 * model.size
+    if compiled.followed:
+        step = STEP["angle"] if rotary else STEP["slide"] * model.size
+        full = half * (2.0 if rotary else 1.0)
+        lead = (ConstantSpeed(0.0, 1.0),)  # the parameter is the first drive's position
+        course = walk(model, compiled.assembly, lead, q0, q0 - full, q0 + full, step, step / 12.0, others=compiled.start[1:])
+        low, high = course.track.ends
+        low = max([low, *(end for _, end, _ in course.gaps if end < q0)])
+        high = min([high, *(start for start, _, _ in course.gaps if start > q0)])
+        low, high = (q0 - half, q0 + half) if rotary and high - low >= 2.0 * half else (low, high)
+        if not has_ends(model.mechanism):
+            return [(low, high)]
+    else:
+        low, high = q0 - half, q0 + half
+
+    def solved(q: Array) -> Motion:
+        given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
+            model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
+        given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
+        return solve_motion(compiled, np.zeros(len(q)), drives=given, strict=False)
+
+    def assembled(q: Array) -> Array:
+        motion = solved(q)
+        fits = np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
+            np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
+        )
+        return fits & within_slots(motion)
+
+    grid = np.linspace(low, high, samples)
+    state, gaps = solved(grid).state, [grid]
+    for block in model.blocks:
+        if block.kind in TWO_MODES:  # gaps that are narrower than the grid
+            for start, end in flat_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
+                gaps.append(np.clip([start, 0.5 * (start + end), end], low, high))
+    grid = np.unique(np.concatenate(gaps))
+    ok = assembled(grid)
+    edges = np.flatnonzero(ok[1:] != ok[:-1])
+    before, after = grid[edges].copy(), grid[edges + 1].copy()
+    for _ in range(40):  # bisection of all edges at once
+        if not len(edges):
+            break
+        middle = 0.5 * (before + after)
+        same = assembled(middle) == ok[edges]
+        before, after = np.where(same, middle, before), np.where(same, after, middle)
+    cuts = [grid[0], *np.where(ok[edges], before, after), grid[-1]] if len(edges) else [grid[0], grid[-1]]
+    out = []
+    inside = bool(ok[0])
+    for a, b in itertools.pairwise(cuts):
+        if inside:
+            out.append((float(a), float(b)))
+        inside = not inside
+    if rotary and not compiled.followed and len(out) > 1 and out[0][0] == low and out[-1][1] == high:  # they meet behind the start
+        (_, end), (begin, _) = out[0], out.pop()
+        out[0] = (begin, end + TURN) if begin <= q0 else (begin - TURN, end)
+    return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
+
+
+def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
+    """The range of the first drive's position (rad or m) about its start in which every group can be put together wherever the
+    laws of the other drives take these at times of a run, from the first of ``time`` to the last; None where there is none, or
+    where groups have to be followed."""
+    model = compiled.model
+    if compiled.followed:
+        return None
+    first, *others = model.mechanism.drives
+    rotary, q0 = model.rotary(first.pair), compiled.start[0]
+    half = 0.5 * TURN if rotary else 5.0 * model.size
+    t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
+    places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]
+
+    def fits(q: Array) -> Array:
+        state = place_all(
+            model, [q[:, None], *places], compiled.assembly.modes, compiled.assembly.starts, constants=compiled.assembly.constants
+        )
+        shape = len(q), len(t)
+        rows = [h for b in model.blocks if b.kind in TWO_MODES for h in flatness(model, b, state)]
+        rows += room_in_slots(model, state)
+        values = [*(r for r in state.rot if r is not None), *state.slide.values()]
+        ok = np.all([np.broadcast_to(np.isfinite(v), shape).all(axis=1) for v in values], axis=0)
+        return np.all([ok, *(_least(np.broadcast_to(row, shape)) >= 0.0 for row in rows)], axis=0)
+
+    step = 2.0 * half / (SAMPLES - 1)
+    ends = []
+    for sign in (-1.0, 1.0):
+        ok = fits(q0 + sign * step * np.arange(SAMPLES // 2 + 1))
+        if not ok[0]:
+            return None
+        steps = len(ok) - 1 if ok.all() else int(np.argmin(ok)) - 1
+        inside, outside = q0 + sign * step * steps, q0 + sign * step * (steps + 1)
+        for _ in range(0 if ok.all() else HALVINGS):
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if fits(np.array([middle]))[0] else (inside, middle)
+        ends.append(inside - sign * INSET * abs(inside))
+    low, high = ends
+    return (low, high) if low < q0 < high else None
+
+
+def _least(rows: Array) -> Array:
+    """Least values of smooth functions sampled evenly, (..., t) -> (...), between the samples too: of the parabola there."""
+    before, here, after = rows[..., :-2], rows[..., 1:-1], rows[..., 2:]
+    slope, bend = 0.5 * (after - before), after - 2.0 * here + before
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dip = np.where((bend > 0.0) & (np.abs(slope) <= bend), here - 0.5 * slope**2 / bend, here)
+    return np.minimum(rows.min(axis=-1), dip.min(axis=-1))

@@ -1,0 +1,124 @@
+"""Reactions of mechanisms with redundant constraints: equilibrium has many solutions, the shortest one stands for them.
+
+All joint forces and couples at once, link by link (Newton-Euler), by the pseudo-inverse; couples count in units of force by the
+mechanism's size. Which joints are indeterminate follows from the null space: they can be stressed against each other with no load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mechcore.motion.motion import Motion
+
+Array = Any
+RANK = 1e-10  # singular values below this part of the largest are zero
+NOTHING = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
+
+
+def least_norm(
+    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
+) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
+    """Transmitted force and couple on the second link of every joint, place and force of every relation, its multiplier.
+
+    ``force`` and ``moment`` (about each link's origin) are what loads put on the links, (F,) or with axes before the frames'.
+    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the load asks for.
+    """
+    model = motion.model
+    if flanks is None and model.relations:  # the multiplier does the same work on either flank: its sign comes first
+        first = least_norm(motion, force, moment, dict.fromkeys(range(len(model.relations)), 1.0))
+        if all(np.all(m >= 0.0) for m in first[2].values()):
+            return first
+        flanks = first[2]
+    flanks = flanks or {}
+    matrix, labels = _equilibrium(motion, flanks)
+    n = len(model.links) - 1
+    shape = np.broadcast_shapes((motion.frames,), *(np.shape(v) for v in (*force, *moment)))
+    rhs = np.zeros((*shape, 3 * n))
+    for k in range(1, n + 1):
+        rhs[..., 3 * k - 3], rhs[..., 3 * k - 2] = -np.real(force[k]), -np.imag(force[k])
+        rhs[..., 3 * k - 1] = -np.asarray(moment[k]) / model.size
+    x = (np.linalg.pinv(matrix, rcond=RANK) @ rhs[..., None])[..., 0]
+    left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
+    size = np.abs(rhs).max(initial=0.0) or 1.0
+    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
+    idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
+    x = np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
+    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
+    contacts: dict[str, tuple[Array, Array]] = {}
+    multipliers: dict[int, Array] = {}
+    for column, (what, i, direction) in enumerate(labels):
+        value = x[..., column]
+        if what == "force":
+            transmitted[i] = (transmitted[i][0] + value * direction, transmitted[i][1])
+        elif what == "couple":
+            transmitted[i] = (transmitted[i][0], transmitted[i][1] + value * model.size)
+        else:
+            place, along = model.relations[i].contact(motion, flanks[i])
+            contacts[model.relations[i].name] = (place, value * along)
+            multipliers[i] = value
+    return transmitted, contacts, multipliers
+
+
+def indeterminate(motion: Motion) -> tuple[str, ...]:
+    """Pairs whose reactions statics does not determine, at the run's best conditioned frame."""
+    model = motion.model
+    matrix, labels = _equilibrium(motion, {})
+    frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
+    _, s, vt = np.linalg.svd(matrix[frame])
+    rank = int((s > RANK * s[0]).sum())
+    loose = np.abs(vt[rank:]).max(axis=0, initial=0.0) > 1e-9
+    names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
+    return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
+
+
+def _equilibrium(motion: Motion, flanks: Mapping[int, Array]) -> tuple[Array, list[tuple[str, int, Array]]]:
+    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
+    model = motion.model
+    labels: list[tuple[str, int, Array]] = []
+    for j, joint in enumerate(model.joints):
+        along = motion.guide(j) if joint.slide is not None else None
+        driven = j in model.driven
+        if along is None:
+            labels += [("force", j, 1 + 0j), ("force", j, 1j)]
+        else:
+            labels.append(("force", j, 1j * along))
+            if driven:
+                labels.append(("force", j, along))
+        if not joint.turns or (driven and joint.coordinate == "angle"):
+            labels.append(("couple", j, 0j))
+    labels += [("tie", i, 0j) for i in range(len(model.relations))]
+    matrix = np.zeros((motion.frames, 3 * (len(model.links) - 1), len(labels)))
+
+    def put(column: int, k: int, f: Array, arm: Array, sign: float) -> None:
+        if k == 0:
+            return
+        matrix[:, 3 * k - 3, column] += sign * np.real(f)
+        matrix[:, 3 * k - 2, column] += sign * np.imag(f)
+        matrix[:, 3 * k - 1, column] += sign * np.imag(np.conj(arm) * f) / model.size
+
+    for column, (what, i, direction) in enumerate(labels):
+        if what == "force":
+            (p, q) = model.ends[i]
+            put(column, q, direction, motion.arm(q, i, 1), 1.0)
+            put(column, p, direction, motion.arm(p, i, 0), -1.0)
+        elif what == "couple":
+            p, q = model.ends[i]
+            for k, sign in ((q, 1.0), (p, -1.0)):
+                if k:
+                    matrix[:, 3 * k - 1, column] += sign
+        else:
+            relation = model.relations[i]
+            place, along = relation.contact(motion, flanks.get(i, 1.0))
+            for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
+                k = model.index[link]
+                put(column, k, along, place - motion.origins[k], sign)
+            if relation.bearing is not None:
+                couple = relation.bearing.couple(motion, place, along)
+                for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
+                    if (k := model.index[link]) != 0:
+                        matrix[:, 3 * k - 1, column] += sign * couple / model.size
+    return matrix, labels

@@ -1,0 +1,227 @@
+"""What a mechanism is made of: mobility, structural groups (Assur), contours. Answers for people, from the compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechcore.kinematics.model import Model, Sum
+from mechcore.motion.motion import Motion
+
+ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
+
+
+@dataclass(frozen=True)
+class Group:
+    """A structural group in solving order. ``kind``: the pair letters of a dyad such as RRR (outer, inner, outer)."""
+
+    links: tuple[str, ...]
+    pairs: tuple[str, ...]
+    assur_class: str  # "I" for a driven link, "II" for dyads, ...
+    kind: str
+    solved_by: str  # "drive", "closed form" or "Newton"
+
+    def __str__(self) -> str:
+        kind = f" {self.kind}" if self.kind else ""
+        return f"class {self.assur_class}{kind}: {', '.join(self.links)} (pairs {', '.join(self.pairs)})"
+
+
+def gruebler(model: Model) -> tuple[int, int, int, int]:
+    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 pairs with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
+    rolling = {r.name for r in model.relations} & set(model.joint_index)  # a slot and a relation: together one freedom
+    n = len(model.links) - 1
+    p5 = sum(1 for j in model.joints if j.freedoms == 1) + len(rolling)
+    p4 = sum(1 for j in model.joints if j.freedoms == 2) + len(model.relations) - 2 * len(rolling)
+    welds = sum(1 for j in model.joints if j.freedoms == 0)
+    return n, p5, p4, 3 * n - 2 * p5 - p4 - 3 * welds
+
+
+def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) -> int:
+    """Freedoms that the constraints of all pairs, drives left out, really leave at a frame: 3n minus the numerical rank.
+
+    Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
+    lengths in units of the mechanism's size, rank from the singular values.
+    """
+    model = motion.model
+    n = len(model.links) - 1
+    rows = []
+    for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
+        block = np.zeros((2, 3 * (n + 1)))
+        for k, side, sign in ((p, 0, 1.0), (q, 1, -1.0)):
+            arm = complex(np.broadcast_to(motion.arm(k, j, side), motion.frames)[frame]) / model.size
+            block[0, 3 * k], block[1, 3 * k + 1] = sign, sign
+            block[0, 3 * k + 2], block[1, 3 * k + 2] = -sign * arm.imag, sign * arm.real
+        if joint.slide is not None:
+            d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+            block = np.array([[-d.imag, d.real]]) @ block
+        rows.append(block)
+        if not joint.turns:
+            turn = np.zeros((1, 3 * (n + 1)))
+            turn[0, 3 * p + 2], turn[0, 3 * q + 2] = 1.0, -1.0
+            rows.append(turn)
+    for tie in model.sums:
+        rows.append(_tie_row(model, motion, tie, frame))
+    jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
+    if 0 in jacobian.shape:
+        return 3 * n
+    s = np.linalg.svd(jacobian, compute_uv=False)
+    return int(3 * n - (s > tolerance * s[0]).sum())
+
+
+def _tie_row(model: Model, motion: Motion, tie: Sum, frame: int) -> np.ndarray:
+    """A relation's rate by the links' absolute coordinates, lengths in units of the size."""
+    row = np.zeros((1, 3 * len(model.links)))
+    relation = next(r for r in model.relations if r.name == tie.name)
+    angles, slides = list(relation.angles), list(tie.slides)
+    if relation.curve is not None and tie.curve is not None:
+        bend = motion.state.bends[model.relations.index(relation)][1]
+        slope = float(np.broadcast_to(bend, motion.frames)[frame])
+        angles += [(link, slope * c) for link, c in relation.curve.angles]
+        slides += [(j, slope * c) for j, c in tie.curve.slides]
+    for link, c in angles:
+        row[0, 3 * model.index[link] + 2] += c / model.size
+    for j, c in slides:
+        p, q = model.ends[j]
+        joint = model.joints[j]
+        d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
+        owner, other = (p, q) if joint.guide == 0 else (q, p)
+        at = complex(np.broadcast_to(motion.joint_point(j), motion.frames)[frame])
+        for k, sign in ((other, 1.0), (owner, -1.0)):  # rate of the coordinate: relative velocity at the sliding point
+            arm = (at - complex(np.broadcast_to(motion.origins[k], motion.frames)[frame])) / model.size
+            row[0, 3 * k] += sign * c * d.real
+            row[0, 3 * k + 1] += sign * c * d.imag
+            row[0, 3 * k + 2] += sign * c * (d.imag * arm.real - d.real * arm.imag)
+    return row
+
+
+def groups(model: Model) -> tuple[Group, ...]:
+    """Structural groups in an order in which they can be solved: driven links first, then Assur groups.
+
+    A group is a smallest set of links that its pairs, among themselves and to what is solved already, determine: 3n constraints.
+    """
+    last = len(model.order.blocks)
+    rank = [0] * len(model.links)
+    for k, (_, unknowns) in enumerate(model.order.blocks):
+        for u in unknowns:
+            rank[u // 3 + 1] = max(rank[u // 3 + 1], k)
+    for u in model.order.free:
+        rank[u // 3 + 1] = last
+    ties: list[tuple[tuple[int, ...], int]] = [
+        (e, 3 - joint.freedoms + (j in model.driven)) for j, (joint, e) in enumerate(zip(model.joints, model.ends, strict=True))
+    ]
+    for r, t in zip(model.relations, model.sums, strict=True):
+        angles = r.angles if r.curve is None else (*r.angles, *r.curve.angles)
+        slides = t.slides if t.curve is None else (*t.slides, *t.curve.slides)
+        ties.append((tuple(model.index[k] for k, _ in angles) + tuple(x for j, _ in slides for x in model.ends[j]), 1))
+    at: dict[int, list[int]] = {}
+    for i, (e, _) in enumerate(ties):
+        for k in set(e):
+            at.setdefault(k, []).append(i)
+    left = sorted(range(1, len(model.links)), key=lambda k: rank[k])
+    solved, found = {0}, []
+    fresh = list(left)  # links whose neighbourhood has changed since they were last looked at
+
+    def count(own: set[int]) -> int:
+        inside = solved | own
+        return sum(ties[i][1] for i in {i for k in own for i in at.get(k, ())} if set(ties[i][0]) <= inside)
+
+    while left:
+        own = next(({k} for k in fresh if k not in solved and count({k}) >= 3), None)
+        if own is None:
+            fresh = []
+            pairs = (set(e) for e, _ in ties if len(set(e)) == 2 and not set(e) & solved)
+            own = next((p for p in pairs if count(p) >= 6), None)
+        if own is None:
+            own = set()
+            for k in left:
+                own.add(k)
+                if count(own) >= 3 * len(own):
+                    break
+        members = sorted(own)
+        found.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
+        solved |= own
+        left = [k for k in left if k not in own]
+        fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in ties[i][0] if n not in solved)]
+    return tuple(found)
+
+
+def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
+    inside = set(own)
+    inner = [j for j in pairs if set(model.ends[j]) <= inside]
+    outer = [j for j in pairs if j not in inner]
+    names = tuple(model.links[k] for k in own)
+    pair_names = tuple(model.joints[j].name for j in pairs)
+    general = any(b.kind == "general" and any(model.angles.group[k] in b.angles for k in own) for b in model.blocks)
+    driven = any(j in model.driven for j in pairs)
+    if driven and len(own) == 1:
+        return Group(names, pair_names, "I", "", "drive")
+    if len(own) == 1:
+        meshing = {r.name for r in model.relations if names[0] in r.links}
+        over = sum(3 - model.joints[j].freedoms for j in pairs) > 3
+        how = "geared" if meshing else "redundant" if over else "with a higher pair" if len(pairs) > 1 else "fixed"
+        return Group(names, pair_names, "I", how, "closed form")
+    kind = ""
+    if len(own) == 2 and len(inner) == 1 and len(outer) == 2:
+        first = next(j for j in outer if own[0] in model.ends[j])
+        second = next(j for j in outer if j != first)
+        kind = "".join(model.joints[j].kind[0].upper() for j in (first, inner[0], second))
+        kind = max(kind, kind[::-1])  # RRP and PRR are one kind
+    return Group(names, pair_names, _class_of(model, own, inner, pairs), kind, "Newton" if general else "closed form")
+
+
+def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Sequence[int]) -> str:
+    """Class after Assur and Artobolevsky: II for dyads, III where a link carries three pairs, k for an inner contour of k pairs."""
+    if len(own) <= 2:
+        return "II" if len(own) == 2 else "I"
+    near: dict[int, list[int]] = {k: [] for k in own}
+    for j in inner:
+        p, q = model.ends[j]
+        near[p].append(q)
+        near[q].append(p)
+    longest = 0
+    for j in inner:  # shortest inner contour through each pair
+        p, q = model.ends[j]
+        distance, queue = {p: 0}, [p]
+        while queue:
+            k = queue.pop(0)
+            for other in near[k]:
+                if {k, other} != {p, q} and other not in distance:
+                    distance[other] = distance[k] + 1
+                    queue.append(other)
+        if q in distance:
+            longest = max(longest, distance[q] + 1)
+    most = max(sum(1 for j in pairs if k in model.ends[j]) for k in own)
+    number = max(longest, 3 if most >= 3 else 2)
+    return ROMAN[number] if number < len(ROMAN) else str(number)
+
+
+def contour_pairs(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The pairs of each independent contour, in the order of the way round from the tree's side to the closing pair."""
+    out = []
+    for c in model.contours:
+        p, q = model.ends[c.closing]
+        up, down = [], []
+        line = []
+        k = p
+        while True:
+            line.append(k)
+            if k == 0:
+                break
+            k = model.tree.parent[k]
+        k = q
+        while k not in line:
+            down.append(model.tree.joint[k])
+            k = model.tree.parent[k]
+        for link in line[: line.index(k)]:
+            up.append(model.tree.joint[link])
+        out.append(tuple(model.joints[j].name for j in [*reversed(up), c.closing, *down]))
+    return tuple(out)
+
+
+def redundant_pairs(model: Model) -> tuple[str, ...]:
+    """Pairs at which constraints are left over: their reactions are not determined by statics alone."""
+    names = [model.joints[j].name for j in model.angles.spare]
+    names += [b.name for b in model.blocks if b.redundant]
+    return tuple(dict.fromkeys(names))

@@ -1,0 +1,111 @@
+"""Many designs of one mechanism side by side: a design axis in front of the frame axis, through the same code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechcore.branches.unwrapped import Frames, along_designs
+from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.model import SpinContour
+from mechcore.kinematics.positions import place_all
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import Compiled
+from mechcore.topology.graph import contours
+
+Array = Any
+CHUNK = 4096  # numbers in an array that is worked on: small enough to stay in the cache
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """``results``: what was collected, each (D, F, ...). ``assembled`` (D,): designs that go together in every frame."""
+
+    results: dict[str, NDArray[np.float64]]
+    assembled: NDArray[np.bool_]
+
+
+def sweep(
+    compiled: Compiled,
+    points: Mapping[tuple[str, str], ArrayLike],
+    time: ArrayLike,
+    collect: Callable[[Motion], Mapping[str, Array]],
+) -> Sweep:
+    """Motion of D variants of a mechanism at times (F,) [s].
+
+    ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
+    compiled, the assembly modes too. ``collect`` takes from a motion what is wanted, arrays (designs, F, ...). Designs that cannot
+    be assembled are NaN in the frames concerned and marked, not fatal. Groups without a closed form and mechanisms with change
+    points depend on a design's own course and are refused.
+    """
+    model = compiled.model
+    if compiled.assembly.starts or model.relations or (compiled.changes is not None and compiled.changes.found):
+        raise MechanismError(
+            Fault(
+                "sweep",
+                "this mechanism has groups that must be followed along their course, design by design.",
+                "Loop over designs.",
+            )
+        )
+    time = np.atleast_1d(np.asarray(time, float))
+    varied = {key: np.asarray(xy, float) for key, xy in points.items()}
+    for link, point in varied:
+        if link not in model.index or point not in model.bodies[link].points:
+            raise MechanismError(Fault("sweep", f"there is no point '{point}' on a link '{link}'."))
+    designs = {len(xy) for xy in varied.values()}
+    if len(designs) != 1:
+        raise MechanismError(Fault("sweep", "the points are given for different numbers of designs, or for none."))
+    count = designs.pop()
+    values = [tuple(np.broadcast_to(x, time.shape) for x in d.law(time)) for d in model.mechanism.drives]
+    chunk = max(1, CHUNK // len(time))
+    parts: list[Mapping[str, Array]] = []
+    assembled = np.empty(count, bool)
+    for start in range(0, count, chunk):
+        part = {key: xy[start : start + chunk, :] for key, xy in varied.items()}
+        motion = _motion(compiled, part, time, values)
+        parts.append(collect(motion))
+        ok = np.ones(motion.shape, bool)
+        for rot in motion.state.rot:
+            ok &= np.isfinite(rot)
+        for slide in motion.state.slide.values():
+            ok &= np.isfinite(slide)
+        assembled[start : start + chunk] = ok.all(axis=-1)
+    results = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
+    return Sweep(results=results, assembled=assembled)
+
+
+def _motion(compiled: Compiled, points: Mapping[tuple[str, str], Array], time: Array, values: Any) -> Motion:
+    model = compiled.model
+    place = {key: (xy[:, 0] + 1j * xy[:, 1])[:, None] for key, xy in points.items()}
+    ends = {p.name: getattr(p, "points", None) for p in model.mechanism.pairs}
+    joints = []
+    for joint in model.joints:
+        names = ends.get(joint.name)
+        if names is not None:
+            a, b = (place.get((link, name)) for link, name in zip(joint.links, names, strict=True))
+            joint = replace(joint, a=joint.a if a is None else a, b=joint.b if b is None else b)
+        joints.append(joint)
+    closed = contours(model.ends, joints, model.tree)
+    sums = []
+    for c in closed:
+        arms: dict[int, Array] = {}
+        for k, vector in c.links:
+            spin = model.angles.spin[k]
+            arms[spin] = arms.get(spin, 0j) + vector * model.turn[k]
+        slides = tuple((j, model.angles.spin[k], d * model.turn[k]) for j, k, d in c.slides)
+        kept = tuple((s, a) for s, a in arms.items() if np.any(a != 0))
+        sums.append(SpinContour(closing=c.closing, arms=kept, slides=slides))
+    variant = replace(model, joints=tuple(joints), contours=closed, spin_contours=tuple(sums), varied=place)
+    modes, laws = compiled.assembly.modes, tuple(d.law for d in model.mechanism.drives)
+    state = place_all(variant, [v[0] for v in values], modes)
+
+    def placed(x: Array) -> Frames:
+        q = [np.asarray(law(x[:, 0])[0], float) for law in laws]
+        return q, place_all(variant, q, modes), (*variant.designs, len(x))
+
+    angles = along_designs(variant, time, ([v[0] for v in values], state, (*variant.designs, len(time))), laws, placed)
+    return Motion(variant, time, values, state, angles, accuracy=compiled.accuracy)

@@ -1,0 +1,236 @@
+"""Functions of one coordinate as Chebyshev polynomials on equal panels: values and exact derivatives for many arguments at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+NODES = 16  # of a panel
+NOISE = 1e-9  # tails below this that stay where they are come from rounding
+MANY = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
+_X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
+
+
+@lru_cache
+def _derivative_matrix(n: int) -> Array:
+    """(n, n): from Chebyshev coefficients of a function to those of its derivative."""
+    out = np.zeros((n, n))
+    for k in range(n):
+        unit = np.zeros(n)
+        unit[k] = 1.0
+        d = chebyshev.chebder(unit)
+        out[: len(d), k] = d
+    return out
+
+
+def _integral_matrix(n: int) -> Array:
+    """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left border."""
+    return np.column_stack(
+        [np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))]
+    )
+
+
+def _unit(k: int) -> Array:
+    out = np.zeros(k + 1)
+    out[k] = 1.0
+    return out
+
+
+_INT = _integral_matrix(NODES)
+
+
+def _polynomials(z: Array, n: int) -> Array:
+    """Chebyshev polynomials T_0 .. T_(n-1) at z (m,), within [-1, 1]: (m, n)."""
+    if len(z) < MANY:
+        return np.asarray(np.cos(np.multiply.outer(np.arccos(z), np.arange(n))))
+    out = np.empty((n, len(z)))
+    out[0], out[1] = 1.0, z
+    twice = z + z
+    for k in range(2, n):
+        np.multiply(twice, out[k - 1], out=out[k])
+        out[k] -= out[k - 2]
+    return out.T
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on, or between ``borders``
+    (p + 1,); with ``periodic`` they repeat after all."""
+
+    low: float
+    width: float
+    coefficients: Array
+    periodic: bool
+    borders: Array | None = None
+
+    @property
+    def count(self) -> int:
+        return len(self.coefficients)
+
+    @property
+    def high(self) -> float:
+        return self.low + self.width * self.count if self.borders is None else float(self.borders[-1])
+
+    @property
+    def widths(self) -> Any:
+        """Widths of the panels (p, 1, 1), or of all of them."""
+        return self.width if self.borders is None else np.diff(self.borders)[:, None, None]
+
+    def __call__(self, x: Array) -> Array:
+        """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
+        if self.borders is not None:
+            if self.periodic:
+                x = x - (self.high - self.low) * np.floor((x - self.low) / (self.high - self.low))
+            cell = np.clip(np.searchsorted(self.borders, x, side="right") - 1, 0, self.count - 1)
+            z = 2.0 * (x - self.borders[cell]) / (self.borders[cell + 1] - self.borders[cell]) - 1.0
+            return self._at(cell, z)
+        u = (x - self.low) / self.width
+        if self.periodic:
+            k = np.floor(u)
+            cell = k.astype(int) % self.count
+            z = 2.0 * (u - k) - 1.0
+        else:
+            cell = np.minimum(np.maximum(u.astype(int), 0), self.count - 1)
+            z = 2.0 * (u - cell) - 1.0
+            outside = np.abs(z) > 1.0 + 1e-9
+            if outside.any():
+                z = np.where(outside, np.nan, z)
+        return self._at(cell, z)
+
+    def _at(self, cell: NDArray[np.intp], z: Array) -> Array:
+        """Values of the functions at places z (n,) in [-1, 1] of panels ``cell`` (n,)."""
+        basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
+        return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
+
+    def derivative(self) -> Panels:
+        """The functions' derivatives by x."""
+        inner = _derivative_matrix(self.coefficients.shape[1]) @ self.coefficients
+        return Panels(self.low, self.width, (2.0 / self.widths) * inner, self.periodic, self.borders)
+
+    def integral(self) -> Panels:
+        """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
+        inner = 0.5 * self.widths * (_INT @ self.coefficients)
+        gains = inner.sum(axis=1)  # value at the right border: every Chebyshev polynomial is 1 there; 0 at the left
+        start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
+        inner[:, 0] += start
+        return Panels(self.low, self.width, inner, False, self.borders)
+
+    def with_integral(self, k: int) -> Panels:
+        """The functions, and beside them the integral of function k from ``low`` on (not periodic)."""
+        p, n, c = self.coefficients.shape
+        out = np.zeros((p, n + 1, c + 1))
+        out[:, :n, :c] = self.coefficients
+        out[:, :, c] = self.only(k).integral().coefficients[:, :, 0]
+        return Panels(self.low, self.width, out, False, self.borders)
+
+    def stacked(self, other: Panels) -> Panels:
+        """Functions of both, side by side."""
+        return replace(self, coefficients=np.concatenate([self.coefficients, other.coefficients], axis=2))
+
+    def joined(self) -> Panels:
+        """The same functions without the jumps from panel to panel, which rounding leaves: both sides take the mean, and what
+        that changes grows in proportion to the place in the panel."""
+        left = self.coefficients[:, ::2].sum(axis=1) - self.coefficients[:, 1::2].sum(axis=1)
+        right = self.coefficients.sum(axis=1)
+        jumps = 0.5 * (left - np.roll(right, 1, axis=0))
+        if not self.periodic:
+            jumps[0] = 0.0
+        ends = np.roll(jumps, -1, axis=0)
+        coefficients = self.coefficients.copy()
+        coefficients[:, 0] += 0.5 * (ends - jumps)
+        coefficients[:, 1] += 0.5 * (ends + jumps)
+        return replace(self, coefficients=coefficients)
+
+    def only(self, k: int) -> Panels:
+        """Function k alone."""
+        return replace(self, coefficients=self.coefficients[:, :, k : k + 1])
+
+    def tail(self) -> Array:
+        """Largest of the last three coefficients of each function, relative to its largest (c,)."""
+        largest = np.abs(self.coefficients).max(axis=(0, 1))
+        return np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0)
+
+
+def nodes_of(low: float, high: float, count: int) -> Array:
+    """Nodes (count * NODES,) of panels between ``low`` and ``high``, in order."""
+    width = (high - low) / count
+    centres = low + width * (np.arange(count) + 0.5)
+    return np.asarray((centres[:, None] + 0.5 * width * _X).ravel())
+
+
+def fit_panels(
+    function: Callable[[Array], Array],
+    low: float,
+    high: float,
+    *,
+    periodic: bool,
+    tolerance: float,
+    first: int = 8,
+    most: int = 4096,
+    known: Array | None = None,
+) -> Panels:
+    """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved
+    together until then. ``known``: the values at the `nodes_of` the first panels, where they are there already."""
+    count = first
+    previous: Any = np.inf
+    coarser: Any = None
+    while True:
+        width = (high - low) / count
+        values = function(nodes_of(low, high, count)) if known is None else known
+        known = None
+        coefficients = _FIT @ values.reshape(count, NODES, -1)
+        panels = Panels(low, width, coefficients, periodic)
+        tail = float(panels.tail().max())
+        if previous < NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
+            return coarser if previous < tail else panels
+        if tail <= tolerance or 2 * count > most:
+            return panels
+        previous, coarser, count = tail, panels, 2 * count
+
+
+def fit_where_needed(
+    function: Callable[[Array], Array],
+    borders: Array,
+    *,
+    tolerance: float,
+    most: int = 4096,
+    periodic: bool = False,
+    noise: float = NOISE,
+) -> tuple[Panels, float]:
+    """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
+    largest of all, or only rounding, which is less than ``noise``; and what the last coefficients are that are left."""
+    edges = np.stack([borders[:-1], borders[1:]], axis=1)
+    before = np.full(len(edges), np.inf)
+    largest: Any = 0.0
+    done: list[tuple[Array, Array, Array]] = []
+    count = 0
+    while True:
+        low, width = edges[:, 0], edges[:, 1] - edges[:, 0]
+        nodes = (low + 0.5 * width)[:, None] + 0.5 * width[:, None] * _X
+        coefficients = _FIT @ function(nodes.ravel()).reshape(len(edges), NODES, -1)
+        sizes = np.abs(coefficients)
+        largest = np.maximum(largest, sizes.max(axis=(0, 1)))
+        tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)
+        fine = (tail <= tolerance) | ((before < noise) & (tail > 0.3 * before)) | (width <= 1e-13 * (borders[-1] - borders[0]))
+        count += len(edges)
+        if not np.isfinite(tail).all() or count > most:
+            fine[:] = True
+        if fine.any():
+            done.append((edges[fine, 0], coefficients[fine], tail[fine]))
+        if fine.all():
+            break
+        middle = 0.5 * edges[~fine].sum(axis=1)
+        edges = np.stack([edges[~fine, 0], middle, middle, edges[~fine, 1]], axis=1).reshape(-1, 2)
+        before = np.repeat(tail[~fine], 2)
+    lows, found, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
+    order = np.argsort(lows)
+    panels = Panels(float(borders[0]), np.nan, found[order], periodic, np.append(lows[order], borders[-1]))
+    return panels, float(tails.max())

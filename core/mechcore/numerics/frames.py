@@ -1,0 +1,132 @@
+"""Arrays over frames: sums that cost nothing where there is nothing to add, integrals so far, memory that is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = Any
+Value = TypeVar("Value")
+
+
+class lazy(Generic[Value]):
+    """`functools.cached_property` without its lock, whose price counts at few frames."""
+
+    def __init__(self, work: Callable[[Any], Value]):
+        self.work, self.__doc__ = work, work.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, holder: None, owner: type) -> lazy[Value]: ...
+    @overload
+    def __get__(self, holder: object, owner: type) -> Value: ...
+    def __get__(self, holder: Any, owner: type) -> lazy[Value] | Value:
+        if holder is None:
+            return self
+        value = holder.__dict__[self.name] = self.work(holder)
+        return value
+
+
+def nothing(a: Array) -> bool:
+    """Whether a term is a plain zero (not an array)."""
+    return not isinstance(a, np.ndarray) and a == 0
+
+
+def added(a: Array, b: Array, sign: int = 1) -> Array:
+    """a + b, or a - b, plain zeros left out."""
+    if not isinstance(b, np.ndarray) and b == 0:
+        return a
+    if not isinstance(a, np.ndarray) and a == 0:
+        return b if sign == 1 else -b
+    return a + b if sign == 1 else a - b
+
+
+def plus(a: Array, b: Array) -> Array:
+    """a + b; None for ``a`` is nothing."""
+    return b if a is None else a + b
+
+
+def minus(a: Array, b: Array) -> Array:
+    """a - b; None for ``a`` is nothing."""
+    return -b if a is None else a - b
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """z component of the cross product of plane vectors, by one complex product (`closed_forms.cross` is exactly 0 for a = b)."""
+    return (a.conjugate() * b).imag
+
+
+def imaginary(a: Array) -> Array:
+    """1j a of real a: filled in, which costs less than a product that first makes ``a`` complex."""
+    if not isinstance(a, np.ndarray):
+        return 1j * a
+    out = np.zeros(a.shape, complex)
+    out.imag = a
+    return out
+
+
+def rows_of(shape: tuple[int, ...], z: Array, third: Array) -> Array:
+    """Plane vectors and a third number as rows of three (*shape, 3)."""
+    out = np.zeros((*shape, 3))
+    np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
+    if isinstance(third, np.ndarray) or third != 0.0:
+        out[..., 2] = third
+    return out
+
+
+def purely_imaginary(z: Array) -> Array:
+    """i Im z, in place where ``z`` is an array."""
+    if not isinstance(z, np.ndarray):
+        return 1j * z.imag
+    z.real = 0.0
+    return z
+
+
+def rotation_of(angle: Array) -> Array:
+    """exp(i angle) of real angles."""
+    out = np.empty(angle.shape if isinstance(angle, np.ndarray) else np.shape(angle), complex)
+    np.cos(angle, out=out.real)
+    np.sin(angle, out=out.imag)
+    return out
+
+
+LARGEST = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as much
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Let the C library keep up to 64 MiB of freed memory for the next arrays; once per process."""
+    np.empty(LARGEST - 2**16, np.uint8)
+
+
+Real = NDArray[np.float64]
+
+
+def integral_so_far(y: Real, t: Real) -> Real:
+    """Integral (F,) of values (F,) over times (F,), strictly increasing, from the first frame on: 0 there.
+
+    By Simpson's rule for uneven steps, each step with the parabola through its ends and the next frame or, every other one and the
+    last, the one before; with two frames by the trapezoidal rule. Cartwright, "Simpson's rule cumulative integration with MS Excel
+    and irregularly-spaced data", J. Math. Sci. Math. Educ. 12 (2017) no. 2, eq. (8), as ``scipy.integrate.cumulative_simpson`` has
+    it: that takes longer to load than all of this package.
+    """
+    h = np.diff(t)
+    if len(y) < 3:
+        return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * h)])[: len(y)]
+    parts = np.empty(len(h))
+    onwards, back = _first_step(y, h), _first_step(y[::-1], h[::-1])[::-1]
+    parts[:-1:2], parts[1::2], parts[-1] = onwards[::2], back[::2], back[-1]
+    return np.concatenate([[0.0], np.cumsum(parts)])
+
+
+def _first_step(y: Real, h: Real) -> Real:
+    """Integrals (F - 2,) over the first step of each two in a row of the parabolas through three values."""
+    first, both = h[:-1], h[:-1] + h[1:]
+    share, bent = first / both, (first / both) * (first / h[1:])
+    return first / 6.0 * ((3.0 - share) * y[:-2] + (3.0 + bent + share) * y[1:-1] - bent * y[2:])

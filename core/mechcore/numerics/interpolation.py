@@ -1,0 +1,66 @@
+"""Values between frames: how a run of frames stands for a motion in continuous time, and how far it is from it.
+
+Order 0 holds the last frame's value, as viewers do; 1 joins frames by straight lines; 3 and 5 are Hermite polynomials through the
+values and the rates of the two frames next to a time, or where no rates are known polynomials through the nearest 4 or 6 frames.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def between(time: Array, values: Any, t: Array, order: int, rate: Any = None, second: Any = None) -> Array:
+    """Values (n, ...) at times ``t`` (n,) [s] from those at frames ``time`` (F,); ``rate``, ``second``: derivatives at the frames.
+
+    Cubics need rates, quintics rates and second derivatives; without them the polynomial goes through the nearest frames.
+    """
+    values = np.asarray(values, float)
+    k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(time) - 2)
+    if order == 0:
+        hold = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(time) - 1)
+        return np.asarray(values[hold])
+    h = time[k + 1] - time[k]
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    u = ((t - time[k]) / h).reshape(shape)
+    h = h.reshape(shape)
+    a, b = values[k], values[k + 1]
+    if order == 1:
+        return np.asarray(a + u * (b - a))
+    if order == 3 and rate is not None:
+        w = 1.0 - u
+        return np.asarray(w * w * ((1.0 + 2.0 * u) * a + u * h * rate[k]) + u * u * ((1.0 + 2.0 * w) * b - w * h * rate[k + 1]))
+    if order == 5 and rate is not None and second is not None:
+        return _quintic(u, a, b, h * rate[k], h * rate[k + 1], h * h * second[k], h * h * second[k + 1])
+    return _through_neighbours(time, values, t, k, order + 1)
+
+
+def _quintic(u: Array, a: Array, b: Array, va: Array, vb: Array, wa: Array, wb: Array) -> Array:
+    """Hermite quintic on [0, 1] with values, slopes and second derivatives at the ends."""
+    c3 = 10.0 * (b - a) - 6.0 * va - 4.0 * vb - 1.5 * wa + 0.5 * wb
+    c4 = -15.0 * (b - a) + 8.0 * va + 7.0 * vb + 1.5 * wa - wb
+    c5 = 6.0 * (b - a) - 3.0 * (va + vb) - 0.5 * (wa - wb)
+    return np.asarray(a + u * (va + u * (0.5 * wa + u * (c3 + u * (c4 + u * c5)))))
+
+
+def lagrange_weights(x: Array, t: Array) -> Array:
+    """Weights (n, m) of the values at nodes ``x`` (n, m) in the polynomial through them, at ``t`` (n,)."""
+    m = x.shape[1]
+    weights = np.ones_like(x)
+    for i in range(m):
+        for j in range(m):
+            if i != j:
+                weights[:, i] *= (t - x[:, j]) / (x[:, i] - x[:, j])
+    return weights
+
+
+def _through_neighbours(time: Array, values: Array, t: Array, k: Any, count: int) -> Array:
+    count = min(count, len(time))
+    first = np.clip(k - count // 2 + 1, 0, len(time) - count)
+    places = first[:, None] + np.arange(count)
+    weights = lagrange_weights(time[places], t)
+    return np.asarray(np.einsum("nm,nm...->n...", weights, values[places]))

@@ -1,0 +1,148 @@
+"""Counterweights that balance the shaking force of a four-bar fully and of a slider-crank in part.
+
+Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the contour closed, the sum of m r_S over the links is a constant plus one
+multiple of the crank's vector and one of the rocker's; counterweights on these two links take both multiples to zero, for any
+motion of the crank. Slider-crank: a counterweight on the crank balances the masses that turn with it and a stated fraction of those
+that go to and fro (the rod divided by its centre of mass between crank pin and gudgeon pin).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.reduction.bodies import Body, combine
+from mechcore.spec.mechanism import Link, Mechanism, Prismatic, Revolute
+from mechcore.texts import as_length
+
+
+@dataclass(frozen=True)
+class Counterweight:
+    """A point mass [kg] to be fixed to a link at a place in the link's frame [m]."""
+
+    link: str
+    mass: float
+    at: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FourBar:
+    """Links of a four-bar, and the points (link frame) of crank A B, coupler B C, rocker D C."""
+
+    crank: Link
+    coupler: Link
+    rocker: Link
+    points: dict[str, tuple[complex, complex]]
+
+
+@dataclass(frozen=True)
+class SliderCrank:
+    """Links of a slider-crank, and the points (link frame) of crank A B and rod B C."""
+
+    crank: Link
+    rod: Link
+    slider: Link
+    points: dict[str, tuple[complex, complex]]
+
+
+def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
+    """The four-bar or slider-crank that a mechanism is; `MechanismError` where it is neither."""
+    links = {k.name: k for k in m.links}
+    wanted = Fault("balance", "the mechanism is neither a four-bar nor a slider-crank.", "Balance other mechanisms link by link.")
+    turning = [p for p in m.pairs if isinstance(p, Revolute)]
+    sliding = [p for p in m.pairs if isinstance(p, Prismatic)]
+    if len(m.links) != 4 or len(m.pairs) != 4 or len(m.drives) != 1 or len(turning) + len(sliding) != 4 or len(sliding) > 1:
+        raise MechanismError(wanted)
+
+    def between(a: str, b: str) -> Revolute:
+        for p in turning:
+            if set(p.links) == {a, b}:
+                return p
+        raise MechanismError(wanted)
+
+    def at(pair: Revolute, link: str) -> complex:
+        return complex(*links[link].points[pair.points[pair.links.index(link)]])
+
+    def mate(link: str, *known: str) -> str:
+        near = {k for p in m.pairs if link in p.links for k in p.links} - {link, *known}
+        if len(near) != 1:
+            raise MechanismError(wanted)
+        return near.pop()
+
+    ground = m.frame
+    at_ground = [k for p in m.pairs if ground in p.links for k in p.links if k != ground]
+    if len(set(at_ground)) != 2:
+        raise MechanismError(wanted)
+    if sliding:
+        if ground not in sliding[0].links:
+            raise MechanismError(wanted)
+        slider = next(k for k in sliding[0].links if k != ground)
+        crank = next(k for k in at_ground if k != slider)
+    else:
+        driven = next((p for p in turning if p.name == m.drives[0].pair), turning[0])
+        crank = next((k for k in driven.links if k in at_ground), at_ground[0])
+        slider = next(k for k in at_ground if k != crank)
+    rod = mate(crank, ground)
+    a, b, c = between(ground, crank), between(crank, rod), between(rod, slider)
+    points = {crank: (at(a, crank), at(b, crank)), rod: (at(b, rod), at(c, rod))}
+    if sliding:
+        return SliderCrank(links[crank], links[rod], links[slider], points)
+    points[slider] = (at(between(ground, slider), slider), at(c, slider))
+    return FourBar(links[crank], links[rod], links[slider], points)
+
+
+def _share(link: Link, points: dict[str, tuple[complex, complex]]) -> complex:
+    """Where a link's centre of mass lies, as a complex multiple of the vector between its two points."""
+    start, end = points[link.name]
+    return (complex(*link.centre) - start) / (end - start)
+
+
+def counterweights(
+    linkage: FourBar | SliderCrank, radius: float | tuple[float, float], *, fraction: float = 1.0
+) -> tuple[Counterweight, ...]:
+    """Counterweights at a radius [m] from the fixed pivots (of crank and rocker, where two are given).
+
+    Four-bar: they take the shaking force to zero; ``fraction`` below 1 leaves a part of it. Slider-crank: one on the crank, for all
+    that turns with it and a ``fraction`` of what goes to and fro. A mass that comes out as zero is left out.
+    """
+    radii = radius if isinstance(radius, tuple) else (radius, radius)
+    if min(radii) <= 0.0:
+        raise MechanismError(Fault("balance.radius", f"{as_length(min(radii))} is no radius.", "Give a positive radius."))
+    crank = linkage.crank
+    if isinstance(linkage, FourBar):
+        coupler, rocker = linkage.coupler, linkage.rocker
+        s = _share(coupler, linkage.points)
+        on_crank = fraction * (crank.mass * _share(crank, linkage.points) + coupler.mass * (1.0 - s))
+        on_rocker = fraction * (rocker.mass * _share(rocker, linkage.points) + coupler.mass * s)
+        wanted = [(crank, on_crank, radii[0]), (rocker, on_rocker, radii[1])]
+    else:
+        s = _share(linkage.rod, linkage.points).real
+        turning = crank.mass * _share(crank, linkage.points) + linkage.rod.mass * (1.0 - s)
+        to_and_fro = linkage.rod.mass * s + linkage.slider.mass
+        wanted = [(crank, turning + fraction * to_and_fro, radii[0])]
+    out = []
+    for link, multiple, r in wanted:
+        start, end = linkage.points[link.name]
+        moment = -multiple * (end - start)  # first moment about the fixed pivot that is missing [kg m]
+        if abs(moment) > 0.0:
+            place = start + r * moment / abs(moment)
+            out.append(Counterweight(link.name, abs(moment) / r, (place.real, place.imag)))
+    return tuple(out)
+
+
+def with_counterweights(m: Mechanism, weights: tuple[Counterweight, ...]) -> Mechanism:
+    """The mechanism with point masses fixed to its links: their masses, centres and moments of inertia follow."""
+    links = []
+    for link in m.links:
+        parts = [Body(link.mass, link.centre, link.inertia), *(Body(w.mass, w.at) for w in weights if w.link == link.name)]
+        body = combine(parts) if len(parts) > 1 else parts[0]
+        links.append(replace(link, mass=body.mass, centre=body.centre, inertia=body.inertia))
+    return replace(m, links=tuple(links))
+
+
+def balance(
+    m: Mechanism, radius: float | tuple[float, float], *, fraction: float = 1.0
+) -> tuple[Mechanism, tuple[Counterweight, ...]]:
+    """A four-bar or slider-crank with its counterweights, and these."""
+    weights = counterweights(find_linkage(m), radius, fraction=fraction)
+    return with_counterweights(m, weights), weights

@@ -1,0 +1,125 @@
+"""Revolute pairs with clearance: a mechanism in which their journals move freely in their bearings.
+
+The pair is taken apart: a massless journal slides across and along on the bearing's link, which gives it two free coordinates, and
+the pair itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. What the pair
+transmits is then the contact force. A mechanism without clearance stays what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import Free
+from mechcore.spec.loads import JournalContact, JournalLoss
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Pair, Planar, Prismatic, Revolute
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """``radial`` clearance: radius of the bearing less that of the journal [m].
+
+    In contact F = stiffness d (d / radial)^(exponent - 1) (1 + loss d'), d the indentation [m]; ``stiffness`` [N/m] is that of a
+    straight line through the indentation ``radial``; ``loss`` [s/m], see `mechcore.effects.journal.loss_factor`. ``radius`` of the
+    journal [m] and coefficient of ``friction`` between the surfaces. ``start``: journal's centre in the bearing [m].
+    """
+
+    radial: float
+    stiffness: float
+    exponent: float = 1.0
+    loss: float = 0.0
+    radius: float = 0.0
+    friction: float = 0.0
+    start: tuple[float, float] = (0.0, 0.0)
+
+
+def made_names(pair: str) -> tuple[str, str]:
+    """Names of the two links, and of the two sliding pairs, that a pair with clearance is made of."""
+    return f"{pair}.across", f"{pair}.journal"
+
+
+def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -> Mechanism:
+    """The mechanism with ``clearances`` in some of its revolute pairs, by name; itself where there are none.
+
+    Their journals start in the middle of their bearings, or where stated, at rest against them. Raises `MechanismError`.
+    """
+    if not clearances:
+        return mechanism
+    pairs = {p.name: p for p in mechanism.pairs}
+    faults = []
+    for name, c in clearances.items():
+        pair = pairs.get(name)
+        if not isinstance(pair, Revolute):
+            faults.append(Fault(f"pairs.{name}", "clearance is for revolute pairs.", "Name a revolute pair."))
+        for key in ("radial", "stiffness"):
+            if not getattr(c, key) > 0.0:
+                faults.append(Fault(f"pairs.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", ""))
+    if faults:
+        raise MechanismError(faults)
+    links, drives, loads = list(mechanism.links), list(mechanism.drives), list(mechanism.loads)
+    made: list[Pair] = []
+    for pair in mechanism.pairs:
+        if pair.name not in clearances:
+            made.append(pair)
+            continue
+        assert isinstance(pair, Revolute)
+        c, (across, journal) = clearances[pair.name], made_names(pair.name)
+        bearing, shaft = pair.links
+        links += [Link(name=across, points={"O": (0.0, 0.0)}), Link(name=journal, points={"O": (0.0, 0.0)})]
+        made += [
+            Prismatic(name=across, links=(bearing, across), points=(pair.points[0], "O"), along=(1.0, 0.0)),
+            Prismatic(name=journal, links=(across, journal), points=("O", "O"), along=(0.0, 1.0)),
+            replace(pair, links=(journal, shaft), points=("O", pair.points[1]), friction=None),
+        ]
+        drives += [Drive(pair=across, law=Free(c.start[0])), Drive(pair=journal, law=Free(c.start[1]))]
+        common: dict[str, Any] = {
+            "pair": pair.name,
+            "links": (bearing, journal, shaft),
+            "slides": (across, journal),
+            "point": pair.points[0],
+            "radial": c.radial,
+            "stiffness": c.stiffness,
+            "exponent": c.exponent,
+        }
+        loads.append(JournalContact(name=f"{pair.name} contact", **common))
+        if c.loss or c.friction:
+            loads.append(JournalLoss(name=f"{pair.name} losses", **common, loss=c.loss, friction=c.friction, radius=c.radius))
+    return replace(mechanism, links=tuple(links), pairs=tuple(made), drives=tuple(drives), loads=tuple(loads))
+
+
+def journals_of(mechanism: Mechanism) -> dict[str, JournalContact]:
+    """The pairs with clearance, each with what presses in it."""
+    return {load.pair: load for load in mechanism.loads if type(load) is JournalContact}
+
+
+def made_pairs(mechanism: Mechanism) -> frozenset[str]:
+    """Names of the links and joints that stand for clearance or make up planar pairs: they are neither drawn nor recorded."""
+    journals = [name for pair in journals_of(mechanism) for name in made_names(pair)]
+    return frozenset(journals).union(*(p.coordinates for p in mechanism.pairs if isinstance(p, Planar)))
+
+
+def as_drawn(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with ideal revolute pairs instead of clearance and without planar pairs, which hold nothing."""
+    if any(isinstance(p, Planar) for p in mechanism.pairs):
+        mechanism = replace(mechanism, pairs=tuple(p for p in mechanism.pairs if not isinstance(p, Planar)))
+    journals = journals_of(mechanism)
+    if not journals:
+        return mechanism
+    made = made_pairs(mechanism)
+    pairs: list[Pair] = []
+    for pair in mechanism.pairs:
+        if pair.name in journals:
+            assert isinstance(pair, Revolute)
+            j = journals[pair.name]
+            pairs.append(replace(pair, links=(j.links[0], pair.links[1]), points=(j.point, pair.points[1])))
+        elif pair.name not in made:
+            pairs.append(pair)
+    return replace(
+        mechanism,
+        links=tuple(k for k in mechanism.links if k.name not in made),
+        pairs=tuple(pairs),
+        drives=tuple(d for d in mechanism.drives if d.pair not in made),
+        loads=tuple(load for load in mechanism.loads if not isinstance(load, JournalContact)),
+    )

@@ -1,0 +1,449 @@
+"""What a mechanism is: frozen descriptions in SI units and radians, names instead of indices.
+
+A link is a rigid body with named points in its own frame. A pair joins one point of a first link to one point of a second.
+A drive prescribes the relative coordinate of a pair. A load acts on a link. Nothing here computes anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.timed import Law, moves
+from mechcore.spec.loads import (
+    Load,
+)
+
+if TYPE_CHECKING:
+    from mechcore.cams.contour import Contour
+    from mechcore.cams.followers import Face
+
+
+Vec2 = tuple[float, float]
+
+EFFECTS: Mapping[str, str] = {
+    "inertia": "inertia forces -m a_S and moments -J_S alpha of the links that have a mass",
+    "gravity": "weight m g of the links that have a mass",
+    "friction": "dry friction in the pairs that have a coefficient, solved together with the reactions",
+}
+"""Effects that a scene can name, beside the loads that it lists one by one."""
+
+ANSWERS: Mapping[str, str] = {
+    "transmission_angle": "angle between the two links of every RRR group, at their common pin",
+    "velocity_ratio": "rate of every pair's coordinate per unit rate of the first drive",
+    "mechanical_advantage": "output effort per input effort of the ideal mechanism, at every pair on the frame",
+    "instant_centre": "point of equal velocity of every two links",
+    "curvature": "curvature of the paths of the traced points",
+}
+"""Answers that a scene can ask for; see `mechcore.motion.metrics`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """A rigid link. Its points and its centre of mass are given in the link's own frame."""
+
+    name: str
+    points: Mapping[str, Vec2]  # pin centres, guide points and traced points [m]
+    mass: float = 0.0  # [kg]
+    centre: Vec2 = (0.0, 0.0)  # centre of mass S [m]
+    inertia: float = 0.0  # J_S, about the centre of mass [kg m^2]
+    gravity: Vec2 | None = None  # acceleration of gravity for this link alone [m/s^2]; None: the mechanism's
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Dry (Coulomb) friction in a pair, always against its relative motion; used only if the effect "friction" is named.
+
+    Revolute: moment ``coefficient * radius * |R|``, R the whole reaction; ``exact``: the friction circle's own radius
+    ``radius * sin(atan(coefficient))`` instead. Prismatic: force ``coefficient * (|N1| + |N2|)`` along the guide, N1 and N2 the
+    forces at the two ends of a bearing of ``length``; no length: ``coefficient * |N|``. The middle of the bearing lies ``offset``
+    along the guide from the point of the link that carries it: the sliding link, or, with ``bearing`` "guide", the guide's.
+    ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
+    with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
+    ``lever * |N|`` against the relative rotation, N the force across the contact. With a ``stribeck`` speed vs of revolute,
+    prismatic and slot pairs the coefficient at a speed v of the sliding surfaces is
+    ``coefficient + (static - coefficient) exp(-(v / vs)^2)``. Cylinder: ``coefficient * |F|`` along it, F the
+    force that drives it (its mechanical losses), and ``brake``, the friction of its seals.
+    """
+
+    coefficient: float = 0.0
+    radius: float = 0.0  # of the pin [m]
+    length: float = 0.0  # of the bearing [m]
+    offset: float = 0.0  # [m]
+    height: float = 0.0  # [m]
+    bearing: Literal["slider", "guide"] = "slider"
+    lever: float = 0.0  # [m]
+    exact: bool = False
+    brake: float = 0.0  # revolute, prismatic, cylinder: friction that does not depend on what presses [N m or N], as of a brake
+    static: float = 0.0  # coefficient of sticking, in forward dynamics; 0: the same as that of sliding
+    stribeck: float = 0.0  # speed at which 1/e of the difference of the two is left [m/s]; 0: it is gone as soon as it slides
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revolute:
+    """A revolute pair: a pin through ``points[0]`` of ``links[0]`` and ``points[1]`` of ``links[1]``.
+
+    Its coordinate is the angle of the second link's frame minus that of the first's [rad].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prismatic:
+    """A prismatic pair: the point of one link slides along a straight guide on the other, without turning.
+
+    ``guide`` (0 or 1) says which of ``links`` carries the guide line, which passes through that link's point in the
+    direction ``along`` (in the frame of the guide's link; its length does not matter). The coordinate is the signed
+    distance along the guide from the guide's point to the other link's point [m]. ``angle`` is the constant angle of the
+    second link's frame minus that of the first's [rad]. ``ends`` are as those of a `PinSlot`.
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    along: Vec2 = (1.0, 0.0)
+    guide: Literal[0, 1] = 0
+    angle: float = 0.0
+    ends: Vec2 | None = None  # [m]
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weld:
+    """A rigid joint: the points coincide and the second link's frame keeps ``angle`` to the first's [rad]."""
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    angle: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinSlot:
+    """A pin in a straight slot: the pin's point slides along the slot and its link turns freely. ``guide`` carries the slot.
+
+    Its coordinate is the signed distance along the slot from the slot's point to the pin [m]. ``ends`` are the least and greatest
+    coordinates that the slot allows: prescribed motion beyond them is refused, free motion meets them as end stops. None: no ends.
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    along: Vec2 = (1.0, 0.0)
+    guide: Literal[0, 1] = 0
+    ends: Vec2 | None = None  # [m]
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rolling:
+    """A wheel that rolls without slip on a straight edge: ``links`` are (edge's link, wheel), ``points`` (a point that the wheel's
+    centre passes over, on the parallel through the centre; the wheel's centre).
+
+    ``along`` is the edge's direction in its link's frame; the wheel lies on the stated ``side`` of it. The coordinate is the
+    displacement of the wheel's centre along the edge [m].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    radius: float  # [m]
+    along: Vec2 = (1.0, 0.0)
+    side: Literal["left", "right"] = "left"
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """A gear pair between two links that are pinned to the same ``carrier``. ``sizes``: teeth or radii, only their ratio counts.
+
+    ``internal``: the second is a ring gear. The coordinate is the angle of the second link minus that of the first [rad].
+    ``pressure_angle`` [rad] gives the force its direction; the reaction acts at the pitch point.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    sizes: tuple[float, float]
+    internal: bool = False
+    pressure_angle: float = 0.3490658503988659  # 20 degrees
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belt:
+    """A belt or chain over two pulleys pinned to the same ``carrier``; ``radii`` [m]. Crossed belts turn them against each other.
+
+    It does not slip; the span that is tight carries the force. The coordinate is as for `Gear`.
+    """
+
+    name: str
+    links: tuple[str, str]
+    carrier: str
+    radii: tuple[float, float]
+    crossed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """A pinion and a rack: ``links`` are (pinion, rack); ``slider`` names the prismatic pair that guides the rack on the link to
+    which the pinion is pinned. The pinion lies on the stated ``side`` of the direction of that guide."""
+
+    name: str
+    links: tuple[str, str]
+    slider: str
+    radius: float  # [m]
+    side: Literal["left", "right"] = "left"
+    pressure_angle: float = 0.3490658503988659
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """A cylinder (hydraulic, electric ...) between a point of the first link and a point of the second, at its ends pinned.
+
+    Compiled to two links without mass, ``<name>.barrel`` and ``<name>.rod``, with pins ``<name>.base`` and ``<name>.eye`` and a
+    prismatic pair ``<name>``, whose coordinate is the distance of the two points [m]. ``ends``: its least and greatest length.
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[str, str]
+    ends: Vec2 | None = None  # [m]
+    friction: Friction | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planar:
+    """A planar pair: the second link moves freely in the plane of the first; nothing is transmitted.
+
+    Its coordinates ``<name>.x``, ``<name>.y`` [m] are the place of the second link's ``point`` (none: its frame's origin) in the
+    first link's frame, ``<name>`` [rad] the angle of the second link's frame minus that of the first's. Each needs a drive or is
+    free. Compiled to two links without mass of the first two names between three joints of all three names.
+    """
+
+    name: str
+    links: tuple[str, str]
+    point: str | None = None
+
+    @property
+    def points(self) -> tuple[None, str | None]:
+        return None, self.point
+
+    @property
+    def made(self) -> tuple[str, str]:
+        """The links that it brings along."""
+        return f"{self.name}.x", f"{self.name}.y"
+
+    @property
+    def coordinates(self) -> tuple[str, str, str]:
+        return *self.made, self.name
+
+
+@dataclass(frozen=True)
+class SpatialBlank:
+    """What a spatial cam is cut from: ``radius`` of its cylinder (of a globoid none), ``depth`` of the groove, height of the rib or
+    width of the end face [m]. ``axis``: the cam's direction in the carrier's frame, where the follower's guide does not give it.
+    """
+
+    kind: Literal["barrel", "rib", "end", "globoid"]
+    radius: float
+    depth: float
+    axis: Vec2 | None = None
+    thickness: float = 0.0  # of a rib [m]
+    rollers: int = 0  # of an indexing cam: evenly around the pivot of its turret, which goes on by one of them every turn
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamRating:
+    """By what the contact of a cam is judged: Hertz pressure over a ``width`` [m] with Young's moduli [Pa] and Poisson's ratios of
+    cam and follower, at most ``limit`` [Pa]; a contact force of at least ``margin`` [N]. What is None is not looked at."""
+
+    width: float | None = None
+    modulus: tuple[float, float] = (2.1e11, 2.1e11)
+    poisson: tuple[float, float] = (0.3, 0.3)
+    limit: float | None = None
+    margin: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamDrawn:
+    """The graphical method of the lecture: the lift drawn every ``step`` [rad], read to a ``resolution`` [m or rad], differentiated
+    by chords or tangents."""
+
+    step: float
+    lines: Literal["chord", "tangent"] = "chord"
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamPair:
+    """A plane cam and its follower: ``links`` are (cam, follower), both guided on one link, the carrier.
+
+    ``guide`` names the pair that guides the follower on the carrier: prismatic (the follower lifts in the direction of the guide,
+    which points away from the cam) or revolute. ``point`` of the follower is the knife's tip, the centre of the roller or of
+    the mushroom's arc, a point of the flat face. A disc cam turns about a pin on the carrier; with ``bed``, the prismatic pair
+    that guides it, the cam is a wedge.
+
+    ``lift`` over the cam's angle [rad] or way [m]: metres of a translating follower, radians of an oscillating one, above where it
+    stands on the circle ``base`` [m] (of a wedge: at this height above the line on which the cam's point moves, across it). Or
+    ``contour`` is the cam's given profile in the axes of its link [m], without ``lift`` and ``base``. The
+    law is read as the cam turns in ``sense`` (1 counter-clockwise), ``phase`` ahead. An oscillating follower has its point on
+    ``side`` of the line from its pivot to the cam's axis. ``closure``: "force" only presses; "form" pulls too: a
+    groove with a knife or roller, a yoke with flat faces. ``pressure_limit`` [rad]: a larger pressure angle is an event.
+    ``second``: point and radius of a second roller on a second cam of the same shaft, which pulls (a conjugate pair).
+    ``undercut``: a profile that is too sharp for its follower is refused, or made as the cutter leaves it ("cut").
+    """
+
+    name: str
+    links: tuple[str, str]
+    guide: str
+    point: str
+    lift: MotionCurve | None
+    face: Face
+    base: float  # [m]
+    contour: Contour | None = None
+    undercut: Literal["refuse", "cut"] = "refuse"
+    bed: str | None = None
+    sense: Literal[1, -1] = 1
+    phase: float = 0.0  # [rad or m]
+    side: Literal["left", "right"] = "left"
+    closure: Literal["force", "form"] = "force"
+    second: tuple[str, float] | None = None  # of form closure
+    friction: Friction | None = None  # coefficient of the contact; of a roller also the radius of its pin
+    inverse: bool = False  # the roller's centre is a point of the first link, the groove is on the second, on closure "form"
+    spatial: SpatialBlank | None = None  # the cam's axis lies in the plane: base is the roller's place along it at zero lift
+    pressure_limit: float | None = None  # [rad]
+    rating: CamRating | None = None
+    drawn: CamDrawn | None = None
+
+
+Pair = Revolute | Prismatic | Weld | PinSlot | Rolling | Gear | Belt | Rack | Cylinder | Planar | CamPair
+
+
+def coordinates_of(pair: Pair) -> tuple[str, ...]:
+    """The names by which drives know a pair's coordinates: its own, of a planar pair three."""
+    return pair.coordinates if isinstance(pair, Planar) else (pair.name,)
+
+
+def friction_of(pair: Pair) -> Friction | None:
+    """What a pair says about friction, if it can have any and has some."""
+    f: Friction | None = getattr(pair, "friction", None)
+    return f if f is not None and (f.lever if isinstance(pair, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
+
+
+def braked(pairs: Sequence[Pair]) -> tuple[str, ...]:
+    """Names of the pairs that have friction, whether or not the effect is named."""
+    return tuple(p.name for p in pairs if friction_of(p) is not None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """The coordinate of a pair prescribed as a function of time: angle [rad] of a revolute, displacement [m] of a prismatic."""
+
+    pair: str
+    law: Law
+
+
+PLANS: Mapping[str, str] = {
+    "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
+    "acceleration": "acceleration plan with centripetal, tangential, Coriolis and sliding parts",
+    "force": "force plan of every group, in the order of the hand method",
+}
+"""Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemStudy:
+    """The loads on a link (all of them, or those named) as one force system, reduced to a point of the link (none: its origin)."""
+
+    name: str
+    link: str
+    loads: tuple[str, ...] = ()  # none: all
+    point: str | None = None
+    pole: Vec2 | None = None  # of the funicular polygon, from the start of the force polygon [N]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShakingStudy:
+    """Shaking force, and moment about a point of the world; with ``radii`` [m] also what counterweights make of it."""
+
+    about: Vec2 = (0.0, 0.0)
+    radii: tuple[float, float] | None = None  # from the fixed pivots of crank and rocker
+    fraction: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubstituteStudy:
+    """Substitute masses of a link: (mass [kg], x, y [m] in the link's frame) of each, None where it is to be found."""
+
+    link: str
+    points: tuple[tuple[float | None, float | None, float | None], ...]
+    solution: int = 1  # which of several is shown
+    static: bool = False  # two masses at given places, with the body's mass and centre only, and a correction couple
+
+
+@dataclass(frozen=True, kw_only=True)
+class Studies:
+    """What is asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
+
+    plans: tuple[str, ...] = ()  # names from PLANS
+    polodes: tuple[str, ...] = ()  # links
+    equivalent: tuple[str, ...] = ()  # pairs
+    systems: tuple[SystemStudy, ...] = ()
+    reduced: tuple[tuple[str, str | None], ...] = ()  # (link, point or None)
+    shaking: ShakingStudy | None = None
+    substitutes: tuple[SubstituteStudy, ...] = ()
+
+    def items(self) -> tuple[tuple[str, str], ...]:
+        """Name and meaning of each study that is asked for."""
+        found = [(f"plan {name}", PLANS[name]) for name in self.plans]
+        found += [(f"polodes {link}", "ways of the instant centre on the frame and on the link") for link in self.polodes]
+        found += [(f"equivalent {pair}", "the linkage of lower pairs that moves like this higher pair") for pair in self.equivalent]
+        found += [(f"system {s.name}", f"loads on {s.link} reduced, with their funicular polygon") for s in self.systems]
+        found += [
+            (f"reduced to {link if point is None else f'{link}.{point}'}", "reduced mass and force of the whole mechanism")
+            for link, point in self.reduced
+        ]
+        if self.shaking is not None:
+            found.append(("shaking", "shaking force and moment" + (", with counterweights" if self.shaking.radii else "")))
+        return (*found, *((f"substitute masses {s.link}", "point masses with the same inertia forces") for s in self.substitutes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """A whole mechanism. ``frame`` names the fixed link, whose frame is the world frame.
+
+    ``standstill``: how long it is looked at where no drive moves, or where there is none [s]; 0: at one instant.
+    """
+
+    name: str
+    frame: str
+    links: tuple[Link, ...]
+    pairs: tuple[Pair, ...]
+    drives: tuple[Drive, ...] = ()
+    loads: tuple[Load, ...] = ()
+    effects: tuple[str, ...] = ()  # names from EFFECTS; what is not named is not computed
+    gravity: Vec2 = (0.0, -9.81)  # [m/s^2], used only if the effect "gravity" is named
+    modes: Mapping[str, str] = field(default_factory=dict)  # pair -> "left" | "right" | "ahead" | "behind" | "open" | "crossed"
+    sketch: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> rough x, y, angle at the start
+    traced: tuple[tuple[str, str], ...] = ()  # (link, point) whose paths are wanted
+    answers: tuple[str, ...] = ()  # names from ANSWERS
+    studies: Studies = field(default_factory=Studies)
+    standstill: float = 0.0
+
+    @property
+    def led(self) -> bool:
+        """Whether a drive moves it."""
+        return any(moves(drive.law) for drive in self.drives)
+
+    @property
+    def cycle(self) -> float:
+        """Time of one cycle [s]: of the first drive that moves; where none does, `standstill`."""
+        return next((float(drive.law.duration) for drive in self.drives if moves(drive.law)), self.standstill)

@@ -1,0 +1,137 @@
+"""``mechviz accuracy SCENE``: error against time at a ladder of settings of each dial, and the cheapest that reaches a target."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mechviz.commands.common import check_targets, clear_errors, fail, interruptible, load_scene, progress_bar
+
+if TYPE_CHECKING:
+    from mechviz.accuracy.ladder import Point
+
+
+def accuracy(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    target: Annotated[
+        float | None, typer.Option("--target", "-t", metavar="ERROR", help="wanted relative error, such as 1e-6")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg or .png)")] = None,
+    rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
+    dial: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
+    again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")] = False,
+) -> None:
+    """Measure what accuracy costs: error against time at a ladder of settings of each dial and method.
+
+    Times are medians on one thread after a warm-up. Marked: * on the Pareto front (nothing is quicker and more exact), <- what the
+    scene uses now. Results are kept by scene and machine; --again measures anew.
+    """
+    from mechviz.accuracy.timing import one_thread, used
+
+    one_thread()
+    if output is not None and output.suffix.lower() not in (".svg", ".png"):
+        fail(f"{output}: diagrams are written as SVG or PNG. Give a name that ends in .svg or .png.")
+    with clear_errors(scene):
+        from mechcore.accuracy import accuracy_for
+
+        if target is not None:
+            accuracy_for(target)  # refuses what is none
+        from mechviz.accuracy.cache import keep, kept
+        from mechviz.accuracy.diagram import diagram, dials_of, write_diagram
+        from mechviz.accuracy.ladder import ladder
+        from mechviz.accuracy.recorded import write_rrd
+
+        check_targets(scene, output, rrd)
+        loaded = load_scene(scene)
+        if not loaded.frames:
+            fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
+        found = None if again else kept(loaded, target, rough=quick)
+        before = found is not None
+        if found is None:
+            with progress_bar("measuring") as bar, used() as share:
+                points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25)
+            found = keep(loaded, target, points, quick, share())
+        shown = [p for p in found.points if dial is None or p.dial == dial]
+        if not shown:
+            fail(f"--dial: '{dial}' is no dial of this scene. Choose from {', '.join(dials_of(found.points))}.")
+        title = f"{loaded.title}: what accuracy costs"
+        print("\n".join([title, *table_lines(shown, target), "", found.foot, *_answer(shown, target)]))
+        if before:
+            print("\nkept from then; --again measures anew")
+        with interruptible("PIL.Image", *(["rerun"] if rrd is not None else [])):
+            if output is not None:
+                write_diagram(diagram(shown, title, found.foot, target), output)
+                print(output)
+            if rrd is not None:
+                write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)
+                print(rrd)
+
+
+def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
+    """The points by dial and method: setting, error, time with its spread, marks."""
+    from mechviz.accuracy.ladder import cheapest, pareto
+
+    lines = []
+    for dial in dict.fromkeys(p.dial for p in points):
+        own = [p for p in points if p.dial == dial]
+        front = {id(p) for p in pareto(own)}
+        best = cheapest(own, target) if target is not None else None
+        width = max(len(p.method) for p in own)
+        lines += ["", dial, f"  {'':<{width}}  {'setting':<14} {'error':>8}  {'time [ms]':>10} {'spread':>8}"]
+        for p in own:
+            marks = ["*"] if id(p) in front else []
+            marks += ["<- now"] if p.current else []
+            marks += ["cheapest for the target"] if p is best else []
+            marks += [p.note] if p.note else []
+            times = f"{1e3 * p.seconds:10.3f} {1e3 * p.spread:8.3f}"
+            lines.append(f"  {p.method:<{width}}  {p.value:<14} {p.error:8.1e}  {times}  {' '.join(marks)}".rstrip())
+    return lines
+
+
+def _answer(points: Sequence[Point], target: float | None) -> list[str]:
+    """The cheapest setting of every dial that reaches the target, in words."""
+    from mechviz.accuracy.ladder import cheapest
+
+    if target is None:
+        return []
+    lines = ["", f"cheapest settings that reach {target:g}"]
+    for dial in dict.fromkeys(p.dial for p in points):
+        best = cheapest([p for p in points if p.dial == dial], target)
+        words = (
+            "none of these"
+            if best is None
+            else f"{best.method}, {best.value}: error {best.error:.1e} in {1e3 * best.seconds:.3g} ms"
+        )
+        lines.append(f"  {dial:<22} {words}")
+    return lines
+
+
+def effects(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    accuracy: Annotated[float, typer.Option("--accuracy", "-a", metavar="ERROR", help="relative change that counts")] = 0.01,
+    quick: Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")] = False,
+) -> None:
+    """Measure what each effect and load does to the answer, beside its price in time; suggest those worth having.
+
+    Each is left out, or added where the scene has what it needs, and everything is computed again: change of the peak effort and of
+    the largest reaction, largest change at any frame, of the speed's fluctuation where forces decide the motion.
+    """
+    from mechviz.accuracy.timing import one_thread
+
+    one_thread()
+    if not 0.0 < accuracy < 1.0:
+        fail(f"--accuracy: {accuracy:g} is no relative change. Give a number between 0 and 1, such as 0.01.")
+    with clear_errors(scene):
+        from mechviz.accuracy.effects import influence_lines, influences
+        from mechviz.accuracy.timing import machine
+
+        loaded = load_scene(scene)
+        with progress_bar("measuring") as bar:
+            base, found = influences(loaded, bar, 0.02 if quick else 0.2)
+        print(f"{loaded.title}: what its effects do and cost")
+        print("\n".join(influence_lines(base, found, accuracy)))
+        print(f"\nmeasured on {machine()}; one thread, medians")

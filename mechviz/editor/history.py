@@ -1,0 +1,110 @@
+"""What has been made of a scene: undo, redo, reset. Steps of one drag are one step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mechviz.scene.document import Place, SceneDocument
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.scene import Scene, assembled, changed_document
+
+ONE_DRAG = 0.8  # [s] between changes of the same value that count as one
+MOST_STEPS = 500
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A scene being edited: its document, and the loads that are switched off, which wait with their values."""
+
+    name: str
+    document: SceneDocument
+    folder: SceneFolder
+    idle: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, scene: Scene) -> Draft:
+        return cls(scene.name, scene.document, scene.folder)
+
+    def scene(self) -> Scene:
+        """The scene that the draft says, without what is switched off. Raises `SceneError` where it says none."""
+        changes: dict[Place, Any] = {("loads", name): None for name in self.idle}
+        document = changed_document(self.document, changes, self.name, self.folder) if changes else self.document
+        return assembled(document, self.name, self.folder)
+
+    def changed(self, changes: Mapping[Place, Any]) -> Draft:
+        """The draft with other values at some places. Raises `SceneError`."""
+        return replace(self, document=changed_document(self.document, changes, self.name, self.folder))
+
+    def with_value(self, place: Place, value: Any) -> Draft:
+        """The draft with another value at a place. Raises `SceneError`."""
+        return self.changed({place: value})
+
+    def with_effect(self, effect: str, on: bool) -> Draft:
+        """The draft with an effect named or not; the order of those that are there stays."""
+        return self.with_named("effects", effect, on)
+
+    def with_named(self, key: str, name: str, on: bool) -> Draft:
+        """The draft with a name in one of its lists, such as ``plans`` or ``polodes``, or not."""
+        named = [n for n in getattr(self.document, key) if n != name] + ([name] if on else [])
+        return self.changed({(key,): named or None})
+
+    def with_load(self, load: str, on: bool) -> Draft:
+        """The draft with a load switched on or off."""
+        idle = tuple(name for name in self.idle if name != load)
+        return replace(self, idle=idle if on else (*idle, load))
+
+
+class History:
+    """Drafts one after the other. ``change`` puts a new one behind the present one, which forgets what was undone."""
+
+    def __init__(self, opened: Draft, clock: Callable[[], float] = time.monotonic):
+        self._drafts = [opened]
+        self._at = 0
+        self._clock = clock
+        self._last: tuple[str, float] = "", -1e9
+
+    @property
+    def opened(self) -> Draft:
+        return self._drafts[0]
+
+    @property
+    def present(self) -> Draft:
+        return self._drafts[self._at]
+
+    @property
+    def can_undo(self) -> bool:
+        return self._at > 0
+
+    @property
+    def can_redo(self) -> bool:
+        return self._at + 1 < len(self._drafts)
+
+    def change(self, draft: Draft, what: str) -> None:
+        """A new draft; ``what`` names the value that was changed, so that a drag becomes one step."""
+        now = self._clock()
+        same = what == self._last[0] and now - self._last[1] < ONE_DRAG and self._at > 0
+        self._last = what, now
+        del self._drafts[self._at + (0 if same else 1) :]
+        self._drafts.append(draft)
+        if len(self._drafts) > MOST_STEPS:
+            del self._drafts[1]
+        self._at = len(self._drafts) - 1
+
+    def undo(self) -> Draft:
+        self._last = "", -1e9
+        self._at = max(self._at - 1, 0)
+        return self.present
+
+    def redo(self) -> Draft:
+        self._last = "", -1e9
+        self._at = min(self._at + 1, len(self._drafts) - 1)
+        return self.present
+
+    def reset(self) -> Draft:
+        """The scene as opened, as a step that can be undone."""
+        if self.present != self.opened:
+            self.change(self.opened, "")
+        return self.present

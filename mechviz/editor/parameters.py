@@ -1,0 +1,417 @@
+"""The values of a scene that can be edited: found by walking through its document, each with its unit and a sane range.
+
+Nothing here knows a particular scene or keyword beyond how values are grouped and called: what is a quantity, of which kind
+and how it is bounded stands in the types of the document.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from mechcore.laws.catalogue import RISES
+from mechviz.scene.cams.cams import SOLIDS
+from mechviz.scene.document import Place, SceneDocument, value_at
+from mechviz.scene.fields import Quantity, Table
+from mechviz.scene.scene import Scene
+from mechviz.scene.units import KINDS, QuantityError, Units, split, symbol_of, unit_factor
+
+LONGEST_LIST = 4  # longer ones are tables of measured values, which are not edited by sliders
+HIDDEN = {"units", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
+STEPS = 1000  # about, over a range
+WIDEST = 20.0  # ranges that a typed value may ask for beyond the first one
+BARE = {
+    "linear speed": "{length}/{time}",
+    "angular speed": "{angle}/{time}",
+    "frequency": "1/{time}",
+    "stiffness": "{force}/{length}",
+}
+GROUPS = ("Lengths", "Drive", "Cam", "Loads and springs", "Masses", "Friction", "Assembly", "Other")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a scene: ``value`` as it is written, in ``unit`` (shown), between ``low`` and ``high``, in steps of ``step``.
+
+    ``suffix`` is the unit in the text of the file where it stands there, "" for a bare number. ``sign``: what the shown value is
+    multiplied with: a length is shown positive, whichever way its point lies from the origin of its link. ``whole``: an integer.
+    """
+
+    path: Place
+    group: str
+    label: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    step: float
+    hard_low: float
+    hard_high: float
+    suffix: str = ""
+    sign: float = 1.0
+    whole: bool = False
+
+    @property
+    def title(self) -> str:
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    @property
+    def key(self) -> str:
+        """One text for the place: ``links.crank.points.B[0]``."""
+        return key_of(self.path)
+
+    def written(self, value: float) -> float | int | str:
+        """What stands in the file for a shown value."""
+        number = round(value) if self.whole else float(f"{self.sign * value:.12g}")
+        return f"{number!r} {self.suffix}" if self.suffix else number
+
+    def text(self, value: float) -> str:
+        """A value with its unit."""
+        return f"{value:.6g} {self.unit}".strip()
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A value of a scene that is one of a few texts."""
+
+    path: Place
+    group: str
+    label: str
+    value: str
+    options: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        return key_of(self.path)
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A scalar of the document with what its type says."""
+
+    path: Place
+    value: Any
+    quantity: Quantity | None
+    options: tuple[str, ...] = ()
+
+
+def key_of(path: Place) -> str:
+    """A place in the document as a text."""
+    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).lstrip(".")
+
+
+def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
+    """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
+    document = scene.document
+    found = [p for spot in _spots(document) if not spot.options and (p := _parameter(document, spot)) is not None]
+    found = _scaled(found)
+    return tuple(sorted(found, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
+
+
+def find_choices(scene: Scene) -> tuple[Choice, ...]:
+    """All values that are one of a few texts: laws of motion, assembly modes, senses."""
+    found = []
+    for spot in _spots(scene.document):
+        if len(spot.options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("pairs", "loads", "links"):
+            found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, spot.options))
+    return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
+
+
+# -- walking ----------------------------------------------------------------------------------------------------------
+def _spots(document: SceneDocument) -> Iterator[_Spot]:
+    yield from _walk(SceneDocument, (), document, ())
+    if "gravity" in document.effects and "gravity" not in document.model_fields_set:
+        field = SceneDocument.model_fields["gravity"]
+        yield from _walk(field.annotation, tuple(field.metadata), document.gravity, ("gravity",))
+
+
+def _walk(annotation: Any, metadata: tuple[Any, ...], value: Any, path: Place) -> Iterator[_Spot]:
+    if path and path[-1] in HIDDEN:
+        return
+    if isinstance(value, Table):
+        for name, field in type(value).model_fields.items():
+            if (name in value.model_fields_set and getattr(value, name) is not None) or (
+                name == "law" and getattr(value, "to", None) is not None
+            ):
+                yield from _walk(field.annotation, tuple(field.metadata), getattr(value, name), (*path, name))
+    elif isinstance(value, Mapping):
+        inner = next((args[1] for kind, args in _containers(annotation) if kind is dict), None)
+        for key, item in value.items():
+            yield from _walk(inner, (), item, (*path, key))
+    elif isinstance(value, list | tuple):
+        if len(value) <= LONGEST_LIST or any(isinstance(item, Table) for item in value):
+            inner = next((args for kind, args in _containers(annotation) if kind in (list, tuple)), (None,))
+            for k, item in enumerate(value):
+                yield from _walk(inner[min(k, len(inner) - 1)], (), item, (*path, k))
+    elif isinstance(value, bool):
+        return
+    elif path and path[-1] == "law":
+        yield _Spot(path, value, None, tuple(RISES))
+    else:
+        options = tuple(o for kind, args in _containers(annotation, Literal) for o in args if isinstance(o, str))
+        quantity = next((m for m in (*metadata, *_marks(annotation)) if isinstance(m, Quantity)), None)
+        if isinstance(value, int | float) or quantity is not None or options:
+            yield _Spot(path, value, quantity, options)
+
+
+def _containers(annotation: Any, wanted: Any = None) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    """The containers (or literals) among the alternatives of an annotation."""
+    origin = get_origin(annotation)
+    if (origin in (dict, list, tuple) and wanted is None) or (origin is Literal and wanted is Literal):
+        yield origin, get_args(annotation)
+    elif origin is not None and origin not in (dict, list, tuple, Literal):
+        for part in get_args(annotation):
+            yield from _containers(part, wanted)
+
+
+def _marks(annotation: Any) -> Iterator[Any]:
+    """What an annotation says of a scalar: the marks of all its alternatives that are no containers."""
+    origin = get_origin(annotation)
+    if hasattr(annotation, "__metadata__"):
+        for mark in annotation.__metadata__:
+            yield from mark.metadata if isinstance(mark, FieldInfo) else (mark,)
+        yield from _marks(annotation.__origin__)
+    elif origin is not None and origin not in (dict, list, tuple, Literal):
+        for part in get_args(annotation):
+            yield from _marks(part)
+
+
+# -- one value --------------------------------------------------------------------------------------------------------
+def _parameter(document: SceneDocument, spot: _Spot) -> Parameter | None:
+    path, value, quantity = spot.path, spot.value, spot.quantity
+    along = False
+    if path[0] == "links" and len(path) == 5 and path[2] == "points":
+        skip, along = _of_point(document, path)
+        if skip:
+            return None
+    suffix = ""
+    if quantity is None:
+        kind, number, unit = "", float(value), ""
+    else:
+        units = Units(**document.units.model_dump())
+        if isinstance(value, str):
+            text, suffix = split(value)
+            kind, number, unit = _kind_of_unit(quantity, suffix), float(text), symbol_of(suffix)
+        else:
+            kind = _kind_here(document, path, quantity)
+            number, unit = float(value), _bare_unit(units, kind)
+    least: str = quantity.least if quantity is not None else ""
+    sign = 1.0
+    if path[-2:] == ("profile", "base") and number > 0.0 and _plane_cam(document, path):
+        least = "above zero"  # a radius; of a cam about an axis in the plane it is a place along that
+    if along:
+        least, sign, number = "above zero", math.copysign(1.0, number), abs(number)
+    whole = isinstance(value, int) and quantity is None and (path[-2:-1] == ("teeth",) or path[-1:] == ("rollers",))
+    low, high = _range(document, path, number, kind, least)
+    if whole:
+        low, high = max(3.0, math.floor(low)), max(math.ceil(high), 4.0)
+    step = 1.0 if whole else _nice((high - low) / STEPS)
+    span = WIDEST * (high - low)
+    bound = 0.0 if least == "zero" else step if least else -math.inf
+    if quantity is None and number >= 0.0:
+        bound = 0.0
+    hard_low = max(high - span, bound) if high > low else bound
+    label = _label(path)
+    if along:
+        label = f"{path[1]} {next(iter(document.links[str(path[1])].points))}–{path[3]}"
+    return Parameter(path, _group(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
+
+
+def _of_point(document: SceneDocument, path: Place) -> tuple[bool, bool]:
+    """Whether a coordinate of a link's point is left out, and whether it is shown as the point's distance from the first one.
+
+    A link is moved as a whole by its origin, which changes nothing but the names of its coordinates: of a link whose first point
+    is the origin only the other points count, and of one that lies on an axis of the frame only the distance.
+    """
+    link, point, k = str(path[1]), str(path[3]), int(path[4])
+    points = document.links[link].points
+    if link == document.frame or not isinstance(points, dict):
+        return False, False
+    first = next(iter(points))
+    if any(_zero(v) is False for v in points[first]):
+        return False, False
+    if point == first:
+        return True, False
+    zero = [_zero(v) for v in points[point]]
+    if zero[1 - k] and not zero[k]:
+        return False, True
+    return bool(zero[k] and not zero[1 - k]), False
+
+
+def _zero(value: float | str) -> bool:
+    return (float(split(value)[0]) if isinstance(value, str) else float(value)) == 0.0
+
+
+def _kind_of_unit(quantity: Quantity, unit: str) -> str:
+    for kind in quantity.kinds:
+        try:
+            unit_factor(unit, kind)
+        except QuantityError:
+            continue
+        return kind
+    return quantity.kinds[0]
+
+
+def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
+    """Which of the kinds of a quantity a bare number has, by the pair or load where it stands."""
+    if len(quantity.kinds) == 1:
+        return quantity.kinds[0]
+    turning = True
+    if path[0] == "pairs":
+        pair = document.pairs[str(path[1])]
+        turning = pair.coordinate == "angle" and "rating" not in path  # a cam is judged by the force at its contact
+        if "profile" in path and pair.profile is not None and pair.follower is not None:
+            guide = document.pairs[pair.follower.guide]
+            turning = guide.coordinate == "angle" if path[-1] == "to" else pair.profile.bed is None
+            if path[-1] == "base":
+                turning = pair.follower.groove is not None and guide.coordinate == "angle"  # else a radius
+    elif path[0] == "loads":
+        load = document.loads[str(path[1])]
+        if {"table", "polynomial", "fires"} & set(path) and load.servo is None:
+            led = next((pair for pair in document.pairs.values() if pair.led), None)
+            return next(k for k in quantity.kinds if (k == "angle") == (led is None or led.coordinate == "angle") and k != "time")
+        turning = load.kind.startswith("torsion") or (load.drag is not None and "." not in load.drag)
+        if load.servo is not None and load.servo in document.pairs:
+            turning = document.pairs[load.servo].coordinate == "angle"
+        if load.bushing is not None:
+            turning = path[-1] == 2
+        if load.viscous is not None:
+            turning = load.viscous in document.pairs and document.pairs[load.viscous].coordinate == "angle"
+    words = ("angle", "angular", "torsional", "torque")
+    kinds = [k for k in quantity.kinds if any(w in k for w in words) == turning]
+    if len(kinds) > 1 and isinstance(path[-1], int) and path[-1] < len(kinds):
+        return kinds[path[-1]]  # position, velocity, acceleration
+    return (kinds or list(quantity.kinds))[0]
+
+
+def _bare_unit(units: Units, kind: str) -> str:
+    return symbol_of(BARE.get(kind, KINDS[kind].bare).format(**vars(units)))
+
+
+# -- ranges -----------------------------------------------------------------------------------------------------------
+def _range(document: SceneDocument, path: Place, value: float, kind: str, least: str) -> tuple[float, float]:
+    """A range around a value in which something can be seen: wide enough to break the mechanism, not so wide that all else is
+    crammed into a corner of the slider."""
+    size = abs(value)
+    if least and value > 0.0 and kind != "angle":
+        return _round_out(value / 4.0, value * 2.5)
+    if path[-1] == "angle" or kind == "angle":
+        reach = 0.5 * _turn(document, path)
+        return _round_out(value / 10.0 if least else value - reach, value + reach)
+    if kind == "length" and path[0] in ("links", "sketch"):
+        reach = max(size, 0.6 * _link_size(document, path)) or 1.0
+        return _round_out(value - reach, value + reach)
+    if value == 0.0:
+        return 0.0, 0.0  # filled in by those of the same kind
+    if kind in ("", "angular speed", "linear speed", "pressure", "power", "density"):
+        return _round_out(*sorted((value / 4.0, value * 2.5)))
+    return _round_out(-2.5 * size, 2.5 * size)
+
+
+def _plane_cam(document: SceneDocument, path: Place) -> bool:
+    """Whether a value in the profile of a cam belongs to one that turns in the plane."""
+    profile: Any = getattr(document.pairs[str(path[1])], "profile", None)
+    return all(getattr(profile, kind, None) is None for kind in SOLIDS)
+
+
+def _turn(document: SceneDocument, path: Place) -> float:
+    """Half a turn in the unit of an angle in the document."""
+    value = value_at(document, path)
+    unit = split(value)[1] if isinstance(value, str) else document.units.angle
+    try:
+        return math.pi / float(unit_factor(unit, "angle"))
+    except QuantityError:
+        return 180.0
+
+
+def _link_size(document: SceneDocument, path: Place) -> float:
+    """The largest coordinate of a link's points, as a bare number of the scene where that can be said."""
+    units = Units(**document.units.model_dump())
+    links = [document.links[str(path[1])]] if path[0] == "links" else list(document.links.values())
+    numbers = [
+        abs(units.si(v, "length")) for link in links if isinstance(link.points, dict) for xy in link.points.values() for v in xy
+    ]
+    largest = max(numbers, default=0.0)
+    if not largest and path[0] == "links":
+        return _link_size(document, ("sketch",))
+    return largest / float(units.factor("length"))
+
+
+def _scaled(found: list[Parameter]) -> list[Parameter]:
+    """Ranges for values that are zero: up to the largest of the same unit and name, or what is usual."""
+    out = []
+    for p in found:
+        if p.high > p.low:
+            out.append(p)
+            continue
+        others = [abs(o.value) for o in found if o.unit == p.unit and o.path[-1] == p.path[-1] and o.value]
+        usual = {"kg": 1.0, "kg m²": 1e-3, "N": 100.0, "N m": 10.0}.get(p.unit, 1.0)
+        reach = max(others, default=usual)
+        low, high = _round_out(-reach if p.hard_low < 0.0 else 0.0, reach)
+        span = WIDEST * (high - low)
+        hard = max(p.hard_low, high - span)
+        out.append(replace(p, low=low, high=high, step=_nice((high - low) / STEPS), hard_low=hard, hard_high=low + span))
+    return out
+
+
+def _nice(value: float) -> float:
+    """The power of ten, or 2 or 5 times it, next below a positive value."""
+    if not value > 0.0 or not math.isfinite(value):
+        return 1.0
+    decade = 10.0 ** math.floor(math.log10(value))
+    return float(f"{decade * max(k for k in (1.0, 2.0, 5.0) if k * decade <= value * (1.0 + 1e-9)):.1e}")
+
+
+def _round_out(low: float, high: float) -> tuple[float, float]:
+    """A range with round ends that holds another one."""
+    step = _nice((high - low) / 20.0)
+    return float(f"{math.floor(low / step + 1e-9) * step:.10g}") or (step if low > 0.0 else 0.0), float(
+        f"{math.ceil(high / step - 1e-9) * step:.10g}"
+    )
+
+
+# -- names ------------------------------------------------------------------------------------------------------------
+def _group(path: Place) -> str:
+    first, keys = path[0], set(path)
+    if first == "sketch" or (first == "links" and path[2] == "points"):
+        return "Lengths"
+    if first == "links":
+        return "Masses"
+    if first == "loads":
+        return "Loads and springs"
+    if first == "friction" or "friction" in keys:
+        return "Friction"
+    if first == "pairs":
+        if {"drive", "free"} & keys:
+            return "Drive"
+        if {"profile", "follower"} & keys:
+            return "Cam"
+        return "Lengths" if {"radius", "radii", "teeth"} & keys else "Assembly"
+    return "Other"
+
+
+def _label(path: Place) -> str:
+    """What a value is called: the item and the key, without the words that the group says already."""
+    parts = [str(p) for p in path if not isinstance(p, int)]
+    axis = ("x", "y")
+    last = path[-1]
+    if path[0] == "links" and len(path) == 5 and path[2] == "points":
+        return f"{path[1]} {path[3]} {axis[int(path[4])]}"
+    if path[0] == "sketch":
+        return " ".join([*parts[1:], axis[int(last)] if isinstance(last, int) else ""]).strip()
+    silent = ("drive", "profile", "follower", "parameters")
+    words = [p.replace("_", " ") for k, p in enumerate(parts[1:]) if k == 0 or p not in silent] or parts
+    if isinstance(last, int):
+        vector = path[-2] in ("centre", "force", "gravity", "at", "pole")
+        if path[-2] in ("stiffness", "linear"):
+            words.append(("x", "y", "angle")[last])
+        else:
+            words.append(axis[last] if vector and last < 2 else str(last + 1))
+    numbers = [str(p + 1) for p in path[:-1] if isinstance(p, int)]
+    if numbers:
+        words.insert(-1, " ".join(numbers))
+    return " ".join(words)

@@ -1,0 +1,1 @@
+"""Hard cases: places where mechanisms are hard, with what is expected there."""

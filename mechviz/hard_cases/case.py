@@ -1,0 +1,184 @@
+"""A hard case: what happens there, what is expected of it, and how the result that is computed is compared with that."""
+
+from __future__ import annotations
+
+import io
+import re
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mechcore.errors import MechanismError
+from mechcore.forces.kinetostatics import Forces
+from mechcore.motion.motion import Motion
+from mechviz.hard_cases.families import FAMILIES, Family
+
+
+@dataclass(frozen=True)
+class Check:
+    """One comparison: ``error`` is how far the result is from what is expected, ``bound`` how far it may be."""
+
+    name: str
+    error: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.error <= self.bound)  # NaN is not
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a case found. ``residual``: largest contour residual over the mechanism's size; ``condition``: largest of a block;
+    ``events``: what the program says of the place, in words."""
+
+    found: str
+    checks: tuple[Check, ...]
+    residual: float | None = None
+    condition: float | None = None
+    events: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.checks) and all(c.passed for c in self.checks)
+
+    @property
+    def worst(self) -> Check:
+        """The check that comes nearest to its bound, or misses it by most."""
+        return max(self.checks, key=lambda c: np.inf if np.isnan(c.error) else c.error / c.bound)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hard case. ``happens``: what is hard there; ``expected``: the expectation and where it comes from; ``peers``: who fails
+    there."""
+
+    name: str
+    family: Family
+    happens: str
+    expected: str
+    compute: Callable[[], Outcome] = field(repr=False)
+    peers: str = ""
+
+    def run(self) -> Outcome:
+        """The outcome with its time; an exception is an outcome too, one that has failed."""
+        start = time.perf_counter()
+        try:
+            outcome = self.compute()
+        except Exception as e:  # a case that breaks must not hide the others
+            outcome = Outcome(f"{type(e).__name__}: {e}".split("\n")[0], (Check("no exception", 1.0, 0.0),))
+        return replace(outcome, seconds=time.perf_counter() - start)
+
+
+def compare(name: str, got: Any, want: Any, bound: float, *, scale: float | None = None) -> Check:
+    """Largest difference, relative to ``scale`` (default: the largest expected value)."""
+    got, want = np.asarray(got, float), np.asarray(want, float)
+    size = float(np.max(np.abs(want))) if scale is None else scale
+    return Check(name, float(np.max(np.abs(got - want))) / (size or 1.0), bound)
+
+
+def judged(name: str, holds: Any) -> Check:
+    """A statement that holds or does not."""
+    return Check(name, 0.0 if bool(np.all(holds)) else 1.0, 0.5)
+
+
+def moved(motion: Motion, found: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()) -> Outcome:
+    """The outcome of a motion: its contours have to close to rounding beside whatever else is checked."""
+    size = motion.model.size
+    residual = float(np.max(motion.closure)) / size
+    every = [*checks, Check("contours close", residual, 1e-12)]
+    if forces is not None:
+        every.append(Check("power balance", float(np.max(np.abs(forces.power_balance))), 1e-9))
+    count = len(motion.changes)
+    said = ([f"{count} change or dead point{'s' if count > 1 else ''}"] if count else []) + list(events)
+    condition = float(np.max(motion.condition))
+    return Outcome(found, tuple(every), residual, condition, tuple(said))
+
+
+def refused(attempt: Callable[[], Any], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
+    """The outcome of something that has to be refused in words that match every pattern; ``checks`` look at the words."""
+    try:
+        attempt()
+    except MechanismError as e:
+        text = re.sub(r"\s+", " ", str(e))
+        every = [judged("an error of ours", True), *(judged(f"says {p}", re.search(p, text)) for p in patterns), *checks(text)]
+        return Outcome("refused: " + text, tuple(every), events=("error",))
+    return Outcome("accepted without a word", (judged("refused", False),))
+
+
+LONGEST = 110  # characters of what was found that the table shows
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else "0" if value == 0.0 else f"{value:.1e}"
+
+
+def table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
+    """One row a case: what happens there, what is expected, what was found, the check nearest to its bound, residual, condition,
+    events, pass or fail."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    out = io.StringIO()
+    console = Console(file=out, width=max(width, 150), color_system=None, highlight=False)
+    for family in FAMILIES:
+        rows = [(c, o) for c, o in results if c.family == family]
+        if not rows:
+            continue
+        grid = Table(box=box.SIMPLE_HEAD, title=family, title_justify="left", show_edge=False, pad_edge=False, padding=(0, 1))
+        for name, share in (("case", 20), ("what happens there", 26), ("expected", 24), ("found", 28)):
+            grid.add_column(name, ratio=share, overflow="fold")
+        for name in ("error", "allowed", "residual", "condition"):
+            grid.add_column(name, justify="right", no_wrap=True)
+        grid.add_column("events", ratio=16, overflow="fold")
+        grid.add_column("", no_wrap=True)
+        for c, o in rows:
+            worst = o.worst
+            happens = f"{c.happens} (peers: {c.peers})" if c.peers else c.happens
+            found = o.found if len(o.found) <= LONGEST else o.found[: LONGEST - 4] + " ..."
+            if not o.passed:
+                found = f"{worst.name}: {found}"
+            events = "; ".join(e if len(e) < 60 else e[:56] + " ..." for e in o.events)
+            cells = [c.name, happens, c.expected, found, _number(worst.error), _number(worst.bound), _number(o.residual)]
+            grid.add_row(*map(Text, [*cells, _number(o.condition), events, "pass" if o.passed else "FAIL"]))
+        console.print(grid)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+
+def summary(results: Sequence[tuple[Case, Outcome]]) -> str:
+    """How many pass, and which do not."""
+    failed = [c.name for c, o in results if not o.passed]
+    seconds = sum(o.seconds for _, o in results)
+    tail = f"; failed: {', '.join(failed)}" if failed else ""
+    return f"{len(results) - len(failed)} of {len(results)} hard cases pass ({seconds:.1f} s){tail}"
+
+
+def as_data(results: Sequence[tuple[Case, Outcome]]) -> list[dict[str, Any]]:
+    """The same as plain values; what is not a finite number is a text, as JSON has none."""
+    return [
+        {
+            "family": c.family,
+            "case": c.name,
+            "happens": c.happens,
+            "expected": c.expected,
+            "peers": c.peers,
+            "found": o.found,
+            "checks": [{"name": k.name, "error": _plain(k.error), "bound": k.bound, "passed": k.passed} for k in o.checks],
+            "residual": _plain(o.residual),
+            "condition": _plain(o.condition),
+            "events": list(o.events),
+            "seconds": round(o.seconds, 4),
+            "passed": o.passed,
+        }
+        for c, o in results
+    ]
+
+
+def _plain(value: float | None) -> float | str | None:
+    return value if value is None or abs(value) < float("inf") else str(value)

@@ -1,0 +1,230 @@
+"""Hard cases of dry friction in prescribed motion: it jams, locks itself, turns back, statics does not tell the load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mechcore.forces.friction.events import friction_events
+from mechcore.forces.friction.normal_loads import solve_normal_loads, stability
+from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.loads import Force
+from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic, Revolute, Rolling
+from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.mechanisms import load_at, slider_crank
+from mechviz.hard_cases.rubbing import bearing, gears, incline, sleeve
+
+G = 9.81
+
+
+def friction_in(forces: Forces) -> FrictionResult:
+    """The friction of forces that have some."""
+    assert forces.friction is not None
+    return forces.friction
+
+
+def with_friction(pair: Any, friction: Friction) -> Any:
+    """A pair of a kind that can have friction, with it."""
+    return replace(pair, friction=friction)
+
+
+def _before_the_jam() -> Outcome:
+    """Moments about the axis: N b = H x, H (1 - 2 mu x / b) = W; a billionth before x = b / (2 mu)."""
+    part = 1.0 - 1e-9
+    forces = load_at(sleeve(part * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
+    effort = float(forces.effort("H")[0])
+    return moved(forces.motion, f"effort {effort:.6g} N for 30 N", [compare("effort", effort, 30.0 / (1.0 - part), 1e-6)], forces)
+
+
+def _beyond_the_jam() -> Outcome:
+    forces = load_at(sleeve((1.0 + 1e-9) * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
+    friction = friction_in(forces)
+    checks = [
+        judged("jammed", friction.jammed),
+        judged("by S", friction.jammed_by(0) == ("S",)),
+        judged("no number where there is none", np.isnan(forces.effort("H"))),
+        compare("share of the coefficients", friction.reached[0], 1.0 / (1.0 + 1e-9), 1e-9),
+    ]
+    return moved(forces.motion, f"jams; {friction.reached[0]:.12g} of the coefficient still moves", checks, events=["jams"])
+
+
+def _jam_between_frames() -> Outcome:
+    """The gallery's sleeve: where the lift's arm reaches b / (2 mu) = 200 mm, found between frames."""
+    from mechviz.scene.scene import load
+
+    scene = load("jamming-sleeve")
+    m = scene.mechanism
+    forces = solve_forces(solve_motion(compile_mechanism(m), default_times(m, 37)))
+    jam = next(e for e in friction_events(forces) if e.text.startswith("jams"))
+    speed = 0.04  # the cart's, from 40 mm
+    return moved(
+        forces.motion, f"jams at {jam.time:.9g} s", [compare("time", jam.time, (0.2 - 0.04) / speed, 1e-6)], events=[jam.text]
+    )
+
+
+def _self_locking() -> Outcome:
+    """tan(alpha + rho) up and tan(alpha - rho) down, a thousandth of a degree on either side of alpha = rho."""
+    mu, weight = 0.2, 2.0 * G
+    rho, checks, states = np.arctan(mu), [], []
+    for alpha in (rho - 2e-5, rho + 2e-5):
+        up, down = load_at(incline(alpha, mu), [0.2], 0.1), load_at(incline(alpha, mu), [0.2], -0.1)
+        checks.append(compare("push up", up.effort("H")[0] / weight, np.tan(alpha + rho), 1e-12))
+        checks.append(compare("hold", down.effort("H")[0] / weight, np.tan(alpha - rho), 1e-10, scale=1.0))
+        states.append(bool(friction_in(up).self_locking[0]))
+    checks.append(judged("locks below, slides above", states == [True, False]))
+    return moved(up.motion, "locks below arctan mu, slides above", checks, up)
+
+
+def _reversal() -> Outcome:
+    """A slider-crank through its dead centre: friction of the piston is zero at rest and changes its sign around it."""
+    m = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-9.0, -2.0)),), effects=("friction",))
+    m = replace(m, pairs=(*m.pairs[:-1], with_friction(m.pairs[-1], Friction(coefficient=0.2))))
+    forces = load_at(m, [-1e-4, 0.0, 1e-4], 1.0)
+    x = friction_in(forces).wrench("S")[:, 0]
+    checks = [
+        judged("slips, rests, slips back", friction_in(forces).state("S") == ["slips +", "at rest", "slips -"]),
+        judged("zero at rest", x[1] == 0.0),
+        compare("alike on both sides", x[0], -x[2], 1e-3),
+    ]
+    return moved(forces.motion, f"{x[0]:.4g}, {x[1]:.4g}, {x[2]:.4g} N", checks, forces, ["at rest"])
+
+
+def _two_ends() -> Outcome:
+    """mu F while the load lies within the bearing, 2 mu F e / b outside: on both sides of where that changes."""
+    b, mu, checks = 0.08, 0.15, []
+    for e in (0.0, 0.04 - 1e-9, 0.04 + 1e-9, 0.1):
+        forces = load_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
+        checks.append(compare(f"e = {e:g}", forces.effort("S")[0], mu * 100.0 * max(1.0, 2.0 * e / b), 1e-13))
+    return moved(forces.motion, f"{forces.effort('S')[0]:.6g} N at e = 0.1 m", checks, forces)
+
+
+def _one_pin() -> Outcome:
+    """|a + b g| = g is a quadratic: loads up to where the branch turns back, |b| sin(angle) = 1."""
+    angle, a = 2.2, 3.0 * np.exp(0.4j)
+    size = np.array([0.3, 0.95, 1.1, 1.0 / np.sin(2.2) - 1e-6, 1.0 / np.sin(2.2) + 1e-6, 5.0])
+    b = size * np.exp(1j * (angle + 0.4))
+    parts = (np.broadcast_to([a.real, a.imag], (6, 1, 2)), np.stack([b.real, b.imag], -1)[:, None, :, None], np.array([True]))
+    found = solve_normal_loads(*parts)
+    c = (np.conj(a) * b).real
+    with np.errstate(invalid="ignore"):
+        want = abs(a) ** 2 / (np.sqrt(c**2 + (1.0 - size**2) * abs(a) ** 2) - c)
+    good = size < 1.0 / np.sin(2.2)
+    checks = [
+        judged("jams beyond the turn", found.jammed == ~good),
+        compare("loads", found.loads[good, 0] / want[good], 1.0, 1e-7),
+        judged("stable", stability(*parts, found.loads)[good] > 0.0),
+        compare("share where it ends", found.reached[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
+    ]
+    return Outcome(f"loads {np.array2string(found.loads[good, 0], precision=5)}", tuple(checks), float(found.residual[good].max()))
+
+
+def _gears() -> Outcome:
+    """Tooth force F from the moments on the second wheel, on either flank."""
+    lever, r1, r2, pressure, arm, checks = 0.002, 0.1, 0.2, np.radians(20.0), 0.001, []
+    for way in (1.0, -1.0):
+        forces = load_at(gears(lever, way), [0.0, 1.0], 5.0)
+        f = 40.0 / (r2 * np.cos(pressure) - way * (arm + lever))
+        checks.append(compare("tooth force", np.hypot(*forces.reaction("G")[:, :2].T), f, 1e-12))
+        checks.append(compare("torque", forces.effort("A"), way * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
+    return moved(forces.motion, f"tooth force {f:.6g} N", checks, forces)
+
+
+def _rolling() -> Outcome:
+    m = Mechanism(
+        name="wheel",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.3)}), Link(name="wheel", points={"W": (0.0, 0.0)}, mass=40.0)),
+        pairs=(Rolling(name="R", links=("frame", "wheel"), points=("O", "W"), radius=0.3, friction=Friction(lever=0.004)),),
+        drives=(Drive(pair="R", law=ConstantSpeed(0.0, 1.0)),),
+        effects=("gravity", "friction"),
+    )
+    forces = load_at(m, [0.0, 0.5], -2.0)
+    return moved(
+        forces.motion,
+        f"{forces.effort('R')[0]:.6g} N",
+        [compare("pull", forces.effort("R"), -40.0 * G * 0.004 / 0.3, 1e-13)],
+        forces,
+    )
+
+
+def _hidden_load() -> Outcome:
+    m = slider_crank(0.05, 0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),), effects=("friction",))
+    rough = with_friction(m.pairs[-1], Friction(coefficient=0.1))
+    doubled = replace(m, pairs=(*m.pairs[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
+    return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not tell what presses on S")
+
+
+def _small_coefficients() -> Outcome:
+    """Coefficients of 1e-9: the loss is that of the frictionless reactions, to the first order."""
+    journal = Friction(coefficient=1e-9, radius=0.01)
+    plain = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-900.0, 0.0)),))
+    m = replace(
+        plain,
+        pairs=tuple(with_friction(p, journal) if isinstance(p, Revolute) else p for p in plain.pairs),
+        effects=("friction",),
+    )
+    theta = np.linspace(0.1, 6.0, 60)
+    forces, without = load_at(m, theta, 40.0), load_at(plain, theta, 40.0)
+    lost = np.zeros(60)
+    for p in ("O", "B", "C"):
+        lost += 1e-11 * np.hypot(*without.reaction(p)[:, :2].T) * np.abs(without.motion.coordinate(p)[:, 1])
+    return moved(
+        forces.motion,
+        f"{-friction_in(forces).power.max():.3g} W at least",
+        [compare("loss", -friction_in(forces).power, lost, 1e-8)],
+        forces,
+    )
+
+
+CASES = (
+    Case(
+        "a billionth before the jam", "friction", "a sleeve's effort grows without bound", "W / (1 - 2 mu x / b)", _before_the_jam
+    ),
+    Case(
+        "a billionth beyond the jam",
+        "friction",
+        "no effort moves it any more",
+        "named, no numbers, share of the coefficient",
+        _beyond_the_jam,
+    ),
+    Case("jam between two frames", "friction", "it jams while it moves", "time by hand: 4 s", _jam_between_frames),
+    Case(
+        "self-locking at its edge",
+        "friction",
+        "the slope is the friction angle to a thousandth of a degree",
+        "tan(alpha +- rho)",
+        _self_locking,
+    ),
+    Case(
+        "reversal at a dead centre",
+        "friction",
+        "friction is undetermined between two limits at rest",
+        "zero, the sign changes around it",
+        _reversal,
+    ),
+    Case(
+        "ends of a bearing",
+        "friction",
+        "the load leaves the bearing: pressure jumps to the other side",
+        "mu F max(1, 2 e / b)",
+        _two_ends,
+    ),
+    Case("no contraction", "friction", "fixed-point iteration diverges; the branch turns back", "a quadratic equation", _one_pin),
+    Case("flank of a gear", "friction", "friction depends on which flank carries", "moments on the wheel", _gears),
+    Case("rolling resistance", "friction", "a couple against rolling, backwards", "G f / R", _rolling),
+    Case(
+        "hidden normal load", "friction", "two guides share the load: statics does not tell how", "refused in words", _hidden_load
+    ),
+    Case(
+        "coefficients of 1e-9",
+        "friction",
+        "the losses are eleven digits below the powers",
+        "first order of the frictionless reactions",
+        _small_coefficients,
+    ),
+)

@@ -1,0 +1,1 @@
+"""Where a picture and the catalogue go: recordings, the viewer, pages, images, files, notebooks."""

@@ -1,0 +1,1 @@
+"""Files for other programs: tables, solids, cam profiles, glTF, 3MF."""

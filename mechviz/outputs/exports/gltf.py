@@ -1,0 +1,242 @@
+"""The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, arrows of forces, traced paths and an animation.
+
+Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as plans and polodes.
+Belts are solids that stand still, with marks that run along them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.files import replacing
+from mechviz.outputs.exports.gltf_marks import ARROWS, Mark, Shape, find_marks
+from mechviz.picture.build import picture_of
+from mechviz.picture.nodes import Body, Lines, Mesh
+from mechviz.picture.proportions import about_z
+from mechviz.picture.solids import solids_of
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
+
+
+Array = NDArray[Any]
+
+FLOAT, SHORT, INT = 5126, 5123, 5125  # component types
+VERTICES, INDICES = 34962, 34963  # what a buffer view is for
+LINE_STRIP = 3
+TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+METALLIC, ROUGH = 0.25, 0.55
+
+
+def export_glb(run: Run, path: Path | str, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> Path:
+    """Write a run as GLB: metres, y up, one node a link, one animation over the whole run in its own time. ``arrows``: families."""
+    data = glb_bytes(run, solids=solids, arrows=arrows)
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(data)
+    return Path(path)
+
+
+def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] = ARROWS) -> bytes:
+    """The GLB file of a run (glTF 2.0 specification, sections 3 and 4)."""
+    solids = solids or solids_of(run)
+    picture = picture_of(run, solids)
+    out = _Writer()
+    tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), run.scene.name)
+    numbers: dict[str, int] = {}
+    bodies = {body.parent: body for body in picture.of(Body, "solids")}
+    for name, pose in picture.poses.items():
+        body = bodies.get(name)
+        mesh = None if body is None else out.mesh(name, list(_primitives(out, body.mesh)))
+        moves = {"translation": _translations(pose), "rotation": about_z(pose[:, 2])}
+        spins = None if body is None else body.poses
+        numbers[name] = tree.add(name, 0, mesh if spins is None else None, **moves)
+        if spins is not None:  # below its link the solid turns about an axis in the plane
+            tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.turns)
+    shapes: dict[Any, int] = {}  # marks of a belt are all alike
+    for body in picture.of(Body, "roller", "belt", "springs"):
+        name, poses = body.key.replace(".", " ", 1), body.poses
+        assert poses is not None
+        key = (body.group, body.mesh.vertices.tobytes())
+        if key not in shapes:
+            shapes[key] = out.mesh(name, list(_primitives(out, body.mesh)))
+        scaled = {} if poses.scales is None else {"scale": poses.scales}
+        parent = numbers[body.parent] if body.parent else 0
+        tree.add(name, parent, shapes[key], translation=poses.places, rotation=poses.turns, **scaled)
+    for mark in find_marks(run, solids, picture, arrows):
+        _add_mark(tree, mark, 0)
+    for path in picture.of(Lines, "paths"):
+        places = path.strips[0][0]
+        if len(places) < 2:
+            continue
+        ink = out.material(path.color, line=True)
+        line = {"attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)}, "mode": LINE_STRIP, "material": ink}
+        name = f"path of {path.owner[1]}"
+        tree.add(name, 0, out.mesh(name, [line]))
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "mechviz"},
+        "scene": 0,
+        "scenes": [{"name": run.scene.title, "nodes": [0]}],
+        "nodes": tree.nodes,
+    }
+    if tree.channels:
+        document["animations"] = [{"name": "run", "channels": tree.channels, "samplers": tree.samplers}]
+    return out.file(document)
+
+
+def _add_mark(tree: _Tree, mark: Mark, parent: int) -> None:
+    """A node with what moves it, and those below it."""
+    mesh = None
+    if mark.shape is not None:
+        mesh = tree.out.mesh(mark.name, [_shown(tree.out, mark.shape)])
+        if mark.weights is not None:
+            tree.out.weigh(mesh, mark.weights[0].tolist())
+    turns = None if mark.turns is None else about_z(mark.turns)
+    moves = {"translation": mark.places, "rotation": turns, "scale": mark.scales, "weights": mark.weights}
+    number = tree.add(mark.name, parent, mesh, **{path: values for path, values in moves.items() if values is not None})
+    for below in mark.below:
+        _add_mark(tree, below, number)
+
+
+class _Tree:
+    """The nodes of a file, the first of them their root, and what moves them."""
+
+    def __init__(self, out: _Writer, times: int, name: str) -> None:
+        self.out = out
+        self.nodes: list[dict[str, Any]] = [{"name": name}]
+        self.channels: list[dict[str, Any]] = []
+        self.samplers: list[dict[str, Any]] = []
+        self._times = times
+
+    def add(self, name: str, parent: int, mesh: int | None = None, **moves: Array) -> int:
+        """The number of a new node. ``moves``: its translation, rotation and scale (F, 3 or 4) and the weights (F, T) of its mesh's
+        targets; at rest where they do not change."""
+        number = len(self.nodes)
+        node: dict[str, Any] = {"name": name} | ({} if mesh is None else {"mesh": mesh})
+        self.nodes[parent].setdefault("children", []).append(number)
+        self.nodes.append(node)
+        for path, values in moves.items():
+            if path != "weights":
+                node[path] = values[0].tolist()
+            if np.any(values != values[0]):
+                self.channels.append({"sampler": len(self.samplers), "target": {"node": number, "path": path}})
+                output = self.out.accessor(values.ravel() if path == "weights" else values)
+                self.samplers.append({"input": self._times, "output": output, "interpolation": "LINEAR"})
+        return number
+
+
+class _Writer:
+    """Collects the binary data of a file with what describes them."""
+
+    def __init__(self) -> None:
+        self._binary = bytearray()
+        self._views: list[dict[str, Any]] = []
+        self._accessors: list[dict[str, Any]] = []
+        self._meshes: list[dict[str, Any]] = []
+        self._materials: list[dict[str, Any]] = []
+
+    def accessor(self, values: Array, *, target: int | None = None, bounds: bool = False) -> int:
+        """Values (n,) or (n, width) as float32, or as indices where they are integers; ``bounds``: with least and greatest."""
+        values = np.asarray(values)
+        if values.dtype.kind in "ui":
+            kind = SHORT if values.max(initial=0) < 65535 else INT  # 65535 itself would restart a strip
+            data = values.astype("<u2" if kind == SHORT else "<u4")
+        else:
+            kind, data = FLOAT, values.astype("<f4")
+        view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": data.nbytes}
+        if target is not None:
+            view["target"] = target
+        self._binary += data.tobytes()
+        self._binary += b"\0" * (-len(self._binary) % 4)  # every view starts at a multiple of four
+        width = data.shape[1] if data.ndim > 1 else 1
+        entry: dict[str, Any] = {"bufferView": len(self._views), "componentType": kind, "count": len(data), "type": TYPES[width]}
+        if bounds:  # of the values as they are stored
+            flat = data.reshape(-1, width)
+            entry |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
+        self._views.append(view)
+        self._accessors.append(entry)
+        return len(self._accessors) - 1
+
+    def weigh(self, mesh: int, weights: list[float]) -> None:
+        """How much of its targets a mesh shows at first."""
+        self._meshes[mesh]["weights"] = weights
+
+    def mesh(self, name: str, primitives: list[dict[str, Any]]) -> int:
+        self._meshes.append({"name": name, "primitives": primitives})
+        return len(self._meshes) - 1
+
+    def material(self, color: tuple[int, ...], *, line: bool = False, both: bool = False) -> int:
+        """A material of a colour (0-255); a line shines by itself, for it has no normals; ``both``: seen from both sides."""
+        linear = [round(_linear(c / 255.0), 6) for c in color[:3]]
+        look: dict[str, Any] = {
+            "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": METALLIC, "roughnessFactor": ROUGH}
+        }
+        if line:
+            look = {"pbrMetallicRoughness": {"baseColorFactor": [0.0, 0.0, 0.0, 1.0]}, "emissiveFactor": linear}
+        if both:
+            look["doubleSided"] = True
+        if look not in self._materials:
+            self._materials.append(look)
+        return self._materials.index(look)
+
+    def file(self, document: dict[str, Any]) -> bytes:
+        """The whole file: header, JSON and binary chunk, each padded to multiples of four."""
+        parts = {"meshes": self._meshes, "materials": self._materials, "accessors": self._accessors, "bufferViews": self._views}
+        document = {**document, **{k: v for k, v in parts.items() if v}, "buffers": [{"byteLength": len(self._binary)}]}
+        text = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        length = 12 + 8 + len(text) + 8 + len(self._binary)
+        head = b"glTF" + np.array([2, length, len(text)], "<u4").tobytes() + b"JSON"
+        return head + text + np.array([len(self._binary)], "<u4").tobytes() + b"BIN\0" + bytes(self._binary)
+
+
+def _primitives(out: _Writer, solid: Mesh) -> Iterator[dict[str, Any]]:
+    """A solid in pieces of one colour each, which are of one material each."""
+    colors, piece = np.unique(solid.colors, axis=0, return_inverse=True)
+    piece = piece.reshape(-1)
+    for k, color in enumerate(colors):
+        chosen = np.flatnonzero(piece == k)
+        place = np.zeros(len(piece), np.uint32)
+        place[chosen] = np.arange(len(chosen), dtype=np.uint32)
+        faces = place[solid.faces[piece[solid.faces[:, 0]] == k]]
+        yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, out.material(tuple(int(c) for c in color)))
+
+
+def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, material: int) -> dict[str, Any]:
+    return {
+        "attributes": {
+            "POSITION": out.accessor(vertices, target=VERTICES, bounds=True),
+            "NORMAL": out.accessor(normals, target=VERTICES),
+        },
+        "indices": out.accessor(faces.reshape(-1), target=INDICES),
+        "material": material,
+    }
+
+
+def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
+    """What a mark looks like; flat ones are seen from both sides."""
+    material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
+    primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)
+    if shape.targets is not None:
+        primitive["targets"] = [{"POSITION": out.accessor(target, target=VERTICES, bounds=True)} for target in shape.targets]
+    return primitive
+
+
+def _rising(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times of key frames: from zero, as animations are."""
+    return np.asarray(time, float) - float(time[0])
+
+
+def _translations(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([pose[:, :2], np.zeros(len(pose))])
+
+
+def _linear(value: float) -> float:
+    """A channel of sRGB (0 to 1) as light (IEC 61966-2-1)."""
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -1,0 +1,243 @@
+"""Arrows of forces, moments, dampers, gas springs and torsion springs in a GLB file: nodes that are moved, turned and stretched.
+
+glTF animates nodes by translation, rotation and scale, and meshes by weights of morph targets; nothing else. So an arrow is a shaft
+that is stretched and a head that goes along; a moment is an arc that grows, and is mirrored where it turns clockwise; a torsion
+spring is a ribbon between a few windings of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec.loads import Bushing, TorsionSpring
+from mechviz.picture.nodes import Arc, Arrow, Picture
+from mechviz.picture.proportions import (
+    ARC_RADIUS,
+    ARC_WIDTH,
+    HEAD,
+    HEAD_RADIUS,
+    LEAST_ARROW,
+    LINKER,
+    POT,
+    SHAFT,
+    TURNS,
+    arc_corners,
+    arc_faces,
+    pot_length,
+    ribbon_faces,
+    spiral_radius,
+)
+from mechviz.picture.strut_glyphs import BUSHING, RING_POINTS, find_struts
+from mechviz.picture.surface_marks import held
+from mechviz.quantities.vectors import FAMILIES
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+Color = tuple[int, int, int]
+
+ARROWS = ("reaction", "applied", "inertia", "friction", "drive")
+"""Families of arrows that are written unless others are asked for."""
+
+RIBBON = 0.008  # width of the ribbon of a torsion spring, in sizes of the mechanism
+ROUND = 16  # sides of what is round
+ARC_TURN = 1.5 * np.pi  # of a moment's arc [rad]
+STEPS = 48
+LEAST = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
+TARGETS = 8  # of a morph: so many any viewer can do
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh: ``vertices`` and unit ``normals`` (V, 3), ``faces`` (N, 3); ``targets`` (T, V, 3): what is added to the vertices."""
+
+    vertices: Real
+    normals: Real
+    faces: NDArray[np.uint32]
+    color: Color
+    targets: Real | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A node: how it is moved at every frame (F, 3), turned about z (F,) [rad], scaled (F, 3), what it shows, and nodes below it.
+    ``weights`` (F, T) of the targets of its shape. None: not at all."""
+
+    name: str
+    places: Real | None = None
+    turns: Real | None = None
+    scales: Real | None = None
+    shape: Shape | None = None
+    weights: Real | None = None
+    below: tuple[Mark, ...] = ()
+
+
+def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[str] = ARROWS) -> list[Mark]:
+    """The arrows and moments of some families, and the struts and torsion springs of a run in which forces are computed."""
+    wanted = set(families)
+    if run.forces is None and not wanted & {"velocity", "acceleration"}:
+        return []
+    found = []
+    for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
+        vector, family = arrow.vector, FAMILIES[arrow.group]
+        lengths = vector.value / picture.scales.per_metre(family.name)
+        found.append(_arrow(f"{family.label}: {vector.item}", vector.origin, lengths, arrow.height, picture.size, family.color))
+    largest = max((_largest(arc.moment.value) for arc in picture.of(Arc)), default=0.0)
+    for arc in (a for a in picture.of(Arc) if a.group in wanted):
+        moment, family = arc.moment, FAMILIES[arc.group]
+        name = f"{family.label}: moment {moment.item}"
+        found.append(_moment(name, moment.origin, moment.value / largest, arc.height, picture.size, family.color))
+    return [*found, *_linkers(run, solids)]
+
+
+def _largest(values: Real) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+
+
+# -- arrows and moments -----------------------------------------------------------------------------------------------
+def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, color: Color) -> Mark:
+    """An arrow along ``vector`` (F, 2) [m]; one that is shorter than its head is a smaller one."""
+    known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
+    length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
+    whole = LEAST_ARROW * size
+    shaft = np.maximum(length, whole) - HEAD * size
+    factor = np.clip(length / whole, LEAST, 1.0)
+    pointed = length > 1e-9 * size
+    turn = np.unwrap(held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
+    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
+    one, none = np.ones(len(length)), np.zeros(len(length))
+    rod = _turned([(SHAFT * size, 0.0), (SHAFT * size, 1.0)], color)
+    tip = _turned([(HEAD_RADIUS * size, 0.0), (0.0, HEAD * size)], color)
+    return Mark(
+        name,
+        places,
+        turn,
+        np.column_stack([factor] * 3),
+        below=(
+            Mark(f"{name} shaft", scales=np.column_stack([shaft, one, one]), shape=rod),
+            Mark(f"{name} head", places=np.column_stack([shaft, none, none]), shape=tip),
+        ),
+    )
+
+
+def _moment(name: str, origin: Real, part: Real, height: float, size: float, color: Color) -> Mark:
+    """An arc about ``origin`` (F, 2), as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
+    known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
+    size_of = np.where(known, part, 0.0)
+    size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
+    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
+    arc = _flat(arc_corners(ARC_TURN, ARC_RADIUS * size, ARC_WIDTH * size, STEPS), arc_faces(STEPS), color)
+    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), arc)
+
+
+# -- springs and dampers ----------------------------------------------------------------------------------------------
+def _linkers(run: Run, solids: Solids) -> list[Mark]:
+    if run.forces is None:
+        return []
+    motion, size = run.motion, solids.size
+    found = []
+    for strut in find_struts(motion.mechanism):
+        a, b = (motion.point(*end) for end in strut.ends)
+        found += _strut(f"{strut.kind} {strut.name}", a, b, size, solids.z_top + POT * size)
+    for load in motion.mechanism.loads:
+        if isinstance(load, TorsionSpring):
+            pin = next((p for p in motion.mechanism.pairs if set(p.links) == set(load.links) and hasattr(p, "points")), None)
+            if pin is not None:
+                first, second = (motion.pose(link)[:, 2] for link in load.links)
+                found.append(_spiral(f"spring {load.name}", motion.pair_position(pin.name), first, second, size, solids.z_top))
+        elif isinstance(load, Bushing):
+            (outer, hole), (inner, pivot) = zip(load.links, load.points, strict=True)
+            places = motion.point(outer, hole), motion.point(inner, pivot)
+            found += _bushing(f"bushing {load.name}", *places, motion.pose(inner)[:, 2], size, solids.z_top + 0.01 * size)
+    return found
+
+
+def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[Mark]:
+    """A ring about ``centre`` and a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    half, around = 0.5 * RIBBON * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
+    radius = BUSHING * size
+    ring = np.stack([(radius + half) * around, (radius - half) * around], axis=1).ravel()
+    bar = np.array([-radius - 1j * half, -radius + 1j * half, radius - 1j * half, radius + 1j * half])
+    z = np.full(len(centre), height)
+    return [
+        Mark(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), LINKER)),
+        Mark(
+            f"{name} cross",
+            np.column_stack([place, z]),
+            np.unwrap(angle),
+            shape=_flat(np.concatenate([bar, 1j * bar]), np.vstack([ribbon_faces(2), 4 + ribbon_faces(2)]), LINKER),
+        ),
+    ]
+
+
+def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark]:
+    """A cylinder that hangs at ``a`` (F, 2) and a rod at ``b``, which keep their lengths: the rod goes into the cylinder."""
+    d = b - a
+    length = np.hypot(*d.T)
+    least, most = float(np.nanmin(length)), float(np.nanmax(length))
+    pot = pot_length(least, most)
+    stub = 0.12 * pot
+    turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+    w = POT * size
+    outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], LINKER)
+    inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
+    z = np.full(len(a), height)
+    return [
+        Mark(f"{name} cylinder", np.column_stack([a, z]), turn, shape=outer),
+        Mark(f"{name} rod", np.column_stack([b, z]), turn, shape=inner),
+    ]
+
+
+def _spiral(name: str, centre: Real, first: Real, second: Real, size: float, top: float) -> Mark:
+    """A ribbon from a link at angle ``second`` (F,) inside to one at ``first`` outside, by morph targets between its windings."""
+    wound = first - second + 2.0 * np.pi * TURNS
+    low, high = float(wound.min()), float(wound.max())
+    grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
+    part = np.linspace(0.0, 1.0, STEPS * 3)
+    radius = spiral_radius(part, size)
+    half = 0.5 * RIBBON * size
+    ways = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
+    shape = _flat(ways[0], ribbon_faces(len(part)), LINKER)
+    places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
+    if len(grid) == 1:
+        return Mark(name, places, second, shape=shape)
+    targets = np.stack([np.column_stack([(w - ways[0]).real, (w - ways[0]).imag, np.zeros(len(w))]) for w in ways[1:]])
+    at = (wound - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
+    weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
+    shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
+    return Mark(name, places, second, shape=shape, weights=weights)
+
+
+# -- meshes -----------------------------------------------------------------------------------------------------------
+def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
+    """A solid of revolution about the x axis through (radius, x), with an edge at every corner; open at its ends."""
+    vertices: list[Real] = []
+    normals: list[Real] = []
+    faces: list[Any] = []
+    angle = 2.0 * np.pi * np.arange(ROUND) / ROUND
+    ring = np.column_stack([np.zeros(ROUND), np.cos(angle), np.sin(angle)])
+    k, after = np.arange(ROUND), np.roll(np.arange(ROUND), -1)
+    for (r0, x0), (r1, x1) in pairwise(profile):
+        start = sum(len(v) for v in vertices)
+        lean = np.array([r0 - r1, x1 - x0]) / np.hypot(r0 - r1, x1 - x0)  # along x, outward
+        for r, x in ((r0, x0), (r1, x1)):
+            vertices.append(r * ring + [x, 0.0, 0.0])
+            normals.append(lean[1] * ring + [lean[0], 0.0, 0.0])
+        faces.append(start + np.column_stack([k, after, ROUND + after]))
+        faces.append(start + np.column_stack([k, ROUND + after, ROUND + k]))
+    return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
+
+
+def _flat(z: NDArray[np.complex128], faces: Any, color: Color) -> Shape:
+    """Something flat, seen from the front."""
+    vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
+    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)

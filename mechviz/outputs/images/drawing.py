@@ -1,0 +1,206 @@
+"""A drawing (SVG) of the mechanism seen from the front at a moment, without a browser: parts, paths, arrows and names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import Polygon, polygons, union_all
+
+from mechviz.files import replacing
+from mechviz.outputs.page.frames import MOST_FRAMES, Progress, quiet
+from mechviz.outputs.page.pack import unpack
+from mechviz.outputs.page.show import show_text
+
+if TYPE_CHECKING:
+    from mechviz.outputs.rerun.reader import Recording
+
+
+Real = NDArray[np.float64]
+
+FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
+LIGHT = np.array([-0.30, 0.50, 0.81])
+HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
+
+
+def write_svg(
+    recording: Recording,
+    path: Path,
+    *,
+    time: float | None = None,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    progress: Progress = quiet,
+) -> Path:
+    """Write the drawing at a time [s]; None: where a page opens. ``progress`` is told how much is read."""
+    text = svg_of(recording, time=time, width=width, height=height, dark=dark, progress=progress)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def svg_of(
+    recording: Recording,
+    *,
+    time: float | None = None,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    progress: Progress = quiet,
+) -> str:
+    """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
+    most = MOST_FRAMES if time is None else 2
+    header, arrays = unpack(show_text(recording, most=most, keep=time, plots=False, progress=progress)[0])
+    times = arrays[header["time"]]
+    frame = header["opening"] if time is None else float(np.interp(time, times, np.arange(len(times))))
+    low, high = np.array(header["drawn"])[:, :2]
+    scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
+    middle = 0.5 * (low + high)
+
+    def place(xy: Any) -> Real:
+        return np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0])
+
+    shown = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
+    pieces = sorted(_solids(header, arrays, frame, shown), key=lambda piece: piece[0])
+    ground, ink = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
+        'font-family="system-ui, sans-serif">',
+        f"<title>{escape(header['title'])}</title>",
+        f'<rect width="100%" height="100%" fill="{ground}"/>',
+    ]
+    for _, color, edge, shape in pieces:
+        lines.append(f'<path d="{_path(shape, place)}" fill="{color}" stroke="{edge}" stroke-width="0.7" stroke-linejoin="round"/>')
+    lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, ink, height)]
+    return "\n".join([*lines, "</svg>"]) + "\n"
+
+
+def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any) -> Iterator[tuple[float, str, str, Any]]:
+    """Height, colours inside and along the edge, and outline of what is seen of the solids from the front, at a frame."""
+    for link in [*header["links"], *header["bodies"]]:
+        mesh = link["mesh"]
+        if mesh is None or link.get("group", "riders") not in {*shown, "riders"}:
+            continue
+        x, y, angle = _at(arrays[link["pose"]].reshape(-1, 3), frame)
+        vertices, normals = (arrays[mesh[k]].reshape(-1, 3) for k in ("vertices", "normals"))
+        if "stretch" in link:
+            long = float(_at(arrays[link["stretch"]].reshape(-1, 1), frame)[0])
+            vertices, normals = vertices * [long, 1.0, 1.0], normals / [long, 1.0, 1.0]
+            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        if "spin" in link:
+            vx, vy, vz, *quaternion = _at(arrays[link["spin"]].reshape(-1, 7), frame)
+            vertices, normals = turned(vertices, quaternion) + np.array([vx, vy, vz]), turned(normals, quaternion)
+        faces = arrays[mesh["faces"]].reshape(-1, 3)
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s], [s, c]])
+        normal = normals[faces].mean(axis=1)
+        least, steps = (0.0, 24.0) if "spin" in link else (FACING, 4.0)  # of spatial cams all is round
+        facing = normal[:, 2] > least
+        flat = vertices[:, :2] @ turn.T + [x, y]
+        heights = vertices[faces, 2].max(axis=1)
+        normal[:, :2] = normal[:, :2] @ turn.T
+        light = np.round(steps * (0.55 + 0.5 * np.clip(normal @ LIGHT, 0.0, 1.0))) / steps
+        key = np.column_stack([arrays[mesh["colors"]][faces[:, 0]], np.round(heights * 1e6), light])[facing]
+        groups, number = np.unique(key, axis=0, return_inverse=True)
+        triangles = polygons(flat[faces[facing]])
+        for k, (color, z, bright) in enumerate(groups):
+            shape = union_all(triangles[number.reshape(-1) == k])
+            if not shape.is_empty:
+                inside = _shaded(mesh["palette"][int(color)], float(bright))
+                yield float(z) * 1e-6, inside, inside if "spin" in link else _shaded(inside, 0.62), shape
+
+
+def turned(points: Any, quaternion: Any) -> Any:
+    """Points (n, 3) turned by a quaternion (x, y, z, w), which need not be of unit length."""
+    *v, w = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
+
+
+def _drawn(
+    d: dict[str, Any],
+    header: dict[str, Any],
+    arrays: list[Any],
+    frame: float,
+    place: Any,
+    shown: dict[str, str | None],
+    scale: float,
+    ink: str,
+    height: int,
+) -> Iterator[str]:
+    """Arrows, lines and names as SVG elements; what moves with a link only is left out."""
+    if "view" in d or "link" in d:
+        return
+    frames, name = header["frames"], d["group"]
+    if d["kind"] == "points" and name == "joints":
+        if d["labels"] and d["labels"][0]:
+            x, y = place(_at(arrays[d["points"]].reshape(frames, -1), frame)[:2]) if d["moves"] else place(arrays[d["points"]][:2])
+            spot = f'x="{x + 7:.1f}" y="{y - 7:.1f}"'
+            yield f'<text {spot} fill="{ink}" font-size="13" font-weight="600">{escape(d["labels"][0])}</text>'
+        return
+    if name not in shown:
+        return
+    colors = [shown[name] or c for c in d["colors"]] or [ink]
+    widths = [max(1.2, 2.0 * r * scale) for r in d["radii"]] or [1.5]
+    if d["kind"] == "arrows":
+        starts = _at(arrays[d["origins"]].reshape(frames, -1), frame).reshape(-1, 2)
+        vectors = _at(arrays[d["vectors"]].reshape(frames, -1), frame).reshape(-1, 2)
+        for k, (start, vector) in enumerate(zip(starts, vectors, strict=True)):
+            if np.isfinite(start).all() and np.isfinite(vector).all():
+                yield from _arrow(
+                    place(start), place(start + vector), colors[k % len(colors)], widths[k % len(widths)], 0.01 * height
+                )
+        return
+    strips: list[Real] = []
+    if d["kind"] == "strips":
+        strips = list(_at(arrays[d["points"]].reshape(frames, -1), frame).reshape(d["count"], d["length"], 2))
+    elif d["kind"] == "still strips":
+        strips = np.split(arrays[d["points"]].reshape(-1, 2), np.cumsum(d["lengths"])[:-1])
+    for k, strip in enumerate(strips):
+        xy = place(strip[np.isfinite(strip).all(axis=1)])
+        if len(xy) > 1:
+            points = " ".join(f"{x:.1f},{y:.1f}" for x, y in xy)
+            look = f'stroke="{colors[k % len(colors)]}" stroke-width="{widths[k % len(widths)]:.1f}" stroke-linejoin="round"'
+            yield f'<polyline points="{points}" fill="none" {look}/>'
+
+
+def _arrow(start: Real, tip: Real, color: str, width: float, unit: float) -> Iterator[str]:
+    length = float(np.hypot(*(tip - start)))
+    if length < 1.0:
+        return
+    along = (tip - start) / length
+    across = np.array([-along[1], along[0]])
+    head = min(HEAD * unit * 0.3, 0.45 * length)
+    neck = tip - head * along
+    shaft = f"M{start[0]:.1f} {start[1]:.1f}L{neck[0]:.1f} {neck[1]:.1f}"
+    yield f'<path d="{shaft}" stroke="{color}" stroke-width="{width:.1f}" fill="none"/>'
+    corners = [tip, neck + 0.38 * head * across, neck - 0.38 * head * across]
+    yield f'<path d="M{"L".join(f"{x:.1f} {y:.1f}" for x, y in corners)}Z" fill="{color}"/>'
+
+
+def _at(values: Real, frame: float) -> Real:
+    """Values (frames, n) at a frame, which need not be whole."""
+    if len(values) == 1:
+        return values[0]
+    k = min(int(frame), len(values) - 1)
+    part = frame - k
+    return values[k] if part < 1e-9 else (1.0 - part) * values[k] + part * values[min(k + 1, len(values) - 1)]
+
+
+def _path(shape: Any, place: Any) -> str:
+    """A polygon, or several, as the data of an SVG path."""
+    found = []
+    for polygon in getattr(shape, "geoms", [shape]):
+        if isinstance(polygon, Polygon):
+            for ring in (polygon.exterior, *polygon.interiors):
+                corners = place(np.asarray(ring.coords)[:-1])
+                found.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z")
+    return "".join(found)
+
+
+def _shaded(color: str, factor: float) -> str:
+    return "#" + "".join(f"{min(255, round(int(color[k : k + 2], 16) * factor)):02x}" for k in (1, 3, 5))

@@ -1,0 +1,231 @@
+"""Pictures and films of a recording: the shared page in headless Chromium, without its plots and controls."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechviz.files import OutputError, check_target, replacing
+from mechviz.outputs.images.browser import Chromium
+from mechviz.outputs.page.frames import Progress, quiet
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.page.show import pace_of
+
+if TYPE_CHECKING:
+    from mechviz.outputs.rerun.reader import Recording
+
+
+VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
+GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
+SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+Begin = Callable[[str], None]
+"""Is told what is done next."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a picture looks: its size in pixels, the view, on a dark ground or not, and what is shown (None: what a page shows)."""
+
+    width: int = 1280
+    height: int = 800
+    view: str = "3d"
+    dark: bool = False
+    shown: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a run [s]: where nothing else is said, that at which a page opens."""
+
+    time: float | None = None
+
+
+def moment(recording: Recording, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Moment:
+    """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad].
+
+    Raises `OutputError` outside the run.
+    """
+    rows = recording.rows("data", "links", recording.model["frame"], "pose", component="Scalars:scalars")
+    time = 1e-9 * rows.time.astype(float)
+    if at is not None:
+        if not time[0] <= at <= time[-1]:
+            raise OutputError(
+                f"--at {at:g} s is outside the run, which goes from {time[0]:g} s to {time[-1]:g} s.", "Name a time in it."
+            )
+        return Moment(at)
+    if frame is not None:
+        if not 0 <= frame < len(time):
+            raise OutputError(f"--frame {frame} is not in the run, whose frames are 0 to {len(time) - 1}.", "Name one of them.")
+        return Moment(float(time[frame]))
+    if angle is None:
+        return Moment()
+    if "drive_mdeg" not in rows.drives:
+        raise OutputError("--angle: no drive of this mechanism turns.", "Use --at with a time, or --frame.")
+    ticks = rows.drives["drive_mdeg"].astype(float)
+    wanted = 1e3 * float(np.degrees(angle))
+    low, high = np.minimum(ticks[:-1], ticks[1:]), np.maximum(ticks[:-1], ticks[1:])
+    reached = np.flatnonzero((low <= wanted) & (wanted <= high))
+    if not len(reached):
+        span = f"{ticks.min() / 1e3:g}° to {ticks.max() / 1e3:g}°"
+        raise OutputError(f"--angle {wanted / 1e3:g}° is outside what the drive does, {span}.", "Name an angle in it.")
+    k = int(reached[0])
+    part = 0.0 if ticks[k + 1] == ticks[k] else (wanted - ticks[k]) / (ticks[k + 1] - ticks[k])
+    return Moment(float(time[k] + part * (time[k + 1] - time[k])))
+
+
+def shot(
+    recording: Recording, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
+) -> Path:
+    """Write a picture (PNG) of the mechanism at a moment. ``progress`` is told how much is read, ``begin`` what is done next."""
+    check_target(path)
+    with _stage(recording, look, when.time, progress, begin) as picture, replacing(path) as temporary:
+        begin("picture")
+        temporary.write_bytes(picture(when.time))
+    return path
+
+
+def film(
+    recording: Recording,
+    path: Path,
+    look: Look,
+    *,
+    seconds: float | None = None,
+    rate: int | None = None,
+    progress: Progress = quiet,
+    reading: Progress = quiet,
+    begin: Begin = lambda _: None,
+) -> Path:
+    """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
+
+    By default a cycle takes as long as in a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
+    ``progress`` is told how many are made, ``reading`` before that how much is read, ``begin`` what is done next.
+    """
+    check_target(path)
+    gif = path.suffix.lower() == ".gif"
+    rate = rate or (GIF_RATE if gif else VIDEO_RATE)
+    rows = recording.rows("data", "links", recording.model["frame"], "pose", component="Scalars:scalars")
+    start, end = (1e-9 * float(rows.time[k]) for k in (0, -1))
+    seconds = seconds or (end - start) / pace_of(recording)
+    count = max(2, round(seconds * rate))
+    times = np.linspace(start, end, count, endpoint=False)
+    ffmpeg = None if gif else find_ffmpeg()
+    with _stage(recording, look, None, reading, begin, plain=gif) as picture, replacing(path) as temporary:
+        begin("pictures")
+
+        def pictures() -> Iterator[bytes]:
+            for k, time in enumerate(times):
+                yield picture(float(time))
+                progress(k + 1, count)
+
+        if ffmpeg is None:
+            _write_gif(pictures(), temporary, rate)
+        else:
+            _write_video(pictures(), temporary, rate, ffmpeg)
+    return path
+
+
+@contextmanager
+def _stage(
+    recording: Recording, look: Look, keep: float | None, progress: Progress, begin: Begin, *, plain: bool = False
+) -> Iterator[Callable[[float | None], bytes]]:
+    """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
+    with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
+        page = Path(folder) / "page.html"
+        begin("page")
+        page.write_text(make_page(recording, keep=keep, plots=False, progress=progress)[0], encoding="utf-8")
+        begin("starting Chromium")
+        with Chromium(look.width, look.height, dark=look.dark) as browser:
+            browser.go(page)
+            browser.evaluate("mechviz.ready")
+            browser.evaluate(f"document.body.classList.add('bare', '{'plain' if plain else 'shaded'}'); {SETTLED}")
+            if look.shown is not None:
+                known = browser.evaluate("[...document.querySelectorAll('#groups button')].map((b) => b.dataset.group)")
+                unknown = [name for name in look.shown if name not in known]
+                if unknown:
+                    raise OutputError(
+                        f"--show {unknown[0]}: there is no such thing in this picture.", f"There are: {', '.join(known)}."
+                    )
+                browser.evaluate(
+                    f"for (const g of {json.dumps(known)}) mechviz.player.show(g, {json.dumps(look.shown)}.includes(g))"
+                )
+            browser.evaluate(f"mechviz.player.stage.resize(); mechviz.player.view({json.dumps(look.view)}); {SETTLED}")
+
+            def picture(time: float | None) -> bytes:
+                seek = "" if time is None else f"mechviz.player.seek({time!r});"
+                browser.evaluate(f"{seek} mechviz.player.drawNow(); {SETTLED}")
+                return browser.screenshot()
+
+            yield picture
+
+
+def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
+    from PIL import Image
+
+    def opened(data: bytes) -> Any:
+        return Image.open(BytesIO(data)).convert("RGB")
+
+    # one palette without dither: flat areas stay flat, and a picture differs from the last only where something moves
+    first = opened(next(pictures)).quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    rest = (opened(data).quantize(palette=first, dither=Image.Dither.NONE) for data in pictures)
+    with open(path, "wb") as file:
+        first.save(file, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+
+
+def find_ffmpeg() -> str:
+    """The path of ffmpeg, else of the one in the package imageio-ffmpeg where that is installed. Raises `OutputError`."""
+    found = shutil.which("ffmpeg")
+    if found is None:
+        try:
+            import imageio_ffmpeg  # type: ignore[import-not-found,import-untyped,unused-ignore]  # no dependency: only where it is
+
+            found = str(imageio_ffmpeg.get_ffmpeg_exe())
+        except (ImportError, RuntimeError):  # not there, or without a program for this machine
+            found = None
+    if found is None:
+        raise OutputError(
+            "An MP4 needs ffmpeg, which is not installed.",
+            "Install it (Debian: apt-get install ffmpeg; or pip install imageio-ffmpeg), or write a .gif.",
+            1,
+        )
+    return found
+
+
+def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) -> None:
+    command: Sequence[str] = (
+        ffmpeg, "-y", "-loglevel", "error", "-f", "image2pipe", "-framerate", str(rate), "-c:v", "png", "-i", "-",
+        "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
+        "-f", "mp4", str(path),
+    )  # fmt: skip
+    with tempfile.TemporaryFile() as told:  # not a pipe: nobody would read it while pictures are made
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=told, start_new_session=True)
+        assert process.stdin is not None
+        try:
+            try:
+                for data in pictures:
+                    process.stdin.write(data)
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it says why
+            if process.wait():
+                told.seek(0)
+                words = told.read().decode(errors="replace").strip()
+                why = words.splitlines()[-1] if words else "it gave no reason"
+                raise OutputError(f"ffmpeg could not make the film: {why}.", code=1)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            with contextlib.suppress(OSError):  # what it did not take any more
+                process.stdin.close()

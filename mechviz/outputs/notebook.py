@@ -1,0 +1,30 @@
+"""How scenes and runs show themselves in a notebook: the shared page in a frame, and a drawing where there are no frames."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+HEIGHT = 640  # [px] of the frame
+
+
+def mime_bundle(run: Run) -> dict[str, str]:
+    """What IPython asks for: the page as HTML, a drawing as SVG, a line of text.
+
+    A notebook shows the page; what cannot run it, such as a printed notebook, shows the drawing.
+    """
+    from mechviz.outputs.images.drawing import svg_of
+    from mechviz.outputs.page.page import make_page
+    from mechviz.outputs.page.source import recorded
+
+    recording = recorded(run)
+    page, _ = make_page(recording)
+    frame = (
+        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts" title="{escape(run.scene.title, quote=True)}" '
+        f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
+    )
+    return {"text/html": frame, "image/svg+xml": svg_of(recording, width=800, height=500), "text/plain": repr(run.scene)}

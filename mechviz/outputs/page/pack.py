@@ -1,0 +1,90 @@
+"""Packs a page's header and arrays into one text: bytes stored plane by plane, deflated, in base64. `decode.js` is its reader."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+ABSENT = 65535
+"""Of quantised values: there is none (NaN)."""
+
+
+class Pack:
+    """Arrays for a page. The methods give an array's number, by which the header refers to it; equal arrays are stored once."""
+
+    def __init__(self) -> None:
+        self._entries: list[dict[str, Any]] = []
+        self._blobs: list[bytes] = []
+        self._known: dict[tuple[str, bytes, str], int] = {}
+        self._length = 0
+
+    def floats(self, values: Array) -> int:
+        """Any values as float32."""
+        return self._add("f32", np.asarray(values, np.float32).ravel())
+
+    def places(self, values: Array) -> int:
+        """Finite or NaN values as 16-bit steps of their range: for looking, not for reading off."""
+        flat = np.asarray(values, float).ravel()
+        known = np.isfinite(flat)
+        low = float(np.min(flat, initial=np.inf, where=known)) if known.any() else 0.0
+        high = float(np.max(flat, initial=-np.inf, where=known)) if known.any() else 1.0
+        span = (high - low) or 1.0
+        steps = np.where(known, np.round((np.where(known, flat, low) - low) / span * (ABSENT - 1)), ABSENT)
+        return self._add("q16", steps.astype(np.uint16), low=low, span=span / (ABSENT - 1))
+
+    def directions(self, values: Array) -> int:
+        """Components of unit vectors in 127ths."""
+        return self._add("i8", np.round(127.0 * np.asarray(values, float).ravel()).astype(np.int8))
+
+    def octets(self, values: Array) -> int:
+        """Values 0 to 255."""
+        return self._add("u8", np.asarray(values, np.uint8).ravel())
+
+    def indices(self, values: Array) -> int:
+        """Whole numbers, stored as their differences."""
+        return self._add("d32", np.diff(np.asarray(values, np.int64).ravel(), prepend=0).astype(np.int32))
+
+    def text(self, header: dict[str, Any]) -> str:
+        """Header and arrays as one base64 text."""
+        head = json.dumps({**header, "arrays": self._entries}, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+        raw = len(head).to_bytes(4, "little") + head + b"".join(self._blobs)
+        return base64.b64encode(zlib.compress(raw, 9)).decode("ascii")
+
+    def _add(self, kind: str, flat: Array, **more: float) -> int:
+        # Bytes of the same weight side by side: neighbouring values have nearly equal high bytes, which deflate makes short
+        blob = flat.astype(flat.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, flat.itemsize).T.tobytes()
+        key = (kind, blob, repr(more))
+        if key not in self._known:
+            self._known[key] = len(self._entries)
+            self._entries.append({"type": kind, "at": self._length, "count": len(flat), **more})
+            self._blobs.append(blob)
+            self._length += len(blob)
+        return self._known[key]
+
+
+def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
+    """What `Pack.text` was made from: the header and the arrays as floats or integers."""
+    raw = zlib.decompress(base64.b64decode(text))
+    start = 4 + int.from_bytes(raw[:4], "little")
+    header = json.loads(raw[4:start])
+    types = {"f32": "<f4", "q16": "<u2", "i8": "i1", "u8": "u1", "d32": "<i4"}
+    arrays = []
+    for entry in header["arrays"]:
+        dtype = np.dtype(types[entry["type"]])
+        planes = np.frombuffer(raw, np.uint8, entry["count"] * dtype.itemsize, start + entry["at"])
+        flat: Array = np.ascontiguousarray(planes.reshape(dtype.itemsize, -1).T).view(dtype).ravel()
+        if entry["type"] == "q16":
+            flat = np.where(flat == ABSENT, np.nan, entry["low"] + entry["span"] * flat.astype(float))
+        elif entry["type"] == "d32":
+            flat = np.cumsum(flat, dtype=np.int64)
+        elif entry["type"] == "i8":
+            flat = flat / 127.0
+        arrays.append(flat)
+    return header, arrays

@@ -1,0 +1,322 @@
+"""The default blueprint: the mechanism from the front, plots of what the scene calls for, events, health and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechcore.motion.events import Event
+from mechviz.outputs.rerun.marks import mark_path
+from mechviz.outputs.rerun.paths import entity
+from mechviz.outputs.rerun.plots import (
+    Output,
+    cam_outputs,
+    effort_outputs,
+    free_outputs,
+    main_outputs,
+    reaction_outputs,
+    study_outputs,
+)
+from mechviz.outputs.rerun.polygons import OVERLAYS
+from mechviz.quantities.tables import pair_unit
+from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+BACKGROUND = (24, 28, 36, 255)
+SECONDS_A_CYCLE = 5.0  # a cycle on the screen
+SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
+FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
+TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
+LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
+FLAT = 1e-9  # curves that vary by less than this part of their size are constants
+LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
+PICTURE = 1.5  # width of the 3D view over its height, about
+
+
+def make_blueprint(
+    run: Run,
+    bounds: Mapping[str, np.ndarray],
+    events: Sequence[Event],
+    polygons: Sequence[Any] = (),
+    diagrams: Sequence[Any] = (),
+    spans: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> Any:
+    """The blueprint of a run (`rerun.blueprint.Blueprint`).
+
+    ``polygons``: views of graphical constructions; ``diagrams``: views of one quantity against another; ``spans``: axes of
+    the plots with lines at events, see `spans_of_plots`. ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and
+    around the mechanism with its "motion" arrows.
+    """
+    import rerun.blueprint as rrb
+
+    pictures = _pictures(run, bounds)
+    mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
+    plots = _plots(run, spans)
+    below = _below(run, events)
+    if diagrams and not polygons:  # beside the events, which leave room
+        below = rrb.Horizontal(below, _stacked(list(diagrams)), column_shares=[1, 1])
+    left = rrb.Vertical(mechanism, below, row_shares=[5, 3] if diagrams else [3, 1])
+    if polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
+        flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
+        views = [*_below(run, events).contents, *diagrams]
+        pages = [*polygons, rrb.Tabs(*flat, active_tab=0)] if len(polygons) % 2 and len(polygons) > 1 and flat else [*polygons]
+        low = rrb.Tabs(*(views if pages[-1] not in polygons else [*flat, *views]), active_tab=0)
+        columns: list[Any] = [rrb.Vertical(mechanism, low, row_shares=[9, 4])]
+        columns += [rrb.Vertical(*pages[i : i + 2]) for i in range(0, len(pages), 2)]
+        body = rrb.Horizontal(*columns, column_shares=[10, *(9 if len(columns) == 2 else 8 for _ in columns[1:])])
+    else:
+        body = rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]) if plots else left
+    return rrb.Blueprint(
+        body,
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=opening_timeline(run),
+            play_state="playing",  # "paused" would make the viewer forget the loop
+            **_pace(run),
+            loop_mode="all",
+        ),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.TopPanel(state="hidden"),
+        collapse_panels=False,
+    )
+
+
+def opening_timeline(run: Run) -> str:
+    """The drive's angle or displacement for a drive that starts and stops, whose zones are stated over it; else time."""
+    axis = plotted_against(run)
+    return "time" if axis is None else {"rad": "drive_mdeg", "m": "drive_um"}[pair_unit(run.motion, axis)]
+
+
+def _pace(run: Run) -> dict[str, float]:
+    """How fast the opening timeline is played: ticks per second on the screen, or seconds of the run."""
+    axis = plotted_against(run)
+    if axis is None:
+        return {"playback_speed": _playback_speed(run)}
+    ticks = float(np.ptp(run.motion.coordinate(axis)[:, 0]))
+    ticks = 1e3 * np.degrees(ticks) if pair_unit(run.motion, axis) == "rad" else 1e6 * ticks
+    return {"fps": float(ticks) / SECONDS_A_CYCLE}
+
+
+def _playback_speed(run: Run) -> float:
+    """Seconds of the run per second on the screen."""
+    if run.simulation is not None:  # in its own time, unless that takes too long or is over too soon
+        span = run.simulation.duration
+        return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
+    cycle = run.motion.mechanism.cycle
+    return cycle / SECONDS_A_CYCLE if cycle > 0 else 1.0
+
+
+def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
+    """3D views: one with forces where there are any, one with velocities and accelerations."""
+    motion = ["vectors/velocity", "vectors/acceleration"]
+    forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
+    views = []
+    if run.forces is not None:
+        views.append(picture("Mechanism with forces", [*forces, "legend/forces"], bounds["forces"]))
+    if _has_points(run):
+        views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
+    return views or [picture("Mechanism", [], bounds["motion"])]
+
+
+def _has_points(run: Run) -> bool:
+    from mechviz.quantities.tables import links_with_mass
+
+    return bool(run.motion.mechanism.traced or links_with_mass(run))
+
+
+def picture(name: str, vectors: list[str], bounds: np.ndarray) -> Any:
+    """A view of the mechanism with some vectors, from in front of a box (2, 3) [m]."""
+    import rerun.blueprint as rrb
+
+    position, target = _eye(bounds)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ mechanism/**", *(f"+ {path}/**" for path in (*vectors, *OVERLAYS)), "- polygons/funicular/forces/**"],
+        name=name,
+        background=list(BACKGROUND),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=tuple(position), look_target=tuple(target), eye_up=(0.0, 1.0, 0.0)
+        ),
+    )
+
+
+def _eye(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the eye stands and looks: in front of the plane, with all that moves in the picture."""
+    low, high = bounds
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    margin = 1.1
+    away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
+    direction = np.array([0.0, TILT, 1.0])
+    return middle + away * direction / np.linalg.norm(direction), middle
+
+
+def _stacks(run: Run) -> list[list[Output]]:
+    """The plots beside the mechanism; those of one stack are tabs."""
+    stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run), *free_outputs(run))]
+    stacks += [cam_outputs(run)]
+    stacks.append(reaction_outputs(run))
+    motion = main_outputs(run)
+    stacks += [[output] for output in motion] if run.forces is None else [motion]
+    return [stack for stack in stacks if stack]
+
+
+def _plots(run: Run, spans: Mapping[str, tuple[float, float]]) -> list[Any]:
+    times = _axis_values(run)
+    return [_stacked([_plot(output, times, spans.get(output.name)) for output in stack]) for stack in _stacks(run)]
+
+
+def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
+    """Least and greatest value on the vertical axis of every plot whose curves are known, by the plot's name."""
+    times = _axis_values(run)
+    found = {}
+    for output in (output for stack in _stacks(run) for output in stack):
+        if output.values is not None:
+            curves = output.values.shape[1]
+            # the lines take a row in the legend of several curves
+            calm = calm_range(output.values, output.least)
+            found[output.name] = calm or (
+                _span(output.values) if curves == 1 else legend_place(times, output.values, curves + 1)[1]
+            )
+    return found
+
+
+def _span(values: np.ndarray) -> tuple[float, float]:
+    """The range of an axis around a curve (F, 1)."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
+    room = 0.05 * (high - low) or 0.05 * abs(low) or 1.0
+    return low - room, high + room
+
+
+def _stacked(views: list[Any]) -> Any:
+    import rerun.blueprint as rrb
+
+    return rrb.Tabs(*views, active_tab=0) if len(views) > 1 else views[0]
+
+
+def _axis_values(run: Run) -> np.ndarray:
+    """What the opening timeline counts at the frames (F,)."""
+    axis = plotted_against(run)
+    return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
+
+
+def _plot(output: Output, times: np.ndarray | None = None, marked: tuple[float, float] | None = None) -> Any:
+    """A plot over the whole run: rerun's own choice is a window around the cursor. ``marked``: the axis, if it has event lines."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    overrides = {
+        path: rr.SeriesLines.from_fields(visible_series=list(shown)).visualizer()
+        for path, shown in output.entities
+        if shown and not all(shown)
+    }
+    curves = 0 if output.values is None else output.values.shape[1]
+    corner, span = rrb.Corner2D.RightTop, None
+    if curves > 1 and times is not None and output.values is not None:
+        name, span = legend_place(times, output.values, curves + (marked is not None))
+        corner = rrb.Corner2D.auto(name)
+    marks = [] if marked is None else [mark_path(output.name)]
+    if output.values is not None:
+        span = calm_range(output.values, output.least) or span
+    span = marked or span
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"+ {path}" for path in (*(path for path, _ in output.entities), *marks)],
+        name=output.name,
+        overrides=overrides,
+        axis_x=_whole_run(),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        plot_legend=rrb.PlotLegend(
+            corner=corner, visible=curves != 1 and not output.single
+        ),  # one curve is told by the view's name
+    )
+
+
+@cache
+def _whole_run() -> Any:
+    """The horizontal axis of every plot."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite()))
+
+
+def calm_range(values: np.ndarray, least: float) -> tuple[float, float] | None:
+    """A range of the vertical axis for curves (F, n) that would fill it with rounding: constant ones, or none above ``least``."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return None
+    low, high = float(known.min()), float(known.max())
+    size = max(abs(low), abs(high))
+    if size <= least:
+        return -1.0, 1.0
+    return (low - 0.1 * size, high + 0.1 * size) if high - low <= FLAT * size else None
+
+
+def legend_place(times: np.ndarray, values: np.ndarray, lines: int | None = None) -> tuple[str, tuple[float, float]]:
+    """The corner of a plot's legend and the range of its vertical axis: the least range at which the legend hides no curve.
+
+    ``times`` (F,), ``values`` (F, n): the curves; ``lines``: those of the legend, where they are not as many.
+    """
+    known = np.isfinite(values)
+    low = float(np.min(values, initial=np.inf, where=known))
+    high = float(np.max(values, initial=-np.inf, where=known))
+    if not low <= high:
+        return "RightTop", (-1.0, 1.0)
+    span = max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-300)
+    low, high = low - 0.05 * span, high + 0.05 * span
+    part = min(0.04 + LEGEND_ROW * (lines or values.shape[1]), 0.6)  # of the plot's height that the legend takes
+    along = (times - times[0]) / (float(np.ptp(times)) or 1.0)
+    best: tuple[str, tuple[float, float]] | None = None
+    for side, near in (("Right", np.abs(along - 1.0) <= LEGEND_WIDTH), ("Left", np.abs(along) <= LEGEND_WIDTH)):
+        lowest = float(np.min(values[near], initial=high, where=known[near]))
+        highest = float(np.max(values[near], initial=low, where=known[near]))
+        for name, extent in (
+            (f"{side}Top", (low, max(high, (highest - part * low) / (1.0 - part)))),
+            (f"{side}Bottom", (min(low, (lowest - part * high) / (1.0 - part)), high)),
+        ):
+            if best is None or extent[1] - extent[0] < 0.999 * (best[1][1] - best[1][0]):
+                best = name, extent
+    assert best is not None
+    return best
+
+
+def _below(run: Run, events: Sequence[Event]) -> Any:
+    """Events, health and notes in tabs."""
+    import rerun.blueprint as rrb
+
+    health = [
+        ("Health: closure [m, m/s, m/s²]", ("closure", "velocity_closure", "acceleration_closure")),
+        ("Health: condition [1]", ("condition",)),
+    ]
+    if run.forces is not None:
+        health.append(("Health: power balance [1]", ("power_balance",)))
+    if run.simulation is not None:
+        health.append(("Health: energy drift [1]", ("energy_drift",)))
+    views: list[Any] = []
+    if events:
+        no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text itself says when
+        columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
+        views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
+    views += [_plot(Output(name, tuple((entity("health", k), ()) for k in kinds))) for name, kinds in health]
+    if run.forces is not None and run.simulation is None:
+        views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
+    rubbing = run.forces is not None and run.forces.friction is not None
+    if rubbing or (run.simulation is not None and (run.simulation.stops or run.simulation.liftoffs)):
+        name = "States" if run.simulation is not None else "Friction: states"
+        views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name=name))
+    if run.forces is not None and run.forces.friction is not None:
+        losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.pairs)
+        views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
+    views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
+    return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # health is a line along zero: notes say more

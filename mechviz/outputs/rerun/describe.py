@@ -1,0 +1,209 @@
+"""Mass, reference point and moment of inertia of every moving link: what a reader needs to check its balance."""
+
+from __future__ import annotations
+
+import cmath
+import json
+from base64 import b64encode
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from mechcore.forces.powers import power_labels, power_table
+from mechviz.outputs.rerun.marks import simulation_notes
+from mechviz.outputs.rerun.nodes import listed
+from mechviz.outputs.rerun.paths import entity
+from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.power_table import power_markdown
+from mechviz.quantities.study_tables import study_lines
+from mechviz.quantities.tables import links_of, links_with_mass
+from mechviz.quantities.vectors import Scales
+
+if TYPE_CHECKING:
+    from mechcore.kinematics.model import Model
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.picture.nodes import Picture
+    from mechviz.run import Run, Stage
+
+
+OBLIQUE = cmath.exp(1j)
+"""Direction of the reference point, seen from the line of the joints: at right angles neither to it nor to what crosses it."""
+
+
+def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
+    """Mass [kg], reference point x, y in the link frame [m] and moment of inertia about it [kg m^2] of every moving link.
+
+    The reference point is the centre of mass. A link whose mass does not count (0, or neither inertia nor gravity is named) has
+    none, and a balance of moments may be taken about any point. About one on the line of its joints it would be nothing but
+    rounding where the link only passes a force on along that line, as a rod or a cylinder does: the point lies beside it, so
+    that the balance is a small sum of large terms.
+    """
+    model = run.motion.model
+    heavy = set(links_with_mass(run))
+    found = {}
+    for name in links_of(run.motion)[1:]:
+        k = model.index[name]
+        mass, centre, inertia = model.masses[k]
+        if name not in heavy:
+            mass, centre, inertia = 0.0, reference_point(model, k), 0.0
+        found[name] = (mass, centre.real, centre.imag, inertia)
+    return found
+
+
+def reference_point(model: Model, k: int) -> complex:
+    """A point in the axes of link ``k`` beside the line of its joints, about as far from them as the link is long [m].
+
+    Where all joints are at one place: beside its guide, as far as the mechanism is large.
+    """
+    own = [(j, 0 if p == k else 1) for j, (p, q) in enumerate(model.ends) if k in (p, q)]
+    at = [model.joints[j].b if side else model.joints[j].a for j, side in own]
+    way = max((b - a for a in at for b in at), key=abs)
+    if abs(way) <= 1e-9 * model.size:
+        guides = [model.joints[j].slide for j, side in own if model.joints[j].guide == side]
+        direction = next((d for d in guides if d is not None), 1 + 0j)
+        way = model.size * direction / abs(direction)
+    return sum(at) / len(at) + way * OBLIQUE
+
+
+SCHEMA = 2
+"""Version of the recording contract; a change of meaning raises it."""
+
+
+@cache
+def package_version() -> str:
+    """The version of mechviz."""
+    try:
+        return version("mechviz")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"
+
+
+def scene_text(run: Run) -> str:
+    """The scene as TOML: the file's own text where there is one."""
+    return getattr(run.scene, "text", "") or run.scene.to_toml()
+
+
+def scene_files(run: Run) -> dict[str, str]:
+    """The files that the scene names, by these names, in base64: with them a recording can be run again anywhere."""
+    return {name: b64encode(data).decode("ascii") for name, data in run.scene.files.items()}
+
+
+def model_json(run: Run) -> str:
+    """The connectivity that a reader needs to check the physics, as JSON."""
+    n = run.numbers
+    model = {
+        "frame": n.frame,
+        "links": n.links,
+        "joints": {j.name: {"type": j.kind, "links": list(j.links)} for j in n.joints.values()},
+        "drives": n.drives,
+        "loads": {name: {"kind": load.kind, "links": list(load.links)} for name, load in n.loads.items()},
+        "traced": n.traced,
+    }
+    return json.dumps(model, ensure_ascii=False)
+
+
+def properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
+    """The recording's properties; lists of strings as arrow arrays, so that an empty one keeps its type."""
+    import pyarrow as pa
+
+    scales = picture.scales
+    return {
+        "schema": SCHEMA,
+        "version": package_version(),
+        "scene": run.scene.name,
+        "title": run.scene.title or run.scene.name,
+        "frames": recorded_frames(run),
+        "tolerance": run.numbers.tolerance,
+        "length_scale": run.numbers.length_scale,
+        "cycle": run.numbers.cycle,
+        "size": picture.size,
+        "bounds": json.dumps(picture.bounds.tolist()),
+        "top": picture.top,
+        "picture": listed(picture),
+        "quantities": listed_quantities(run.catalogue),
+        "model": model_json(run),
+        "effects": pa.array(list(run.plan.effects), pa.string()),
+        "skipped": pa.array([s.name for s in run.plan.skipped], pa.string()),
+        "newtons_per_metre": scales.newtons_per_metre,
+        "newton_metres_per_metre": scales.newton_metres_per_metre,
+        "mps_per_metre": scales.mps_per_metre,
+        "mps2_per_metre": scales.mps2_per_metre,
+        "wall_seconds": wall_seconds,
+        **_simulated(run),
+        "accuracy": json.dumps(_stated(run)),
+        "interpolation": run.accuracy.interpolation,
+        "files": json.dumps(scene_files(run)),
+        "power_items": pa.array([] if run.forces is None else power_labels(run.forces), pa.string()),
+        "complete": complete,
+    }
+
+
+def listed_quantities(catalogue: Catalogue) -> str:
+    """The catalogue as JSON: of every quantity its key, label, unit and curves, and the entity that holds it."""
+    found = [
+        {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
+        for q in catalogue.quantities
+    ]
+    return json.dumps(found, ensure_ascii=False)
+
+
+def _stated(run: Run) -> dict[str, Any]:
+    """The dials that are not at their defaults, with those that followed from a target."""
+    if run.accuracy.target is None:
+        return run.accuracy.changed
+    return {**run.kept.changed, "frames": run.motion.frames - 1}
+
+
+def recorded_frames(run: Run) -> int:
+    """Frames that a recording holds."""
+    return (run.motion.frames - 1) // run.accuracy.decimation + 1
+
+
+def accuracy_words(run: Run) -> tuple[str, ...]:
+    """What the run says of its own errors, in lines."""
+    worst = run.errors.worst()
+    words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
+    lines = [f"estimated errors, relative: {words}"]
+    if run.accuracy.target is not None:
+        from mechviz.accuracy.words import target_words
+
+        lines += target_words(run)
+    return tuple(lines)
+
+
+def _simulated(run: Run) -> dict[str, Any]:
+    """How the motion was found, where forces decide it."""
+    s = run.simulation
+    return {} if s is None else {"duration": s.duration, "method": s.method, "motion_tolerance": s.tolerance}
+
+
+def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> str:
+    """Markdown: what was computed, what was left out and why, what each stage cost, what an arrow's length means."""
+    scene, plan = run.scene, run.plan
+    lines = [f"# {scene.title or scene.name}", "", scene.teaches, ""]
+    if not complete:
+        lines += ["**Unfinished**: writing was interrupted; the frames up to then are here.", ""]
+    lines += ["## Computed", "", *(f"- **{s.name}**: {s.why}" for s in plan.computed), ""]
+    lines += ["## Left out", "", *(f"- **{s.name}**: {s.why}" for s in plan.skipped), ""]
+    found = study_lines(run)
+    if found:
+        lines += ["## Studies", "", *(f"- {line}" for line in found), ""]
+    lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
+    lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
+    shown = [
+        (scales.newtons_per_metre, "N of force per metre of an arrow"),
+        (scales.newton_metres_per_metre, "N m of moment per metre of an arc's length"),
+        (scales.mps_per_metre, "m/s of velocity per metre of an arrow"),
+        (scales.mps2_per_metre, "m/s² of acceleration per metre of an arrow"),
+    ]
+    if run.forces is not None:
+        lines += ["", *power_markdown(power_table(run.forces))]
+    lines += simulation_notes(run)
+    lines += ["", "## Accuracy", "", *(f"- {line}" for line in accuracy_words(run))]
+    lines += ["", "## Scales", "", *(f"- {value:.6g} {what}" for value, what in shown)]
+    lines += ["- arrows shorter than 1.5 % of the mechanism's size are not drawn"]
+    if every > 1:
+        lines += [f"- arrows are drawn at every {every}th frame; all numbers under /data are there at every frame"]
+    for a, b in solids.clashes:
+        lines += ["", f"The solids of {a} and {b} pass through each other: no order of layers avoids it."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,292 @@
+"""Diagrams of one quantity against another, which rerun's plots cannot show: drawn as lines with axes, ticks and a moving point.
+
+Indicator diagrams of gas in cylinders, phase diagrams (velocity against position), polar plots of bearing forces (the tip of the
+force over the run), and efforts against the drive's angle with all cycles over each other. Each is a 2D view of its own, under
+``/diagrams/<name>``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.effects.gas import CylinderGas
+from mechcore.spec.clearance import made_pairs
+from mechcore.spec.loads import GasPressure
+from mechviz.outputs.rerun.paths import entity, packed
+from mechviz.outputs.rerun.plots import PALETTE
+from mechviz.outputs.rerun.streams import Index, Static, Stream
+from mechviz.quantities.tables import joints_of, pair_unit
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+WIDTH, HEIGHT = 1.7, 1.0  # of the drawing; a view is about this wide
+MARGIN = 0.08  # around the curves, of their span
+MOST = 3  # curves in one diagram
+POINTS = 1500  # of a curve, at most
+TICKS = 5
+FRAME, GRID, ZERO, INK = (96, 104, 118), (48, 54, 66), (128, 136, 150), (206, 212, 222)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve over the frames: ``x`` and ``y`` (F,)."""
+
+    name: str
+    x: Real
+    y: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram:
+    """Curves in one pair of axes. ``equal``: a unit is as long across as upwards, and the origin is in the picture;
+    ``turn``: x starts again at zero after so much, which cuts the curves."""
+
+    name: str
+    title: str
+    x_title: str
+    y_title: str
+    curves: tuple[Curve, ...]
+    equal: bool = False
+    turn: float | None = None
+
+    @cached_property
+    def ranges(self) -> tuple[float, float, float, float]:
+        """Least and greatest x and y of the axes."""
+        x, y = (np.concatenate([getattr(c, k) for c in self.curves]) for k in ("x", "y"))
+        known = np.isfinite(x) & np.isfinite(y)
+        x, y = x[known], y[known]
+        if self.equal:
+            x, y = np.append(x, 0.0), np.append(y, 0.0)
+        (x0, x1), (y0, y1) = _padded(x), _padded(y)
+        if self.turn is not None:
+            x0, x1 = 0.0, self.turn
+        if self.equal:
+            per = max((x1 - x0) / WIDTH, (y1 - y0) / HEIGHT)
+            x0, x1 = 0.5 * (x0 + x1) - 0.5 * per * WIDTH, 0.5 * (x0 + x1) + 0.5 * per * WIDTH
+            y0, y1 = 0.5 * (y0 + y1) - 0.5 * per * HEIGHT, 0.5 * (y0 + y1) + 0.5 * per * HEIGHT
+        return float(x0), float(x1), float(y0), float(y1)
+
+    def place(self, x: Real, y: Real) -> NDArray[np.float32]:
+        """Points (n, 2) of the drawing: rerun's 2D views count downwards."""
+        x0, x1, y0, y1 = self.ranges
+        across, up = (np.asarray(x, float) - x0) / (x1 - x0), (np.asarray(y, float) - y0) / (y1 - y0)
+        return np.column_stack([WIDTH * across, -HEIGHT * up]).astype(np.float32)
+
+    def pieces(self, curve: Curve) -> list[NDArray[np.float32]]:
+        """A curve as strips: cut where it is not known, and where x starts again."""
+        stride = max(1, -(-len(curve.x) // POINTS))
+        x, y = curve.x[::stride], curve.y[::stride]
+        if len(curve.x) % stride != 1 and stride > 1:
+            x, y = np.append(x, curve.x[-1]), np.append(y, curve.y[-1])
+        broken = ~(np.isfinite(x) & np.isfinite(y))
+        cuts = broken[1:] | broken[:-1]
+        if self.turn is not None:
+            cuts |= np.abs(np.diff(x)) > 0.5 * self.turn
+        runs = np.split(self.place(x, y), np.flatnonzero(cuts) + 1)
+        return [run for run in runs if len(run) > 1 and np.isfinite(run).all()]
+
+
+def find_diagrams(run: Run) -> list[Diagram]:
+    """The diagrams that a run calls for; none where nothing swings, no bearing is loaded and there is only one cycle."""
+    return [d for d in (_indicator(run), _phase(run), _polar(run), _overlaid(run)) if d is not None]
+
+
+def _indicator(run: Run) -> Diagram | None:
+    """Absolute pressure of the gas in the cylinders against the displacement of their pistons from top dead centre."""
+    motion = run.motion
+    loads = [load for load in motion.mechanism.loads if isinstance(load, GasPressure)][:MOST]
+    if not loads or run.forces is None or run.simulation is not None:
+        return None
+    gases = [CylinderGas(load) for load in loads]
+    curves = tuple(Curve(g.name, 1e3 * np.asarray(g.displacement(motion)), 1e-5 * np.asarray(g.pressure(motion))) for g in gases)
+    title = "Indicator diagram: pressure [bar] against displacement [mm]" + (f", {loads[0].name}" if len(loads) == 1 else "")
+    return Diagram("indicator", title, "displacement [mm]", "[bar]", curves)
+
+
+def _phase(run: Run) -> Diagram | None:
+    """Velocity against position of what swings: free coordinates where forces decide the motion, else what the mechanism moves."""
+    motion = run.motion
+    made = made_pairs(run.scene.mechanism)
+    free = [] if run.simulation is None else [d.pair for d in run.scene.mechanism.drives if d.pair not in made]
+    names = free or _followers(run)
+    swinging = [n for n in names if _swings(motion.coordinate(n)[:, 0])]
+    if not swinging:
+        return None
+    unit = pair_unit(motion, swinging[0])
+    chosen = [n for n in swinging if pair_unit(motion, n) == unit][:MOST]
+    what, u, factor = ("displacement", "mm", 1e3) if unit == "m" else ("angle", "°", 180.0 / np.pi)
+    curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], motion.coordinate(n)[:, 1]) for n in chosen)
+    title = f"Phase: velocity [{unit}/s] against {what} [{u}]" + (f", {chosen[0]}" if len(chosen) == 1 else "")
+    return Diagram("phase", title, f"{what} [{u}]", f"[{unit}/s]", curves)
+
+
+def _followers(run: Run) -> list[str]:
+    """What the mechanism moves: sliders at the frame that no drive moves, then rockers."""
+    mechanism = run.motion.mechanism
+    driven = {d.pair for d in mechanism.drives}
+    free = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
+    return [j.name for unit in ("m", "rad") for j in free if j.unit == unit]
+
+
+def _swings(values: Real) -> bool:
+    """Whether a coordinate goes to and fro."""
+    steps = np.diff(values[np.isfinite(values)])
+    least = 1e-9 * float(np.abs(steps).max(initial=0.0))
+    return bool(np.any(steps > least) and np.any(steps < -least))
+
+
+def _polar(run: Run) -> Diagram | None:
+    """The forces that the frame exerts in its bearings: x against y of the largest of them, over the run."""
+    if run.forces is None:
+        return None
+    frame = run.motion.mechanism.frame
+    bearings = []
+    for joint in joints_of(run.motion):
+        if joint.kind != "revolute" or frame not in joint.links:
+            continue
+        force = run.forces.reaction(joint.name)[:, :2]
+        force = force if joint.links[0] == frame else -force
+        bearings.append((float(np.max(np.hypot(*force.T), initial=0.0, where=np.isfinite(force[:, 0]))), joint.name, force))
+    largest = sorted(bearings, key=lambda b: -b[0])[:MOST]
+    if not largest or largest[0][0] <= 0.0:
+        return None
+    curves = tuple(Curve(name, force[:, 0], force[:, 1]) for size, name, force in largest if size > 1e-6 * largest[0][0])
+    title = "Polar: bearing force Fy against Fx [N]" + (f", {curves[0].name}" if len(curves) == 1 else "")
+    return Diagram("bearing forces", title, "Fx [N]", "Fy [N]", curves, equal=True)
+
+
+def _overlaid(run: Run) -> Diagram | None:
+    """Torque of the first drive against its angle within a turn, all turns over each other."""
+    motion = run.motion
+    if run.forces is None or not motion.mechanism.drives:
+        return None
+    pair = motion.mechanism.drives[0].pair
+    angle = np.degrees(motion.coordinate(pair)[:, 0])
+    steps = np.diff(angle)
+    if pair_unit(motion, pair) != "rad" or np.ptp(angle) < 365.0 or not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+        return None
+    curve = Curve(pair, np.mod(angle, 360.0), run.forces.effort(pair))
+    title = f"Driving torque [N m] against the angle of {pair} [°], turns overlaid"
+    return Diagram("torque over angle", title, "drive angle [°]", "[N m]", (curve,), turn=360.0)
+
+
+def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
+    """Axes, ticks and curves, and how the moving points look."""
+    import rerun as rr
+
+    for d in diagrams:
+        x0, x1, y0, y1 = d.ranges
+        xs, ys = _ticks(d, x0, x1), round_ticks(y0, y1, TICKS)
+        titles = {"title": d.title, "x_title": d.x_title, "y_title": d.y_title}
+        known = rr.AnyValues(**titles, ranges=[x0, x1, y0, y1], equal=d.equal, turn=d.turn or 0.0)
+        yield Static(entity("diagrams", d.name), known)
+        lines = [d.place(np.array([v, v]), np.array([y0, y1])) for v in xs] + [
+            d.place(np.array([x0, x1]), np.array([v, v])) for v in ys
+        ]
+        colors = [ZERO if v == 0.0 else GRID for v in (*xs, *ys)]
+        box = d.place(np.array([x0, x1, x1, x0, x0]), np.array([y0, y0, y1, y1, y0]))
+        thin = rr.Radius.ui_points(np.full(len(lines) + 1, 0.6))
+        axes = rr.LineStrips2D([*lines, box], colors=packed([*colors, FRAME]), radii=thin, draw_order=1.0)
+        yield Static(entity("diagrams", d.name, "axes"), axes)
+        below, beside = np.array([0.0, 0.012]), np.array([-0.06, -0.035])  # where rerun writes a label under its point
+        marks = [*(d.place(xs, np.full(len(xs), y0)) + below), *(d.place(np.full(len(ys), x0), ys) + beside)]
+        words = [*(_words(v) for v in xs), *(_words(v) for v in ys), d.x_title, d.y_title]
+        marks += [np.array([0.5 * WIDTH, 0.11]), np.array([0.0, -HEIGHT - 0.12])]
+        ticks = rr.Points2D(marks, labels=words, show_labels=True, colors=[INK], radii=rr.Radius.ui_points(0.01), draw_order=2.0)
+        yield Static(entity("diagrams", d.name, "ticks"), ticks)
+        for k, curve in enumerate(d.curves):
+            pieces = d.pieces(curve)
+            labels = [curve.name, *[""] * (len(pieces) - 1)] if len(d.curves) > 1 else [""] * len(pieces)
+            if pieces:
+                look = rr.LineStrips2D(
+                    pieces,
+                    colors=[PALETTE[k]],
+                    radii=rr.Radius.ui_points(1.3),
+                    labels=labels,
+                    show_labels=len(d.curves) > 1,
+                    draw_order=3.0,
+                )
+                yield Static(entity("diagrams", d.name, "curves", curve.name), look)
+        colors = [PALETTE[k] for k in range(len(d.curves))]
+        dots = rr.Points2D.from_fields(colors=colors, radii=rr.Radius.ui_points(5.0), draw_order=5.0)
+        yield Static(entity("diagrams", d.name, "now"), dots)
+        if d.equal:
+            rays = rr.Arrows2D.from_fields(colors=colors, radii=rr.Radius.ui_points(1.2), draw_order=4.0)
+            yield Static(entity("diagrams", d.name, "rays"), rays)
+
+
+def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]:
+    """The points that move along the curves, and rays to them from the origin of polar plots."""
+    import rerun as rr
+
+    for d in diagrams:
+        spots = np.stack([d.place(c.x, c.y) for c in d.curves], axis=1)
+        known = np.isfinite(spots).all(axis=2)
+
+        def dots(frames: Index, spots: Any = spots, known: Any = known) -> Any:
+            shown = known[frames]
+            return rr.Points2D.columns(positions=spots[frames][shown]).partition(shown.sum(axis=1))
+
+        yield Stream(entity("diagrams", d.name, "now"), dots, every)
+        if d.equal:
+            origin = d.place(np.zeros(1), np.zeros(1))[0]
+
+            def rays(frames: Index, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
+                shown = known[frames]
+                tips = spots[frames][shown]
+                return rr.Arrows2D.columns(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin).partition(
+                    shown.sum(axis=1)
+                )
+
+            yield Stream(entity("diagrams", d.name, "rays"), rays, every)
+
+
+def diagram_views(diagrams: Sequence[Diagram], background: tuple[int, ...]) -> list[Any]:
+    """A view for each diagram, its quantities and units in its name."""
+    import rerun.blueprint as rrb
+
+    return [
+        rrb.Spatial2DView(
+            origin=entity("diagrams", d.name),
+            name=d.title,
+            background=list(background),
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.2, WIDTH + 0.08], y_range=[-HEIGHT - 0.2, 0.3]),
+        )
+        for d in diagrams
+    ]
+
+
+def round_ticks(low: float, high: float, count: int) -> Real:
+    """Round values between two bounds, at most ``count`` steps of 1, 2 or 5 times a power of ten apart."""
+    wanted = (high - low) / count
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    step = decade * next(s for s in (1.0, 2.0, 5.0, 10.0) if s * decade >= wanted * (1.0 - 1e-9))
+    numbers = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0)
+    return np.asarray(numbers * step + 0.0, float)
+
+
+def _ticks(d: Diagram, low: float, high: float) -> Real:
+    return np.arange(0.0, 361.0, 90.0) if d.turn == 360.0 else round_ticks(low, high, TICKS)
+
+
+def _words(value: float) -> str:
+    """A tick, with a true minus."""
+    return f"{value:.4g}".replace("-", "−")
+
+
+def _padded(values: Real) -> tuple[float, float]:
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    room = MARGIN * (high - low)
+    if room <= 1e-9 * max(abs(low), abs(high)):
+        room = 0.1 * max(abs(low), abs(high)) or 1.0
+    return low - room, high + room

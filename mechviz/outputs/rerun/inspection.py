@@ -1,0 +1,269 @@
+"""What a recording holds, in words and numbers, read from the file alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechcore.motion.events import Event, runs
+from mechviz.accuracy.estimate import COLUMNS
+from mechviz.outputs.rerun.reader import Recording, Rows
+from mechviz.outputs.rerun.stream_file import RecordingError
+from mechviz.quantities.events import line_of
+
+HEALTH = (
+    ("closure", "m"),
+    ("velocity_closure", "m/s"),
+    ("acceleration_closure", "m/s²"),
+    ("condition", ""),
+    ("power_balance", ""),
+    ("energy_drift", ""),
+)
+
+Spans = tuple[tuple[float, float], ...]
+
+MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
+"""Kinds of loads that are moments, even where they are zero."""
+
+NOISE = 1e-9  # of the largest value of the same unit
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint: its name, kind and the links that it joins."""
+
+    name: str
+    kind: str
+    links: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest magnitude of something, when [s], and where the drive was then, in words."""
+
+    item: str
+    value: float
+    unit: str
+    time: float
+    drive: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """All that `inspect` finds out."""
+
+    path: Path
+    bytes: int
+    version: str
+    complete: bool
+    scene: str
+    title: str
+    frame: str
+    links: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    drives: tuple[str, ...]
+    loads: tuple[str, ...]
+    frames: int
+    start: float
+    end: float
+    drive_range: str
+    effects: tuple[str, ...]
+    skipped: tuple[str, ...]
+    peaks: tuple[Peak, ...]
+    losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
+    losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
+    health: tuple[Peak, ...]
+    events: tuple[Event, ...]
+
+
+def inspect(path: Path | str) -> Inspection:
+    """Read a recording, complete or interrupted. Raises `RecordingError`."""
+    recording = Recording(path)
+    properties, model = recording.properties, recording.model
+    frame_pose = ("data", "links", model["frame"], "pose")
+    if not recording.has(*frame_pose):
+        raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first.", "Record the scene again.")
+    rows = recording.rows(*frame_pose, component="Scalars:scalars")
+    losses = _losses(recording, model)
+    return Inspection(
+        path=recording.path,
+        bytes=recording.path.stat().st_size,
+        version=str(properties.get("version", "")),
+        complete=bool(properties.get("complete", True)),
+        scene=str(properties.get("scene", "")),
+        title=str(properties.get("title", "")),
+        frame=model["frame"],
+        links=tuple(model["links"]),
+        joints=tuple(Joint(name, j["type"], tuple(j["links"])) for name, j in model["joints"].items()),
+        drives=tuple(model["drives"]),
+        loads=tuple(model["loads"]),
+        frames=len(rows.time),
+        start=1e-9 * float(rows.time[0]),
+        end=1e-9 * float(rows.time[-1]),
+        drive_range=_drive_range(rows),
+        effects=tuple(properties.get("effects", ())),
+        skipped=tuple(properties.get("skipped", ())),
+        peaks=tuple(_peaks(recording, model)),
+        losses=tuple((joint, loss) for joint, loss, _ in losses),
+        losses_over=losses[0][2] if losses else (),
+        health=tuple(_health(recording)),
+        events=recording.events,
+    )
+
+
+def _peaks(recording: Recording, model: dict[str, Any]) -> list[Peak]:
+    """Largest drive efforts, then largest joint reactions and applied loads."""
+    found = []
+    for joint in model["drives"]:
+        slides = model["joints"][joint]["type"] in ("prismatic", "pin_slot", "rolling")
+        what, unit = ("driving force", "N") if slides else ("driving torque", "N m")
+        found.append(_peak(recording, ("data", "drive", joint), f"{what} {joint}", unit, [3], signed=True))
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "reaction")
+        found.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
+        if model["joints"][joint]["type"] == "prismatic":
+            found.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "friction")
+        rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
+        turns = _peak(recording, path, f"friction moment {joint}", "N m", [2], signed=True)
+        found += [p for p in (rubs, turns) if p is not None and p.value != 0.0]
+    for load, about in model["loads"].items():
+        if about["kind"] != "gravity":
+            force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
+            moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
+            is_moment = about["kind"] in MOMENTS or (moment is not None and moment.value != 0.0)
+            found.append(moment if is_moment and force is not None and force.value == 0.0 else force)
+    return [p for p in found if p is not None]
+
+
+def _losses(recording: Recording, model: dict[str, Any]) -> list[tuple[str, float, Spans]]:
+    """Mean power that friction takes in each joint that has any [W], the largest first, over the frames that have forces.
+
+    With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
+    """
+    found = []
+    for joint in model["joints"]:
+        path = ("data", "joints", joint, "friction_loss")
+        if recording.has(*path):
+            rows = recording.rows(*path, component="Scalars:scalars")
+            time, values = 1e-9 * rows.time.astype(float), rows.values.reshape(len(rows.time))
+            parts = [slice(first, last + 1) for first, last in runs(np.isfinite(values))]
+            spans = tuple((float(time[part][0]), float(time[part][-1])) for part in parts)
+            span = sum(end - start for start, end in spans)
+            work = sum(float(np.trapezoid(values[part], time[part])) for part in parts)
+            if parts:
+                found.append((joint, work / span if span > 0 else float(np.nanmean(values)), spans))
+            else:
+                found.append((joint, 0.0, ()))
+    return sorted(found, key=lambda item: -item[1])
+
+
+def _loss_lines(found: Inspection) -> list[str]:
+    """Losses and over which part of the run they are averaged."""
+    spans = found.losses_over
+    if not spans:
+        return ["Friction losses: it jams over the whole run, there are no forces"]
+    begins, ends = spans[0][0] <= found.start, spans[-1][1] >= found.end
+    if len(spans) == 1 and begins:
+        over = "of the run" if ends else f"up to {spans[0][1]:.6g} s, where it jams: there are no forces beyond"
+    else:
+        parts = ", ".join(f"{start:.6g} s to {end:.6g} s" if start < end else f"{start:.6g} s" for start, end in spans)
+        over = f"over {parts}: at the other frames it jams and there are no forces"
+    total = sum(loss for _, loss in found.losses)
+    lines = [f"Friction losses, mean {over}"]
+    lines += [f"  {joint:<12}  {loss:>12.5g} W  {100.0 * loss / (total or 1.0):5.1f} %" for joint, loss in found.losses]
+    return [*lines, f"  {'all':<12}  {total:>12.5g} W"]
+
+
+def _health(recording: Recording) -> list[Peak]:
+    found = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
+    path = ("health", "error_estimate")
+    found += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(COLUMNS)]
+    return [p for p in found if p is not None]
+
+
+def _peak(
+    recording: Recording, path: tuple[str, ...], item: str, unit: str, columns: list[int], *, signed: bool = False
+) -> Peak | None:
+    """Where the norm of some components is largest; None if they are not recorded or not computed."""
+    if not recording.has(*path):
+        return None
+    rows = recording.rows(*path, component="Scalars:scalars")
+    values = rows.values.reshape(len(rows.time), -1)[:, columns]
+    size = np.sqrt((values**2).sum(axis=1))
+    if np.isnan(size).all():
+        return None
+    k = int(np.nanargmax(size))
+    return Peak(item, float(values[k, 0] if signed else size[k]), unit, 1e-9 * float(rows.time[k]), _drive_at(rows, k))
+
+
+def _drive_at(rows: Rows, k: int) -> str:
+    return ", ".join(_tick_words(name, ticks[k]) for name, ticks in rows.drives.items())
+
+
+def _tick_words(timeline: str, tick: int | np.int64) -> str:
+    """A position of a drive as its timeline counts it: in thousandths of a degree, or of a millimetre."""
+    return f"{1e-3 * int(tick):.3f}{ {'drive_mdeg': '°', 'drive_um': ' mm'}[timeline] }"
+
+
+def _drive_range(rows: Rows) -> str:
+    """Where each drive starts and ends, and between which positions it goes where these are not its ends."""
+    spans = []
+    for name, ticks in rows.drives.items():
+        first, last = _tick_words(name, ticks[0]), _tick_words(name, ticks[-1])
+        least, greatest = (int(value) for value in (ticks.min(), ticks.max()))
+        ends = sorted((int(ticks[0]), int(ticks[-1])))
+        between = "" if [least, greatest] == ends else f" between {_tick_words(name, least)} and {_tick_words(name, greatest)}"
+        spans.append(f"{first} to {last}{between}")
+    return ", ".join(spans)
+
+
+def format_inspection(found: Inspection) -> str:
+    """An inspection as plain text for a terminal."""
+    state = "" if found.complete else " (interrupted before it was complete)"
+    joints = ", ".join(f"{j.name} ({j.kind}: {' - '.join(j.links)})" for j in found.joints)
+    span = f"{found.start:.6g} s to {found.end:.6g} s"
+    rows = [
+        ("file", f"{found.path}, {found.bytes / 1e6:.2f} MB, mechviz {found.version}{state}"),
+        ("scene", found.scene),
+        ("links", f"{len(found.links)}: {', '.join(k + ' (frame)' if k == found.frame else k for k in found.links)}"),
+        ("joints", f"{len(found.joints)}: {joints}"),
+        ("drives", ", ".join(found.drives) or "none"),
+        ("loads", ", ".join(found.loads) or "none"),
+        ("frames", f"{found.frames}, {span}" + (f", drive {found.drive_range}" if found.drive_range else "")),
+        ("effects", ", ".join(found.effects) or "none: pure kinematics"),
+        ("left out", ", ".join(found.skipped) or "nothing"),
+    ]
+    width = max(len(name) for name, _ in rows)
+    lines = [found.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
+    if found.peaks:
+        lines += ["", "Peaks", *_peak_lines(_without_noise(found.peaks))]
+    if found.losses:
+        lines += ["", *_loss_lines(found)]
+    if found.health:
+        lines += ["", "Worst health", *_peak_lines(found.health)]
+    lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in found.events)]
+    if not found.events:
+        lines.append("  none")
+    return "\n".join(lines)
+
+
+def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
+    """Peaks with zero for what is rounding beside the largest of its kind. Health figures, which are rounding, are not for this."""
+    largest: dict[str, float] = {}
+    for peak in peaks:
+        largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
+    return tuple(replace(peak, value=0.0) if abs(peak.value) <= NOISE * largest[peak.unit] else peak for peak in peaks)
+
+
+def _peak_lines(peaks: tuple[Peak, ...]) -> list[str]:
+    width = max(len(p.item) for p in peaks)
+    return [
+        f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<4}"
+        + (f"  at {p.time:.6g} s" + (f", drive {p.drive}" if p.drive else "") if p.value else "  throughout")
+        for p in peaks
+    ]

@@ -1,0 +1,237 @@
+"""The nodes of a picture as entities of a recording: rows over the frames, and static archetypes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.outputs.rerun.paths import entity, packed
+from mechviz.outputs.rerun.streams import Index, Static, Stream, in_space
+from mechviz.picture.arrows import SHORTEST, visible
+from mechviz.picture.nodes import Arc, Arrow, Body, Lines, Node, Picture, Points
+from mechviz.picture.proportions import ARC_RADIUS
+from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector
+
+Real = NDArray[np.float64]
+
+
+def lighter(channel: int) -> int:
+    """A colour channel on a dark ground."""
+    return round(0.6 * channel + 102)
+
+
+_LIGHTER: Mapping[str, tuple[int, int, int]] = {
+    "reaction": (255, 72, 84),
+    "applied": (255, 138, 20),
+    "gravity": (214, 178, 130),
+    "inertia": (208, 112, 246),
+    "drive": (72, 222, 128),
+    "friction": (255, 214, 92),
+    "velocity": (84, 168, 255),
+    "acceleration": (52, 214, 220),
+}
+COLORS: Mapping[str, tuple[int, int, int]] = {
+    name: _LIGHTER.get(name, (lighter(family.color[0]), lighter(family.color[1]), lighter(family.color[2])))
+    for name, family in FAMILIES.items()
+}
+"""The hues that the viewer gives to the families, lighter: the background is dark."""
+
+ARC_POINTS = 24
+LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
+
+
+def seen(item: Vector | Moment, scales: Scales, size: float) -> bool:
+    """Whether an arrow or arc is drawn at any frame."""
+    if isinstance(item, Vector):
+        return bool(visible(item.value, scales.per_metre(item.family), size).any())
+    return bool(sweep_of(item, scales, size).any())
+
+
+def sweep_of(moment: Moment, scales: Scales, size: float) -> Real:
+    """Signed angles (F,) [rad] of the arc of a moment; 0 where it is not drawn."""
+    sweep = arc_sweep(moment.value, scales.newton_metres_per_metre, size)
+    return sweep if moment.shown is None else np.where(moment.shown, sweep, 0.0)
+
+
+def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float) -> Real:
+    """The box (2, 3) [m] around the mechanism and its arrows; arrows that lie far outside do not count in full."""
+    low, high = np.array(bounds[0]), np.array(bounds[1])
+    room = LARGEST_ARROW * size
+    for vector in vectors:
+        scale = scales.per_metre(vector.family)
+        shown = visible(vector.value, scale, size)
+        if shown.any():
+            tips = vector.origin[shown] + vector.value[shown] / scale
+            low[:2] = np.minimum(low[:2], np.maximum(tips.min(axis=0), bounds[0][:2] - room))
+            high[:2] = np.maximum(high[:2], np.minimum(tips.max(axis=0), bounds[1][:2] + room))
+    if vectors:
+        low[1] -= LEGEND_ROOM * size  # for the legend
+    return np.array([low, high])
+
+
+def arc_sweep(moments: Real, scale: float, size: float) -> Real:
+    """Signed angles (F,) [rad] that arcs span so that their length stands for moments (F,) [N m]; 0 where too short to see."""
+    sweep = np.nan_to_num(moments / (scale * ARC_RADIUS * size))
+    most = LARGEST_ARC / ARC_RADIUS
+    sweep = np.clip(sweep, -most, most)
+    return np.where(np.abs(sweep) * ARC_RADIUS > SHORTEST, sweep, 0.0)
+
+
+def arc_strips(centres: Real, sweep: Real, z: float, size: float) -> NDArray[np.float32]:
+    """Arcs with arrow heads about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
+    radius = ARC_RADIUS * size
+    # the arc opens evenly about the vertical
+    angles = 0.5 * np.pi + sweep[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+    arc = centres[:, None] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    end = angles[:, -1]
+    along = np.sign(sweep)[:, None] * np.column_stack([-np.sin(end), np.cos(end)])
+    across = np.column_stack([np.cos(end), np.sin(end)])
+    head = 0.3 * radius
+    tip = arc[:, -1] + 0.5 * head * along
+    barbs = [tip - head * along + side * 0.6 * head * across for side in (1, -1)]
+    strip = np.concatenate([arc, np.stack([tip, barbs[0], tip, barbs[1]], axis=1)], axis=1)
+    return np.concatenate([strip, np.full((*strip.shape[:2], 1), z)], axis=-1).astype(np.float32)
+
+
+MOTION = ("velocity", "acceleration")
+THICK, THIN = 0.0055, 0.004  # radii of arrows of forces and of motion, in sizes of the mechanism
+EVERY_FRAME = ("solids", "joints", "roller", "belt")  # groups that move with their links
+
+
+def listed(picture: Picture) -> str:
+    """The nodes as JSON: what a reader needs to know of each beside what its entity says."""
+    return json.dumps([_entry(node) for node in picture.nodes], ensure_ascii=False)
+
+
+def _entry(node: Node) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "key": node.key,
+        "kind": type(node).__name__.lower(),
+        "entity": entity(*node.entity),
+        "owner": list(node.owner),
+        "group": node.group,
+        "height": node.height,
+    }
+    if isinstance(node, Body | Points):
+        entry["parent"] = node.parent
+    if isinstance(node, Lines):
+        entry["style"] = {"color": list(node.color), "radius": node.radius}
+    if isinstance(node, Points):
+        entry["style"] = {"color": list(node.color), "radii": list(node.radii)}
+    return entry
+
+
+def picture_streams(picture: Picture, every: int) -> Iterator[Stream]:
+    """All that moves; what does not go with a link at every ``every``-th frame."""
+    for node in picture.nodes:
+        yield from node_streams(node, picture, 1 if node.group in EVERY_FRAME else every)
+
+
+def picture_statics(picture: Picture) -> Iterator[Static]:
+    """How all nodes look."""
+    for node in picture.nodes:
+        yield from node_statics(node, picture)
+
+
+def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
+    """The rows of a node; none where it stands still."""
+    draw: Any = None
+    match node:
+        case Body(poses=poses) if poses is not None:
+            draw = partial(_placed, node)
+        case Lines() if node.moves:
+            draw = partial(_bent, node)
+        case Points() if len(node.places) > 1:
+            draw = partial(_dotted, node)
+        case Arrow():
+            scale = picture.scales.per_metre(node.vector.family)
+            draw = partial(_pointed, node, scale, visible(node.vector.value, scale, picture.size))
+        case Arc():
+            draw = partial(_curved, node, sweep_of(node.moment, picture.scales, picture.size), picture.size)
+    if draw is not None:
+        yield Stream(entity(*node.entity), draw, every)
+
+
+def _placed(node: Body, frames: Index) -> Any:
+    import rerun as rr
+
+    poses = node.poses
+    assert poses is not None
+    scales = {} if poses.scales is None else {"scale": poses.scales[frames]}
+    return rr.Transform3D.columns(translation=poses.places[frames], quaternion=poses.turns[frames], **scales)
+
+
+def _bent(node: Lines, frames: Index) -> Any:
+    import rerun as rr
+
+    there = frames if node.shown is None else frames[node.shown[frames]]
+    strips: Any = [strip[k] for k in there for strip in node.strips] if len(node.strips) > 1 else node.strips[0][there]
+    counts = np.full(len(frames), len(node.strips)) if node.shown is None else len(node.strips) * node.shown[frames]
+    return rr.LineStrips3D.columns(strips=strips).partition(counts.astype(np.int64))
+
+
+def _dotted(node: Points, frames: Index) -> Any:
+    import rerun as rr
+
+    count = node.places.shape[1]
+    columns = rr.Points3D.columns(positions=node.places[frames].reshape(-1, 3))
+    return columns if count == 1 else columns.partition(np.full(len(frames), count))
+
+
+def _pointed(node: Arrow, scale: float, seen: NDArray[np.bool_], frames: Index) -> Any:
+    """Arrows that are long enough to be seen: of the others a row has no instance."""
+    import rerun as rr
+
+    shown, vector = frames[seen[frames]], node.vector
+    return rr.Arrows3D.columns(
+        origins=in_space(vector.origin[shown], node.height), vectors=in_space(vector.value[shown] / scale, 0.0)
+    ).partition(seen[frames].astype(np.int64))
+
+
+def _curved(node: Arc, sweep: NDArray[np.float64], size: float, frames: Index) -> Any:
+    import rerun as rr
+
+    shown = frames[sweep[frames] != 0]
+    strips = arc_strips(node.moment.origin[shown], sweep[shown], node.height, size)
+    return rr.LineStrips3D.columns(strips=strips).partition((sweep[frames] != 0).astype(np.int64))
+
+
+def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
+    """How a node looks, and where it is, where it stands still."""
+    import rerun as rr
+
+    path = entity(*node.entity)
+    match node:
+        case Body(mesh=mesh):
+            _check(node)
+            colors = np.column_stack([mesh.colors, np.full(len(mesh.colors), 255, np.uint8)])
+            yield Static(
+                path,
+                rr.Mesh3D(
+                    vertex_positions=mesh.vertices, triangle_indices=mesh.faces, vertex_normals=mesh.normals, vertex_colors=colors
+                ),
+            )
+        case Lines():
+            where = {} if node.moves else {"strips": [strip[0] for strip in node.strips]}
+            yield Static(path, rr.LineStrips3D.from_fields(colors=[node.color], radii=[node.radius], **where))
+        case Points():
+            where = {"positions": node.places[0]} if len(node.places) == 1 else {}
+            labels = {"labels": list(node.labels), "show_labels": any(node.labels)}
+            yield Static(path, rr.Points3D.from_fields(colors=packed([node.color]), radii=list(node.radii), **labels, **where))
+        case Arrow(group=family):
+            radius = (THIN if family in MOTION else THICK) * picture.size
+            yield Static(path, rr.Arrows3D.from_fields(colors=packed([COLORS[family]]), radii=[radius]))
+        case Arc(group=family):
+            yield Static(path, rr.LineStrips3D.from_fields(colors=packed([COLORS[family]]), radii=[THICK * picture.size]))
+
+
+def _check(node: Body) -> None:
+    """rerun takes any indices and NaN coordinates without a word, and the viewer then shows nothing."""
+    mesh = node.mesh
+    if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.normals).all() and mesh.faces.max() < len(mesh.vertices)):
+        raise ValueError(f"the mesh of {node.owner[0]} '{node.owner[1]}' is broken")

@@ -1,0 +1,296 @@
+"""What the plots show: names of the series, and entities that exist only to be plotted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.spec.mechanism import CamPair
+from mechviz.outputs.rerun.paths import entity, packed
+from mechviz.outputs.rerun.streams import Index, Static, Stream
+from mechviz.quantities.tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
+from mechviz.quantities.vectors import point_name
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+PALETTE = (
+    (92, 172, 255),
+    (255, 170, 64),
+    (96, 214, 132),
+    (255, 102, 114),
+    (190, 140, 255),
+    (244, 222, 92),
+    (76, 218, 222),
+    (255, 140, 204),
+    (176, 190, 208),
+    (198, 154, 112),
+    (164, 200, 80),
+    (140, 150, 255),
+)
+"""Colours of curves on a dark ground; neighbours differ in hue and lightness."""
+
+MOST = 3  # outputs in one plot
+MOST_REACTIONS = 6  # joints in one plot
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """A plot: the view's name and the entities in it with the series shown of each; ``values`` (F, n) are the curves."""
+
+    name: str
+    entities: tuple[tuple[str, tuple[bool, ...]], ...]
+    values: Real | None = None
+    single: bool = False  # one curve, which the view's name tells
+    least: float = 0.0  # curves none of which is above this are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Series of several items that share a plot: an entity of its own, so that its legend names nothing else."""
+
+    path: tuple[str, ...]
+    view: str  # name of the view
+    names: tuple[str, ...]  # of the series
+    values: Real  # (F, n)
+    alone: tuple[str, tuple[bool, ...]] | None = None  # where a single item has them: its entity, and which of the series
+    least: float = 0.0  # as in `Output`
+
+    @property
+    def output(self) -> Output:
+        if self.alone is not None:
+            return Output(self.view, (self.alone,), self.values, least=self.least)
+        return Output(self.view, ((entity(*self.path), ()),), self.values, least=self.least)
+
+
+def main_outputs(run: Run) -> list[Output]:
+    """Position, velocity and acceleration of what the mechanism moves: sliders at the frame, else traced points, else rockers."""
+    names, points = _moved(run)
+    if names:
+        return [gathered.output for gathered in _of_joints(run, names)]
+    return [
+        Output(
+            f"Point {kind} [{u}]",
+            tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points),
+            np.column_stack([run.motion.point(*p, k) for p in points]),
+        )
+        for k, (kind, u) in enumerate((("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s²")))
+        if points
+    ]
+
+
+def study_outputs(run: Run) -> list[Output]:
+    """Plots of what a scene asks for beside motion and forces: reduced masses with their derivatives, shaking forces."""
+    found = []
+    for name, r in run.studies.reduced.items():
+        what = "Reduced moment of inertia [kg m²]" if r.point is None else "Reduced mass [kg]"
+        path = entity("data", "reduced", name)
+        found.append(Output(f"{what}, {name}", ((path, (True, False, False, False)),), r.mass[:, None]))
+    found += [gathered.output for gathered in _shaking(run)]
+    return found
+
+
+def _shaking(run: Run) -> list[Gathered]:
+    """The shaking moment, with and without counterweights in two colours."""
+    before, after = run.studies.shaking, run.studies.balanced
+    if before is None:
+        return []
+    both = [before] if after is None else [before, after]
+    alone = (entity("data", "shaking"), (False, False, True)) if after is None else None
+    names = ("shaking moment [N m]", "with counterweights [N m]")[: len(both)]
+    values = np.column_stack([s.moment for s in both])
+    return [Gathered(("plots", "shaking moment"), "Shaking moment [N m]", names, values, alone)]
+
+
+def cam_outputs(run: Run) -> list[Output]:
+    """Lift and pressure angle of the cams, and the force where they touch."""
+    names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
+    if not names:
+        return []
+    from mechcore.forces.cam_events import placed_cams
+
+    contacts = [entity("data", "cams", name, "contact") for name in names]
+    single = len(names) == 1
+    units = {cam.name: "m" if cam.arm == 0.0 else "rad" for cam in placed_cams(run.motion)}
+    lift = f"Lift [{units[names[0]]}]" if single else "Lift"
+    found = [Output(lift, tuple((entity("data", "cams", name, "lift"), (True, False, False)) for name in names), single=single)]
+    for k, title in ((3, "Pressure angle [rad]"), *(((2, "Contact force [N]"),) if run.forces is not None else ())):
+        found.append(Output(title, tuple((path, tuple(i == k for i in range(6))) for path in contacts), single=single))
+    rated = {p.name: p for p in run.motion.mechanism.pairs if isinstance(p, CamPair) and p.name in names}
+    stressed = [n for n, p in rated.items() if p.rating is not None and p.rating.width is not None and run.forces is not None]
+    if stressed:
+        paths = tuple((entity("data", "cams", n, "stress"), (True, False)) for n in stressed)
+        found.append(Output("Hertz pressure [Pa]", paths, single=len(stressed) == 1))
+    for name in (n for n, p in rated.items() if p.drawn is not None):
+        both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
+        exact = (entity("data", "cams", name, "lift"), (False, False, True))
+        found.append(Output(f"Acceleration of the lift, drawn and exact, {name}", (both, exact)))
+    return found
+
+
+def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
+    """The joints whose motion is plotted, or else the points."""
+    mechanism = run.motion.mechanism
+    driven = {d.pair for d in mechanism.drives}
+    at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
+    sliders = [j for j in at_frame if j.unit == "m"][:MOST]
+    points = list(mechanism.traced)[:MOST]
+    if sliders or not points:
+        return sliders or [j for j in at_frame if j.unit == "rad"][:MOST], []
+    return [], points
+
+
+def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
+    sliding = joints[0].unit == "m"
+    motions = [run.motion.coordinate(j.name) for j in joints]
+    angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
+    turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # which no rocker does
+    unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
+    return [
+        Gathered(
+            ("plots", kind),
+            f"{noun} {kind} [{u}]",
+            tuple(f"{j.name} [{u}]" for j in joints),
+            np.column_stack([values[:, k] for values in motions]),
+            (entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))) if len(joints) == 1 else None,
+        )
+        for k, (kind, u) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²")))
+    ]
+
+
+def effort_outputs(run: Run) -> list[Output]:
+    """Driving torques and driving forces, in separate plots."""
+    return [gathered.output for gathered in _efforts(run)]
+
+
+def _efforts(run: Run) -> list[Gathered]:
+    forces = run.forces
+    if forces is None:
+        return []
+    found = []
+    for unit, path, name, u in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
+        pairs = [d.pair for d in run.motion.mechanism.drives if pair_unit(run.motion, d.pair) == unit]
+        if pairs:
+            values = np.column_stack([forces.effort(p) for p in pairs])
+            alone = (entity("data", "drive", pairs[0]), (False, False, False, True, False)) if len(pairs) == 1 else None
+            series = tuple(f"{p} [{u}]" for p in pairs)
+            least = rounding_of_efforts(run, unit)
+            found.append(Gathered(("plots", path), f"{name} [{u}]", series, values, alone, least))
+    return found
+
+
+def free_outputs(run: Run) -> list[Output]:
+    """Where forces decide the motion: speeds of the free coordinates, angular and linear in separate plots, and the energy."""
+    if run.simulation is None or run.forces is None:
+        return []
+    found = [gathered.output for gathered in _speeds(run)]
+    return [*found, *_gaps(run), Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+
+
+def _speeds(run: Run) -> list[Gathered]:
+    if run.simulation is None:
+        return []
+    found = []
+    prescribed = {d.pair for d in run.motion.mechanism.drives} | made_pairs(run.scene.mechanism)
+    pairs = [d.pair for d in run.scene.mechanism.drives if d.pair not in prescribed]
+    for unit, path in (("rad", "angular speed"), ("m", "speed")):
+        some = [p for p in pairs if pair_unit(run.motion, p) == unit]
+        if some:
+            rates = np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
+            alone = (entity("data", "joints", some[0], "motion"), (False, True, False)) if len(some) == 1 else None
+            names = tuple(f"{p} [{unit}/s]" for p in some)
+            found.append(Gathered(("plots", path), f"Speed [{unit}/s]", names, rates, alone))
+    return found
+
+
+def _gaps(run: Run) -> list[Output]:
+    """How far journals and bearings of pairs with clearance are apart."""
+    journals = journals_of(run.scene.mechanism)
+    if not journals:
+        return []
+    gaps = tuple((entity("data", "joints", p, "journal"), (False, False, True)) for p in journals)
+    apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
+    return [Output("Gap in the bearing [m]", gaps, np.column_stack(apart))]
+
+
+def reaction_outputs(run: Run) -> list[Output]:
+    """Magnitudes of the joint reactions, no more in one plot than its legend has room for."""
+    names = [j.name for j in joints_of(run.motion)]
+    if run.forces is None or not names:
+        return []
+    sizes = _reactions(run)
+    parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
+    return [
+        Output(
+            "Joint reactions, magnitude [N]" if len(parts) == 1 else f"Reactions {names[part[0]]} … {names[part[-1]]} [N]",
+            ((entity("plots", "reactions", str(number)), ()),),
+            sizes[:, list(part)],
+        )
+        for number, part in enumerate(parts)
+    ]
+
+
+def _reactions(run: Run) -> Real:
+    assert run.forces is not None
+    return np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
+
+
+def plot_streams(run: Run, every: int) -> Iterator[Stream]:
+    """Series that only plots need, at every ``every``-th frame; of reactions the largest until the next one."""
+    import rerun as rr
+
+    def stream(path: str, values: Real) -> Stream:
+        def columns(frames: Index) -> Any:
+            chosen = values[frames // every]
+            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+
+        return Stream(path, columns, every)
+
+    for gathered in _gathered(run):
+        yield stream(entity(*gathered.path), np.ascontiguousarray(gathered.values[::every]))
+    for output in reaction_outputs(run):
+        assert output.values is not None
+        peaks = np.maximum.reduceat(output.values, np.arange(0, len(output.values), every), axis=0)
+        yield stream(output.entities[0][0], peaks)
+
+
+def _gathered(run: Run) -> list[Gathered]:
+    joints, _ = _moved(run)
+    every = [*(_of_joints(run, joints) if joints else []), *_efforts(run), *_speeds(run), *_shaking(run)]
+    return [g for g in every if g.alone is None]
+
+
+def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
+    """Names, units and colours of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
+    import rerun as rr
+
+    def style(names: list[str], first: int) -> Any:
+        colors = palette[(first + np.arange(len(names))) % len(palette)]
+        widths = np.full(len(names), 1.6, np.float32)
+        return rr.SeriesLines.from_fields(names=names, colors=colors, widths=widths, aggregation_policy="MinMax")
+
+    palette = packed(PALETTE)
+
+    known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
+    for table in all_tables:
+        kind = (*table.path[:2], table.path[-1]) if table.path[0] == "data" else table.path[:1]
+        first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
+        known[kind] = first + table.values.shape[1]
+        yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
+    for gathered in _gathered(run):
+        effort = gathered.path[-1] in ("torque", "force")  # green first, as the arrows are
+        yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
+    names = [f"{j.name} [N]" for j in joints_of(run.motion)]
+    for output in reaction_outputs(run):
+        assert output.values is not None
+        count = output.values.shape[1]
+        yield Static(output.entities[0][0], style(names[:count], 0))
+        names = names[count:]

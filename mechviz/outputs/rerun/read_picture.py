@@ -1,0 +1,186 @@
+"""The picture of a recording, as it was drawn."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.outputs.rerun.paths import parts_of
+from mechviz.picture.arrows import with_scales
+from mechviz.picture.nodes import Body, Lines, Mesh, Node, Picture, Points, Poses
+from mechviz.picture.surface_marks import KINDS
+from mechviz.quantities.numbers import Numbers
+from mechviz.quantities.vectors import Scales
+
+if TYPE_CHECKING:
+    from mechviz.outputs.rerun.reader import Recording
+
+
+Real = NDArray[np.float64]
+
+LOOKS = 48  # poses at which the extent of the mechanism is looked at
+
+
+def picture_in(recording: Recording, numbers: Numbers) -> Picture:
+    """What a recording shows. KeyError and ValueError where it does not keep to the contract."""
+    said = recording.properties
+    reader = _Reader(recording, numbers)
+    entries = json.loads(said["picture"]) if "picture" in said else [*_guessed(recording)]
+    nodes = [node for entry in entries if (node := reader.node(entry)) is not None]
+    bounds = np.array(json.loads(said["bounds"])) if "bounds" in said else _bounds(nodes, numbers)
+    size = float(said.get("size", float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0))
+    scales = Scales(*(float(said[f"{n}_per_metre"]) for n in ("newtons", "newton_metres", "mps", "mps2")))
+    circles = [n.owner[1] for n in nodes if n.entity[:2] == ("vectors", "friction") and n.entity[-1] == "circle"]
+    found = with_scales(numbers, size, scales, circles).nodes({e["key"]: float(e["height"]) for e in entries}, float(bounds[1, 2]))
+    order = {entry["key"]: k for k, entry in enumerate(entries)}
+    nodes = sorted([*nodes, *found], key=lambda node: order.get(node.key, len(order)))
+    top = float(said.get("top", bounds[1, 2] + 0.01 * size))
+    return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top)
+
+
+def _guessed(recording: Recording) -> Iterator[dict[str, Any]]:
+    """The nodes of a recording that does not list them: one that is not complete, or is older."""
+    for path in recording.entities:
+        match parts_of(path):
+            case ("mechanism", "links", link, "mesh"):
+                found = ("body", f"link.{link}", ["link", link], "solids", link)
+            case ("mechanism", "links", link, "lumps"):
+                found = ("points", f"masses.{link}", ["link", link], "masses", link)
+            case ("mechanism", "links", link, name) if (kind := name.split(" ")[0]) in KINDS:
+                found = ("body", f"{kind}.{name[len(kind) + 1 :]}", ["link", link], kind, link)
+            case ("mechanism", "springs", name):
+                solid = recording.static(path, component="Mesh3D:triangle_indices") is not None
+                found = ("body" if solid else "lines", f"spring.{name}", ["load", name], "springs", "")
+            case ("mechanism", "paths", name):
+                found = ("lines", f"path.{name}", ["point", name], "paths", "")
+            case ("mechanism", "joints", name):
+                found = ("points", f"joint.{name}", ["joint", name], "joints", "")
+            case ("vectors", "friction", joint, ("circle" | "line") as what):
+                found = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
+            case _:
+                continue
+        yield {"entity": path, "height": 0.0, **dict(zip(("kind", "key", "owner", "group", "parent"), found, strict=True))}
+
+
+class _Reader:
+    """Makes nodes of what the entities of a recording hold."""
+
+    def __init__(self, recording: Recording, numbers: Numbers):
+        self.recording = recording
+        self.ticks = np.round(1e9 * numbers.time).astype(np.int64)
+
+    def node(self, entry: dict[str, Any]) -> Node | None:
+        """The node of an entry; None of arrows, which follow from the numbers, and of what was never drawn."""
+        path = entry["entity"]
+        parts = parts_of(path)
+        common = {
+            "key": entry["key"],
+            "owner": (entry["owner"][0], entry["owner"][1]),
+            "group": entry["group"],
+            "entity": parts,
+            "height": float(entry["height"]),
+        }
+        match entry["kind"]:
+            case "body":
+                mesh = self._mesh(path)
+                return None if mesh is None else Body(**common, parent=entry["parent"], mesh=mesh, poses=self._poses(path))
+            case "lines":
+                return self._lines(path, common)
+            case "points":
+                return self._points(path, common, entry["parent"])
+        return None
+
+    def _mesh(self, path: str) -> Mesh | None:
+        names = ("vertex_positions", "triangle_indices", "vertex_normals", "vertex_colors")
+        vertices, faces, normals, shades = (self.recording.static(path, component=f"Mesh3D:{name}") for name in names)
+        if vertices is None or faces is None or normals is None or shades is None:
+            return None
+        packed = shades.astype(np.uint32)  # 0xRRGGBBAA
+        colors = np.column_stack([(packed >> shift) & 255 for shift in (24, 16, 8)]).astype(np.uint8)
+        return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
+
+    def _poses(self, path: str) -> Poses | None:
+        places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM)
+        return None if places is None or turns is None else Poses(places, turns, scales)
+
+    def _columns(self, path: str, component: str, width: int) -> NDArray[np.float32] | None:
+        """Values (F, width) of a component at the frames; the newest, where a frame has no row of its own."""
+        try:
+            rows = self.recording.rows(path, component=component)
+        except KeyError:
+            return None
+        return np.asarray(rows.values, np.float32).reshape(-1, width)[self._row_of(rows.time)] if len(rows.time) else None
+
+    def _row_of(self, time: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
+
+    def _lines(self, path: str, common: dict[str, Any]) -> Lines | None:
+        color, radius = self._look(path, "LineStrips3D")
+        still = self.recording.static(path, component="LineStrips3D:strips")
+        if still is not None and len(still):
+            return Lines(**common, strips=tuple(np.asarray(s, np.float32)[None] for s in still), color=color, radius=radius)
+        try:
+            rows = self.recording.rows(path, component="LineStrips3D:strips")
+        except KeyError:
+            return None
+        count = int(rows.lengths.max(initial=0))
+        if not count or not np.isin(rows.lengths, (0, count)).all():
+            return None
+        there = rows.lengths > 0
+        strips = []
+        for k in range(count):
+            drawn = np.stack([np.asarray(strip, np.float32) for strip in rows.values[k::count]])
+            every = np.full((len(there), *drawn.shape[1:]), np.nan, np.float32)
+            every[there] = drawn
+            strips.append(every[self._row_of(rows.time)])
+        shown = None if there.all() else there[self._row_of(rows.time)]
+        return Lines(**common, strips=tuple(strips), color=color, radius=radius, shown=shown)
+
+    def _points(self, path: str, common: dict[str, Any], parent: str) -> Points | None:
+        part = self.recording.static
+        still = part(path, component="Points3D:positions")
+        labels, radii = part(path, component="Points3D:labels"), part(path, component="Points3D:radii")
+        if still is not None and len(still):
+            places: NDArray[np.float32] | None = np.asarray(still, np.float32)[None]
+        else:
+            moving = self._columns(path, "Points3D:positions", 3)
+            places = None if moving is None else moving[:, None]
+        if places is None:
+            return None
+        sizes = tuple(float(r) for r in (radii if radii is not None else ()))
+        texts = tuple(str(text) for text in (labels if labels is not None else ()))
+        color, _ = self._look(path, "Points3D")
+        return Points(**common, parent=parent, places=places, color=color, radii=sizes, labels=texts)
+
+    def _look(self, path: str, archetype: str) -> tuple[tuple[int, int, int], float]:
+        """Colour and radius of the first instance."""
+        colors, radii = (self.recording.static(path, component=f"{archetype}:{name}") for name in ("colors", "radii"))
+        shade = int(colors[0]) if colors is not None and len(colors) else 0x808080FF
+        radius = float(radii[0]) if radii is not None and len(radii) else 0.0
+        return ((shade >> 24) & 255, (shade >> 16) & 255, (shade >> 8) & 255), radius
+
+
+_TRANSFORM = (("translation", 3), ("quaternion", 4), ("scale", 3))
+
+
+def _bounds(nodes: list[Node], numbers: Numbers) -> Real:
+    """The box (2, 3) [m] around the solids, looked at at some poses."""
+    lows, highs = [], []
+    some = np.unique(np.linspace(0, len(numbers.time) - 1, LOOKS).round().astype(int))
+    for node in nodes:
+        if not isinstance(node, Body) or node.group != "solids":
+            continue
+        vertices = node.mesh.vertices.astype(float)
+        z = vertices[:, 0] + 1j * vertices[:, 1]
+        pose = numbers.poses[node.parent][some]
+        placed = z * np.exp(1j * pose[:, 2:]) + (pose[:, 0] + 1j * pose[:, 1])[:, None]
+        lows.append([placed.real.min(), placed.imag.min(), vertices[:, 2].min()])
+        highs.append([placed.real.max(), placed.imag.max(), vertices[:, 2].max()])
+    if not lows:
+        flat = np.concatenate([pose[:, :2] for pose in numbers.poses.values()])
+        return np.array([[*flat.min(axis=0), 0.0], [*(flat.max(axis=0) + 1e-3), 1e-3]])
+    return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])

@@ -1,0 +1,289 @@
+"""Reads a recording back, with rerun's own reader: what it says is what is in the file."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from base64 import b64decode
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.motion.events import Event
+from mechviz.outputs.rerun.paths import entity
+from mechviz.outputs.rerun.stream_file import RecordingError
+
+if TYPE_CHECKING:
+    from mechviz.scene.scene import Scene
+
+
+Index = NDArray[np.int64]
+
+
+def evenly(total: int, most: int) -> Index:
+    """At most ``most`` of ``total`` frames, spread evenly, the first and the last among them."""
+    return np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
+
+
+def times_of(chunks: Iterable[Any], path: str) -> Index:
+    """The times [ns] of all rows of an entity, sorted."""
+    found = [ticks(chunk.to_record_batch()["time"]) for chunk in chunks if str(chunk.entity_path) == path and not chunk.is_static]
+    return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+
+def rows_at_or_before(batch: Any, times: Index) -> Any:
+    """Of an arrow batch its first row and the last one at or before each of some times [ns]: a row holds until the next."""
+    import pyarrow as pa
+
+    own = ticks(batch["time"])
+    if not len(own):
+        return batch
+    order = np.argsort(own, kind="stable")  # rerun may sort rows by a drive that runs backwards
+    places = np.clip(np.searchsorted(own[order], times, side="right") - 1, 0, None)
+    rows = np.unique(order[np.append(places, 0)])
+    return batch if len(rows) == len(own) else batch.take(pa.array(rows))
+
+
+def ticks(column: Any) -> Index:
+    """A column of times as whole numbers."""
+    import pyarrow as pa
+
+    found: Index = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
+    return found
+
+
+PROPERTIES = "/__properties/mechviz"
+IN_FULL = ("/events", "/state/")  # what does not happen at frames
+TIMELINES = ("drive_mdeg", "drive_um")
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of one component of an entity, sorted by time. ``lengths`` (F,): how many instances each row has."""
+
+    time: NDArray[np.int64]  # [ns]
+    drives: dict[str, NDArray[np.int64]]  # drive_mdeg, drive_um
+    values: NDArray[Any]  # all instances of all rows, one after the other
+    lengths: NDArray[np.int64]
+
+
+class Recording:
+    """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours.
+
+    Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
+
+    With ``most`` a longer recording is read at so many frames only, spread evenly over the run (and some between them, where the
+    file's blocks begin): the whole one need not fit into memory. Events and states are there in full; ``frame_times`` (F,) [ns] are
+    then those of all frames, otherwise None.
+    """
+
+    def __init__(self, path: Path | str, *, most: int | None = None):
+        self.path = Path(path)
+        self.frame_times: NDArray[np.int64] | None = None
+        self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
+        self._static: dict[str, list[Any]] = {}
+        self.application = ""
+        self._load(most)
+        if PROPERTIES not in self._static:
+            what = f"of the application '{self.application}'" if self.application else "of another program"
+            raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
+
+    def __repr__(self) -> str:
+        return f"Recording {self.path.name}: {len(self.entities)} entities"
+
+    def _load(self, most: int | None) -> None:
+        import pyarrow as pa
+        from rerun.chunk import RrdReader
+
+        _check_readable(self.path)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an interrupted recording has no footer, which is fine here
+                reader = RrdReader(self.path)
+                stores = reader.recordings()
+                self.application = stores[0].application_id if stores else ""
+                if most is not None and stores:
+                    self.frame_times = _times_of_frames(reader, most)
+                times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
+                for chunk in reader.stream() if stores else ():
+                    batch, name = chunk.to_record_batch(), str(chunk.entity_path)
+                    moving = "time" in batch.schema.names
+                    known = (self._moving if moving else self._static).setdefault(name, [])
+                    if moving and times is not None and not name.startswith(IN_FULL):
+                        batch = rows_at_or_before(batch, times)
+                        if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
+                            batch = pa.concat_batches([known.pop(), batch])
+                    known.append(batch)
+        except (RuntimeError, ValueError, OSError) as error:
+            raise RecordingError(
+                f"'{self.path}' is cut short or damaged: {str(error).splitlines()[0]}.",
+                f"What is whole in it can be saved with: rerun rrd optimize '{self.path}' -o repaired.rrd",
+            ) from None
+
+    # -- what is there ------------------------------------------------------------------------------------------------
+    @property
+    def entities(self) -> tuple[str, ...]:
+        """Paths of all entities, as rerun writes them, sorted."""
+        return tuple(sorted({*self._moving, *self._static}))
+
+    def has(self, *parts: str) -> bool:
+        """Whether an entity has rows over time."""
+        return _path(parts) in self._moving
+
+    @cached_property
+    def properties(self) -> dict[str, Any]:
+        """The recording's properties: plain values, and lists for lists of strings."""
+        return _plain_properties(self._static[PROPERTIES])
+
+    @cached_property
+    def model(self) -> dict[str, Any]:
+        """Links, joints, drives and loads: the connectivity."""
+        model: dict[str, Any] = json.loads(self.properties["model"])
+        return model
+
+    @property
+    def scene_text(self) -> str:
+        """The scene file that made the recording (TOML)."""
+        return str(self._document("scene"))
+
+    def scene(self) -> Scene:
+        """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
+        from mechviz.scene.folder import SceneFolder
+        from mechviz.scene.scene import loads
+
+        name = str(self.properties.get("scene", self.path.stem))
+        try:
+            files = {key: b64decode(text, validate=True) for key, text in json.loads(self.properties.get("files", "{}")).items()}
+        except (ValueError, TypeError, AttributeError):
+            why = f"'{self.path}': its property 'files' does not hold names of files with their content in base64."
+            raise RecordingError(why, "Record the scene again.") from None
+        return loads(self.scene_text, name, SceneFolder(self.path.resolve().parent, files))
+
+    @property
+    def notes(self) -> str:
+        """What was computed and left out, as markdown."""
+        return str(self._document("notes"))
+
+    def _document(self, name: str) -> Any:
+        value = self.static(name, component="TextDocument:text")
+        return "" if value is None or not len(value) else value[0]
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """The event log, sorted by time."""
+        if not self.has("events"):
+            return ()
+        level, line = (self.rows("events", component=f"TextLog:{name}") for name in ("level", "text"))
+        try:
+            parts = [self.rows("events", component=name).values for name in ("item", "message")]
+        except KeyError:  # of an older version, which wrote lines only
+            words = [str(x).partition(": ") for x in line.values]
+            parts = [np.array([w[0] for w in words]), np.array([w[2].rpartition(" (t = ")[0] for w in words])]
+        return tuple(
+            Event(1e-9 * int(t), "WARN" if lv == "WARN" else "INFO", str(item), str(text))
+            for t, lv, item, text in zip(line.time, level.values, *parts, strict=True)
+        )
+
+    # -- values -------------------------------------------------------------------------------------------------------
+    def scalars(self, *parts: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Times (F,) [ns] and float64 values (F, n) of an entity of scalars."""
+        rows = self.rows(*parts, component="Scalars:scalars")
+        return rows.time, rows.values.reshape(len(rows.time), -1)
+
+    def at(self, times: Any, *parts: str) -> NDArray[np.float64]:
+        """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
+        recording states, with the recorded rates as slopes. Raises KeyError if there are none."""
+        from mechviz.quantities.between_frames import read_between
+
+        def values(path: tuple[str, ...]) -> NDArray[np.float64] | None:
+            return self.scalars(*path)[1] if self.has(*path) else None
+
+        time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
+        return read_between(parts, time, values, np.atleast_1d(times), int(self.properties.get("interpolation", 3)))
+
+    def rows(self, *parts: str, component: str) -> Rows:
+        """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
+        import pyarrow as pa
+
+        path = _path(parts)
+        batches = [b for b in self._moving.get(path, ()) if component in b.schema.names]
+        if not batches:
+            raise KeyError(f"{path} has no {component}")
+        time = np.concatenate([ticks(b["time"]) for b in batches])
+        order = np.argsort(time, kind="stable")
+        columns = pa.chunked_array([b[component] for b in batches]).take(pa.array(order))
+        flat = columns.combine_chunks()
+        lengths = np.diff(np.asarray(flat.offsets)) if len(flat) else np.zeros(0, np.int64)
+        drives = {
+            name: np.concatenate([ticks(b[name]) for b in batches])[order]
+            for name in TIMELINES
+            if all(name in b.schema.names for b in batches)
+        }
+        return Rows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
+
+    def static(self, *parts: str, component: str = "Scalars:scalars") -> NDArray[Any] | None:
+        """The newest static value of a component, or None."""
+        found = [b for b in self._static.get(_path(parts), ()) if component in b.schema.names]
+        return _numpy(found[-1][component].flatten()) if found else None
+
+
+def _path(parts: tuple[str, ...]) -> str:
+    if len(parts) == 1 and parts[0].startswith("/"):
+        return parts[0]
+    return entity(*parts)
+
+
+def _times_of_frames(reader: Any, most: int) -> NDArray[np.int64] | None:
+    """The times of all frames [ns], where there are more than ``most``."""
+    for chunk in reader.stream():
+        if str(chunk.entity_path) == PROPERTIES:
+            said = _plain_properties([chunk.to_record_batch()])
+            if "model" in said and int(said.get("frames", 0)) > most:
+                times = times_of(reader.stream(), entity("data", "links", json.loads(said["model"])["frame"], "pose"))
+                return times if len(times) > most else None
+            return None
+    return None
+
+
+def _plain_properties(batches: list[Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for batch in batches:
+        for name in batch.schema.names:
+            if not name.startswith("rerun"):
+                found[name.split(":")[-1].split(".")[-1]] = batch[name].to_pylist()[-1]
+    lists = ("effects", "skipped", "power_items")
+    return {k: list(v or []) if k in lists else v[0] if isinstance(v, list) and v else v for k, v in found.items()}
+
+
+def _numpy(values: Any) -> NDArray[Any]:
+    """Arrow values as an array: vectors as rows, line strips as objects."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(values.type):
+        return np.asarray(values.flatten().to_numpy(zero_copy_only=False)).reshape(-1, values.type.list_size)
+    if pa.types.is_list(values.type):
+        strips = np.empty(len(values), object)
+        for k in range(len(values)):
+            strips[k] = _numpy(values[k].values)
+        return strips
+    return np.asarray(values.to_numpy(zero_copy_only=False))
+
+
+def _check_readable(path: Path) -> None:
+    """Clear words for what rerun's reader would refuse without saying why."""
+    if path.is_dir():
+        raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
+    try:
+        with open(path, "rb") as file:
+            start = file.read(4)
+    except FileNotFoundError:
+        raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {(error.strerror or str(error)).lower()}.") from None
+    if start[:3] != b"RRF":
+        raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")

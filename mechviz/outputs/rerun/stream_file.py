@@ -1,0 +1,267 @@
+"""What can go wrong with a recording, in words."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import socket
+import struct
+import termios
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from mechviz.files import OutputError, check_target, put_in_place, reason
+
+
+class RecordingError(OutputError):
+    """A recording that could not be written or read: ``message`` says what happened, ``remedy`` what to do."""
+
+    @classmethod
+    def of(cls, error: OutputError) -> RecordingError:
+        return cls(error.message, error.remedy, error.code)
+
+
+def interruption(error: BaseException) -> str:
+    """What an interrupted recording left behind: the note that the writer put on the exception, or nothing."""
+    return "\n".join(getattr(error, "__notes__", ()))
+
+
+PIECE = 1 << 20
+
+
+class Pump:
+    """Writes to a file what is written to ``entrance``, a path that can be opened for writing once."""
+
+    def __init__(self, path: Path):
+        self._file = open(path, "wb", buffering=0)  # noqa: SIM115  closed in `finish`
+        self._outlet, self._inlet = os.pipe()
+        self._error: OSError | None = None
+        self._lock = threading.Lock()  # held while bytes are on their way from the pipe to the file
+        self._thread = threading.Thread(target=self._run, name="recording to file", daemon=True)
+        self._thread.start()
+
+    @property
+    def entrance(self) -> str:
+        """Where to write."""
+        return f"/dev/fd/{self._inlet}"
+
+    def opened(self) -> None:
+        """The writer has opened the entrance: our own end of it closes, so that the file ends when the writer's does."""
+        os.close(self._inlet)
+        self._inlet = -1
+
+    def drain(self) -> None:
+        """Wait until all that was written to the pipe is in the file; raises OSError if that failed."""
+        while True:
+            with self._lock:
+                if self._error is not None:
+                    raise self._error
+                if not self._waiting():
+                    return
+
+    def finish(self) -> None:
+        """Wait for the end of the pipe, after the writer has closed it, and close the file; raises OSError as `drain` does."""
+        if self._inlet >= 0:
+            self.opened()
+        self._thread.join()
+        os.close(self._outlet)
+        self._file.close()
+        if self._error is not None:
+            raise self._error
+
+    def _waiting(self) -> int:
+        """Bytes in the pipe."""
+        return int(struct.unpack("i", fcntl.ioctl(self._outlet, termios.FIONREAD, b"\0" * 4))[0])
+
+    def _run(self) -> None:
+        while True:
+            select.select([self._outlet], [], [])  # outside of the lock: the pipe may be idle for long
+            with self._lock:
+                data = os.read(self._outlet, PIECE)
+                if not data:
+                    return
+                if self._error is None:
+                    try:
+                        self._write(data)
+                    except OSError as error:
+                        self._error = error
+
+    def _write(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+
+
+APPLICATION = "mechviz"
+
+
+def part_path(path: Path) -> Path:
+    """The name of an unfinished recording: ``out.rrd`` -> ``out.part.rrd``."""
+    stem = path.stem if path.suffix == ".rrd" else path.name
+    return path.with_name(f"{stem}.part.rrd")
+
+
+class Part:
+    """An open recording stream; ``frames`` counts those that are safe in the file."""
+
+    def __init__(self, stream: Any, pump: Pump):
+        self.stream = stream
+        self.frames = 0
+        self._pump = pump
+
+    def flush(self, frames: int) -> None:
+        """Everything sent so far goes to the file; raises OSError if the disk does not take it."""
+        self.stream.flush()
+        self._pump.drain()
+        self.frames = frames
+
+    def close(self) -> None:
+        """End the file; raises OSError if the disk does not take the rest."""
+        self.stream.disconnect()
+        self._pump.finish()
+
+
+@contextmanager
+def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: str) -> Iterator[Part]:
+    """A recording stream whose file takes the place of ``path`` if the block succeeds.
+
+    Interrupted (Ctrl-C, or SIGTERM turned into `SystemExit`) it leaves what it had under `part_path`, and a note on the
+    exception says so; after an error nothing is left. A recording that was there before stays as it was in both cases.
+    """
+    import rerun as rr
+
+    try:
+        target = check_target(path)
+        temporary = part_path(target)
+        claim = _claim(temporary)
+        pump = Pump(temporary)
+    except OutputError as error:
+        raise RecordingError.of(error) from None
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    strict = rr.strict_mode()
+    rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+    part = Part(stream, pump)
+    try:
+        stream.save(pump.entrance)
+        pump.opened()
+        # active, not only default: the viewer keeps one layout per application, and that of another scene would not fit
+        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        stream.set_log_time_enabled(False)
+        stream.send_recording_name(title)
+        yield part
+        part.flush(part.frames)
+        part.close()
+        put_in_place(temporary, target)
+    except (KeyboardInterrupt, SystemExit) as stop:
+        with suppress(OSError):
+            part.close()
+        stop.add_note(_left_behind(path, temporary, part.frames))
+        raise
+    except OSError as error:
+        with suppress(OSError):
+            part.close()
+        temporary.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from None
+    except BaseException:
+        with suppress(OSError):
+            part.close()
+        temporary.unlink(missing_ok=True)
+        raise
+    finally:
+        rr.set_strict_mode(strict)
+        os.close(claim)
+
+
+@contextmanager
+def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Iterator[tuple[Part, str | None]]:
+    """A recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a free one),
+    whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
+    import rerun as rr
+
+    try:
+        temporary = part_path(check_target(path))
+        claim = _claim(temporary)
+        pump = Pump(temporary)
+    except OutputError as error:
+        raise RecordingError.of(error) from None
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    strict = rr.strict_mode()
+    rr.set_strict_mode(True)
+    stream = rr.RecordingStream(APPLICATION)
+    part = Part(stream, pump)
+    keep = False
+    try:
+        address = None
+        if port is None:
+            stream.save(pump.entrance)
+        else:
+            port = free_port() if port == 0 else port
+            sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=_open(port))
+            stream.set_sinks(sink, rr.FileSink(pump.entrance))
+            address = f"rerun+http://127.0.0.1:{port}/proxy"
+        pump.opened()
+        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        stream.set_log_time_enabled(False)
+        stream.send_recording_name(f"{title} (running)")
+        yield part, address
+    except (KeyboardInterrupt, SystemExit) as stop:
+        keep = part.frames > 0
+        stop.add_note(_left_behind(path, temporary, part.frames))
+        raise
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+    finally:
+        with suppress(OSError):
+            part.close()
+        if not keep:
+            temporary.unlink(missing_ok=True)
+        rr.set_strict_mode(strict)
+        os.close(claim)
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _open(port: int) -> int:
+    """The port, if nobody listens on it: else rerun would wait for it in the background and say nothing."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.", 1) from None
+    return port
+
+
+def _claim(temporary: Path) -> int:
+    """Hold the unfinished file for this process alone (until the returned descriptor is closed)."""
+    claim = os.open(temporary, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(claim)
+        why = f"'{temporary}' is being written by another run."
+        raise RecordingError(why, "Wait for it, or write to another file.", 1) from None
+    return claim
+
+
+def _left_behind(path: Path, temporary: Path, frames: int) -> str:
+    if frames == 0:
+        temporary.unlink(missing_ok=True)
+        return f"Interrupted before any frame was written: '{path}' was not made."
+    return f"Interrupted: the {frames} frames written so far are in '{path.with_name(temporary.name)}'."
+
+
+def _cannot_write(path: Path, error: OSError) -> RecordingError:
+    return RecordingError.of(reason(error, path))

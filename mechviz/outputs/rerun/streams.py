@@ -1,0 +1,140 @@
+"""Entities of a recording as streams of rows, written block by block, and as static archetypes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.accuracy.kept import plain_stride
+from mechviz.outputs.rerun.paths import entity
+from mechviz.picture.proportions import about_z
+from mechviz.quantities.tables import Table, pair_unit
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SMALLEST_DRAWN = 0.05  # [m]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames."""
+
+    path: str
+    columns: Callable[[Index], Any]
+    every: int = 1
+
+
+@dataclass(frozen=True)
+class Static:
+    """A static archetype of an entity."""
+
+    path: str
+    archetype: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Timelines:
+    """Integer times of the frames: nanoseconds, and milli-degrees or micrometres of the first rotary and sliding drive."""
+
+    time: Index  # [ns]
+    drives: tuple[tuple[str, Index], ...]
+
+    @classmethod
+    def of(cls, run: Run) -> Timelines:
+        """The timelines of a run."""
+        motion = run.motion
+        found: dict[str, Index] = {}
+        for drive in motion.mechanism.drives:
+            position = motion.coordinate(drive.pair)[:, 0]
+            if pair_unit(motion, drive.pair) == "rad":
+                found.setdefault("drive_mdeg", _integers(np.degrees(position) * 1e3))
+            else:
+                found.setdefault("drive_um", _integers(position * 1e6))
+        return cls(time=_integers(motion.time * 1e9), drives=tuple(found.items()))
+
+    def columns(self, frames: Index) -> list[Any]:
+        """Time columns of some frames."""
+        return self._columns(self.time[frames], [(name, ticks[frames]) for name, ticks in self.drives])
+
+    def columns_at(self, times: Real) -> list[Any]:
+        """Time columns of moments [s] that need not be frames; the drives' positions are interpolated."""
+        ns = _integers(times * 1e9)
+        return self._columns(ns, [(name, _integers(np.interp(ns, self.time, ticks))) for name, ticks in self.drives])
+
+    def _columns(self, ns: Index, drives: list[tuple[str, Index]]) -> list[Any]:
+        import rerun as rr
+
+        return [
+            rr.TimeColumn("time", duration=ns.astype("timedelta64[ns]")),
+            *(rr.TimeColumn(name, sequence=ticks) for name, ticks in drives),
+        ]
+
+
+def _integers(values: Real) -> Index:
+    return np.round(values).astype(np.int64)
+
+
+def picture_stride(run: Run) -> int:
+    """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive, or as the accuracy says."""
+    return run.kept.pictures or plain_stride(run.motion)
+
+
+def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
+    """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
+    import rerun as rr
+
+    for table in all_tables:
+        values = np.ascontiguousarray(table.values)
+        if numbers == "float32":
+            values = values.astype(np.float32).astype(float)
+
+        def columns(frames: Index, values: Real = values) -> Any:
+            chosen = values[frames]
+            return rr.Scalars.columns(scalars=chosen.reshape(-1)).partition(np.full(len(chosen), chosen.shape[1]))
+
+        yield Stream(entity(*table.path), columns)
+
+
+def link_streams(run: Run) -> Iterator[Stream]:
+    """Poses of the links."""
+    import rerun as rr
+
+    for link, pose in run.numbers.poses.items():
+
+        def place(frames: Index, pose: Real = pose) -> Any:
+            return rr.Transform3D.columns(
+                translation=in_space(pose[frames, :2], 0.0),
+                quaternion=about_z(pose[frames, 2]).astype(np.float32),
+            )
+
+        yield Stream(entity("mechanism", "links", link), place)
+
+
+def magnification(size: float) -> float:
+    """How much a mechanism of this size [m] is enlarged for the viewer, which draws nothing nearer to its eye than a centimetre."""
+    return 1.0 if size >= SMALLEST_DRAWN else float(10.0 ** np.ceil(np.log10(SMALLEST_DRAWN / size)))
+
+
+def view_statics(size: float) -> Iterator[Static]:
+    """View coordinates, and by how much the viewer enlarges what it draws."""
+    import rerun as rr
+
+    yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
+    enlarged = magnification(size)
+    if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
+        for root in ("mechanism", "vectors", "legend", "polygons"):
+            yield Static(root, rr.Transform3D(scale=enlarged))
+
+
+def in_space(xy: Real, z: float) -> NDArray[np.float32]:
+    """Points or vectors (n, 2) of the plane -> (n, 3) float32."""
+    return np.column_stack([xy, np.full(len(xy), z)]).astype(np.float32)

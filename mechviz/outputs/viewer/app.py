@@ -1,0 +1,312 @@
+"""The viewer: a run in the browser, served on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.viewer.browser import prepare_page
+from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
+from mechviz.outputs.viewer.inspector import Inspector, theme
+from mechviz.outputs.viewer.panels.plots import Plots
+from mechviz.outputs.viewer.panels.switches import Switches
+from mechviz.outputs.viewer.panels.timeline import Timeline
+from mechviz.outputs.viewer.playback import BrowserPlayback
+from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.server import HOST, ViewerError, report, safely, start_server, stop_server
+from mechviz.outputs.viewer.session import Studio
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.scene import Scene3D
+from mechviz.run import Run, run_scene
+
+if TYPE_CHECKING:
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.scene.scene import Scene
+
+
+SHARE = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
+PAUSE = 0.3, 2.0  # the shortest and the longest one [s]
+
+
+class Viewer:
+    """A run or a recording served at ``url`` until ``close``. All browsers see the same frame, each through its own camera.
+
+    ``port`` 0 takes a free one. Scenes and recordings are saved into ``folder``, where the scene's file is (by default the
+    working folder). A recording is played without computing anything; where it carries its scene, that can be solved and edited.
+    Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
+
+    ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it.
+    """
+
+    def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
+        self._studio: Studio | None = None
+        self._growth: Growth | None = None
+        self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
+        show = _read(shown) if isinstance(shown, Recording) else None
+        self.server = start_server(port, "mechviz")
+        try:
+            if isinstance(shown, Recording):
+                assert show is not None
+                self._play_recording(shown, show)
+            elif growing:
+                self._growth = Growth(self.server, shown)
+                self._build(self._growth.show, "", None)
+            else:
+                self._edit(shown, "")
+        except BaseException:
+            self.close()
+            raise
+
+    def _play_recording(self, recording: Recording, show: Show) -> None:
+        """Show a recording as it is."""
+        note = f"A recording, played as it is: {recording.path.name}." + (
+            "" if recording.properties.get("complete", True) else " It was interrupted: the frames up to then are here."
+        )
+        self._build(show, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
+
+    def _open_scene(self, recording: Recording) -> None:
+        """Solve the scene that a recording carries, and show that in its place, ready to be edited."""
+
+        def solve() -> None:
+            try:
+                run = run_scene(recording.scene(), frames=int(recording.properties["frames"]) - 1)
+                self._exchange(run, f"The scene of {recording.path.name}, solved anew.")
+            except Exception as error:
+                report(self.server, "Opening the scene", error)
+
+        self.opening = threading.Thread(target=solve, name="mechviz-opening", daemon=True)
+        self.opening.start()
+
+    def _exchange(self, run: Run, note: str) -> None:
+        """Show a run that can be edited instead of what is shown, at the same frame."""
+        frame = self.frame
+        self.player.close()
+        self.inspector.close()
+        self.server.gui.reset()
+        self.server.scene.reset()
+        self._edit(run, note)
+        self.set_frame(min(frame, run.motion.frames - 1))
+
+    @property
+    def growth(self) -> Growth:
+        """How far a growing run has come. Raises `ViewerError` of a run that is complete."""
+        if self._growth is None:
+            raise ViewerError("This run is complete: it does not grow.")
+        return self._growth
+
+    def grow(self, run: Run, duration: float) -> None:
+        """Take more frames of a growing run, which lasts ``duration`` [s] in the end. Who looks at its last frame goes along."""
+        newest = not self.playing and self.frame == self.inspector.show.frames - 1
+        show, reshaped = self.growth.take(run, duration)
+        self.inspector.present(show)
+        if reshaped:
+            self.scene.refit()
+        if newest:
+            self.set_frame(show.frames - 1)
+
+    def fail(self, error: Exception) -> None:
+        """Say that a growing run ends here, and why."""
+        self.growth.fail(error)
+
+    def finish(self, run: Run) -> None:
+        """The growing run is complete: from now on it can be edited."""
+        self._growth = None
+        self._exchange(run, "")
+
+    def _edit(self, run: Run, note: str) -> None:
+        """Show a run that can be edited."""
+        self._studio = Studio(
+            run,
+            present=lambda show: self.inspector.present(show),
+            told=lambda status: self.inspector.tell(status),
+            contributed=lambda found: self.inspector.weighed(found),
+            settled=lambda: self.inspector.settle(),
+            failed=lambda error: report(self.server, "Editing", error),
+        )
+        self._build(self._studio.show, note, None)
+        self._studio.weigh()
+
+    def _build(self, show: Show, note: str, edit: Callable[[], None] | None) -> None:
+        server = self.server
+
+        def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
+            return safely(server, what, action)
+
+        theme(server, dark=False)
+        prepare_page(server, f"{show.title} · mechviz")
+        playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.glance(frame))
+        self.player = Player(
+            show.time,
+            lambda frame, playing: self.inspector.draw(frame, playing),
+            lambda error: report(server, "Drawing", error),
+            remote=playback,
+        )
+        self.inspector = Inspector(server, show, self.player, self._studio, self._folder, callback, playback, note, edit)
+        self.player.start()
+        self.set_frame(show.opening)
+
+    @property
+    def studio(self) -> Studio:
+        """Where the scene is edited. Raises `ViewerError` of a recording that is only played."""
+        if self._studio is None:
+            raise ViewerError("A recording is played as it is: press 'Edit this scene' first.")
+        return self._studio
+
+    @property
+    def run(self) -> Run:
+        """The run as it is shown now."""
+        return self.studio.run
+
+    @property
+    def scene(self) -> Scene3D:
+        """What is drawn in 3D."""
+        return self.inspector.scene
+
+    @property
+    def plots(self) -> Plots:
+        return self.inspector.plots
+
+    @property
+    def switches(self) -> Switches:
+        return self.inspector.switches
+
+    @property
+    def timeline(self) -> Timeline:
+        return self.inspector.timeline
+
+    @property
+    def port(self) -> int:
+        return int(self.server.get_port())
+
+    @property
+    def url(self) -> str:
+        return f"http://{HOST}:{self.port}/"
+
+    @property
+    def frame(self) -> int:
+        return self.player.frame
+
+    @property
+    def playing(self) -> bool:
+        return self.player.playing
+
+    def set_frame(self, frame: int) -> None:
+        """Pause at a frame; returns when it has been sent to the browsers."""
+        self.player.seek(frame)
+        self.player.wait()
+
+    def play(self) -> None:
+        self.player.play()
+
+    def pause(self) -> None:
+        self.player.pause()
+        self.player.wait()
+
+    def close(self) -> None:
+        """Stop playing and serving; harmless if done before."""
+        if hasattr(self, "player"):
+            self.player.close()
+        if self._studio is not None:
+            self._studio.close()
+        stop_server(self.server)
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def _read(recording: Recording) -> Show:
+    """What a recording shows, or words about what is wrong with it."""
+    from mechviz.outputs.viewer.show_recording import show_of_recording
+
+    try:
+        return show_of_recording(recording)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise ViewerError(f"'{recording.path}' does not hold what a mechviz recording holds: {error}.") from error
+
+
+def serve(shown: Run | Recording, port: int = 8080, open_browser: bool = False, folder: Path | None = None) -> None:
+    """Serve a run or a recording until Ctrl-C or SIGTERM. Raises `ViewerError` if the port cannot be had."""
+    with _until_stopped() as stopped, Viewer(shown, port, folder) as viewer:
+        print(f"{viewer.inspector.show.title}: {viewer.url}", flush=True)
+        print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
+        if open_browser:
+            webbrowser.open(viewer.url)
+        while not stopped.wait(1.0):
+            pass
+    print("The viewer has stopped.", flush=True)
+
+
+def serve_while(
+    solve: Callable[[Callable[[Simulation, float], None]], Run], scene: Scene, port: int = 8080, folder: Path | None = None
+) -> None:
+    """Serve a motion under forces from its first frames on, while it is found, and then like any run, until Ctrl-C or SIGTERM.
+
+    ``solve(observe)`` finds it in a thread of its own; ``observe`` is to be called as that of `run_scene`. Raises `ViewerError`,
+    and what ``solve`` raises: where frames are known by then, only when the viewer has been stopped.
+    """
+    with _until_stopped() as stopped, contextlib.ExitStack() as stack:
+        computing = stack.enter_context(Computing(solve, scene))
+        viewer: Viewer | None = None
+        while computing.wait() and not stopped.is_set():
+            run = computing.news()
+            if run is None:
+                continue
+            begun = time.perf_counter()
+            if viewer is None:
+                viewer = stack.enter_context(Viewer(run, port, folder, growing=True))
+                print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
+                print("Open this address in a browser: the motion grows while it is computed. Ctrl-C stops the viewer.", flush=True)
+            viewer.grow(run, computing.duration)
+            stopped.wait(float(np.clip(SHARE * (time.perf_counter() - begun), *PAUSE)))
+        if stopped.is_set():
+            computing.stop()
+        elif computing.error is not None:
+            if viewer is None:
+                raise computing.error
+            viewer.fail(computing.error)
+            print(f"The motion ends early: {computing.error}", file=sys.stderr, flush=True)
+        elif computing.run is not None:
+            if viewer is None:  # it was there before anybody could look
+                viewer = stack.enter_context(Viewer(computing.run, port, folder))
+                print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
+            else:
+                viewer.finish(computing.run)
+            print("The whole motion is there.", flush=True)
+        while not stopped.wait(1.0):
+            pass
+    print("The viewer has stopped.", flush=True)
+    if computing.error is not None and not isinstance(computing.error, Stopped):
+        raise computing.error
+
+
+@contextlib.contextmanager
+def _until_stopped() -> Iterator[threading.Event]:
+    """An event that Ctrl-C and SIGTERM set instead of ending the program in the middle of something."""
+    stopped = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # only the main thread gets signals
+        yield stopped
+        return
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        stopped.set()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

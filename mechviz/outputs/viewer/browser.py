@@ -1,0 +1,148 @@
+"""A few lines of script for the page: its title, keys that would otherwise do two things at once, names for screen readers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import viser
+from viser import _messages
+
+SCRIPTS = ("drawing.js", "gridlines.js", "coarse.js")
+SCRIPT = "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in SCRIPTS)
+
+
+# viser listens to hotkeys at the root element and moves the camera on arrow keys and letters at the document, which comes after it.
+# - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
+# - Elsewhere an arrow key steps through the frames only, and E goes to an event: stopped at the root element, after the hotkeys.
+# - Space presses the button that the keyboard has reached. A button that the mouse has pressed gives up the focus, so that space
+#   means play and pause after it.
+KEYS = """
+if (!window.mechvizKeys) {
+  window.mechvizKeys = true;
+  const arrow = (event) => event.code.startsWith("Arrow");
+  document.body.addEventListener("keydown", (event) => {
+    const target = event.target;
+    if (arrow(event) && target.closest("[role=slider]")) event.stopPropagation();
+    if (event.code === "Space" && target.closest("button, [role=tab]")) event.stopPropagation();
+  });
+  document.documentElement.addEventListener("keydown", (event) => {
+    if (arrow(event) || event.code === "KeyE") event.stopPropagation();
+  });
+  document.body.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (event.detail > 0 && button) button.blur();
+  });
+}
+"""
+
+
+# viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
+NAMES = """
+if (!window.mechvizNames) {
+  const name = () => {
+    window.mechvizNames.waiting = 0;
+    for (const label of document.querySelectorAll("label[for]")) {
+      const control = document.getElementById(label.htmlFor), text = label.textContent.trim();
+      if (!text) continue;
+      const row = (control || label).parentElement;
+      const parts = [...(control ? control.querySelectorAll("[role=slider], input") : []), ...row.querySelectorAll("input")];
+      if (!control) parts.push(...row.parentElement.querySelectorAll("input"));
+      for (const part of parts)
+        if (!part.getAttribute("aria-label") && !(part.labels && part.labels.length)) part.setAttribute("aria-label", text);
+    }
+    for (const button of document.querySelectorAll(".mantine-Notification-closeButton:not([aria-label])"))
+      button.setAttribute("aria-label", "Close");
+  };
+  window.mechvizNames = { waiting: 0 };
+  // Numbers and pictures change all the time: only new controls need names
+  const NEW = "label[for], input, [role=slider], .mantine-Notification-closeButton";
+  const isNew = (node) => node.nodeType === 1 && (node.matches(NEW) || !!node.querySelector(NEW));
+  new MutationObserver((changes) => {
+    if (!window.mechvizNames.waiting && changes.some((change) => [...change.addedNodes].some(isNew)))
+      window.mechvizNames.waiting = setTimeout(name, 300);
+  }).observe(document.body, { childList: true, subtree: true });
+  name();
+}
+"""
+
+# The cursor of the health strip goes where the numbers above the slider say: the strip itself need not be sent again.
+CURSOR = """
+if (!window.mechvizCursor) {
+  window.mechvizCursor = true;
+  const lines = document.getElementsByClassName("mechviz-now");
+  let waiting = false, place = null;
+  const move = () => {
+    waiting = false;
+    if (!place || !place.isConnected) place = lines.length ? document.querySelector("[data-mv-part]") : null;
+    if (!place || (window.mechvizPlayback && window.mechvizPlayback.running)) return;
+    for (const line of lines)
+      for (const end of ["x1", "x2"]) line.setAttribute(end, 1000 * Number(place.dataset.mvPart));
+  };
+  new MutationObserver(() => {
+    if (!waiting) { waiting = true; setTimeout(move, 30); }
+  }).observe(document.body, { childList: true, subtree: true });
+  move();
+}
+"""
+
+
+# viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
+# lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
+# After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
+# points and panels do not: one frame is enough, with another when all is at rest (drawing.js), and without a graphics card the next
+# move need not wait for all the others.
+PROMPT = """
+(() => {
+  const viser = window.__viserMutable;
+  if (window.mechvizPrompt || !viser || !viser.drainMessageQueue || !viser.requestRender) return;
+  window.mechvizPrompt = true;
+  const AT_ONCE = new Set(["SetPositionMessage", "SetOrientationMessage", "GuiUpdateMessage", "RunJavascriptMessage",
+    "SetSceneNodeVisibilityMessage"]);
+  const MOVES = new Set(["points", "vertices", "scale", "batched_positions", "batched_wxyzs", "batched_scales"]);
+  const isAtOnce = ({ type, updates }) =>
+    AT_ONCE.has(type) || (type === "SceneNodeUpdateMessage" && Object.keys(updates).every((prop) => MOVES.has(prop)));
+  let request = viser.requestRender, taking = null;
+  const invalidate = () => {
+    const own = viser.scene && viser.scene.__r3f, store = own && (own.root || own), state = store && store.getState;
+    return state ? state().invalidate : null;
+  };
+  const prompt = () => {
+    const ready = viser.getRenderRequestState === "ready" && viser.drainMessageQueue && !viser.firstMessageBatch;
+    if (taking) return taking === "known" ? undefined : request();
+    if (!ready || !viser.messageQueue.length) return request();
+    const draw = viser.messageQueue.every(isAtOnce) && invalidate();
+    if (window.mechvizDrawing) window.mechvizDrawing.touch();
+    taking = draw ? "known" : "other";
+    try { viser.drainMessageQueue(); } finally { taking = null; }
+    if (draw) draw(window.mechvizDrawing ? 1 : 2); else request();
+  };
+  Object.defineProperty(viser, "requestRender", { configurable: true, enumerable: true, get: () => prompt,
+    set: (other) => { request = other; } });
+})();
+"""
+
+
+def prepare_page(server: viser.ViserServer, title: str) -> None:
+    """Send the script to every browser, now and later."""
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{SCRIPT}{PROMPT}"
+    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
+
+
+# viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
+OPEN_TAB = """
+for (const tab of document.querySelectorAll("[role=tab]")) {
+  if (tab.textContent.trim() !== NAME || tab.getAttribute("aria-selected") === "true") continue;
+  const box = tab.getBoundingClientRect();
+  const where = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2, button: 0, pointerId: 1 };
+  for (const type of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"])
+    tab.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, ...where }));
+}
+"""
+
+
+def open_tab(client: viser.ClientHandle | None, name: str) -> None:
+    """Open a tab in one browser: viser has no call for it."""
+    if client is not None:
+        source = OPEN_TAB.replace("NAME", json.dumps(name))
+        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))

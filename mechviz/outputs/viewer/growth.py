@@ -1,0 +1,136 @@
+"""A run of which more and more is known: what is shown of it, and how far it has come."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from html import escape
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import viser
+
+from mechviz.outputs.viewer.show_run import build, show_of_run
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.run import Run
+from mechviz.running import Running
+
+if TYPE_CHECKING:
+    from mechcore.dynamics.simulation import Simulation
+    from mechviz.scene.scene import Scene
+
+
+NOTES = "This motion is still being computed. When it is complete, the scene can be edited and saved."
+REBUILT = 4.0  # solids are made anew when the run is so many times as long as that for which they were made
+
+
+class Growth:
+    """What is shown of a growing run: ``show`` at first, then what `take` gives."""
+
+    def __init__(self, server: viser.ViserServer, run: Run):
+        self._built = build(run)
+        self._for = run.motion.frames
+        first = show_of_run(run, self._built)
+        self.show = replace(first, opens_at=first.frames - 1, notes=NOTES)
+        self.words = ""
+        self._bar = server.gui.add_html("", order=-1.0)
+
+    def take(self, run: Run, duration: float) -> tuple[Show, bool]:
+        """What is shown of more frames, and whether the solids are new: slots are as long and layers as many as the run needs.
+        ``duration`` of the whole run [s]."""
+        reshaped = run.motion.frames >= REBUILT * self._for
+        if reshaped:
+            self._built, self._for = build(run), run.motion.frames
+        self.show = replace(show_of_run(run, self._built, self.show), notes=NOTES)
+        reached = float(run.motion.time[-1])
+        self._say(f"Computing: {reached:.4g} s of {duration:.4g} s", reached / duration, "#225ca0")
+        return self.show, reshaped
+
+    def fail(self, error: Exception) -> None:
+        """Say why there is no more."""
+        self._say(f"It ends here: {error}", 1.0, "#d03030")
+
+    def _say(self, text: str, part: float, color: str) -> None:
+        self.words = text
+        self._bar.content = (
+            '<div style="padding:0.4em 0.9em 0.6em;font-size:0.85em" role="status">'
+            f'<div class="mechviz-progress" style="padding-bottom:0.3em">{escape(text)}</div>'
+            '<div style="height:6px;border-radius:3px;background:rgba(128,128,128,0.25)">'
+            f'<div style="height:6px;border-radius:3px;background:{color};width:{100.0 * part:.1f}%"></div></div></div>'
+        )
+
+
+LOOK = 0.2  # [s] between looks whether there is something new
+SHARE = 8.0  # new frames are put together after so many times as long as that took last time: most of the time is for computing
+
+
+class Stopped(Exception):
+    """Nobody wants to know the rest."""
+
+
+class Computing:
+    """Calls ``solve(observe)`` in a thread, which ends when it is left. ``run`` is the whole run in the end, ``error`` what went
+    wrong."""
+
+    def __init__(self, solve: Callable[[Callable[[Simulation, float], None]], Run], scene: Scene):
+        self._solve = solve
+        self.running = Running(scene, lambda: time.perf_counter() > self._due)
+        self._due = 0.0  # when new frames are put together again, by the clock
+        self._changed = threading.Condition()
+        self._shown = 0
+        self._over = self._left = False
+        self.run: Run | None = None
+        self.error: Exception | None = None
+        self._thread = threading.Thread(target=self._work, name="mechviz-computing", daemon=True)
+
+    def __enter__(self) -> Computing:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.stop()
+        self._thread.join(timeout=5.0)
+
+    def stop(self) -> None:
+        """Nobody wants to know the rest: the computing ends at its next step."""
+        self._left = True
+
+    @property
+    def duration(self) -> float:
+        """Of the whole motion [s]."""
+        return self.running.duration
+
+    def wait(self) -> bool:
+        """Until there is something new, or a moment; False when the computing has ended."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._over or self.running.sent > self._shown, LOOK)
+            return not self._over
+
+    def news(self) -> Run | None:
+        """All frames so far, None where there are no more than last time."""
+        if self.running.sent == self._shown:
+            return None
+        run = self.running.so_far()
+        self._shown = run.motion.frames
+        return run
+
+    def _observe(self, stretch: Simulation, duration: float) -> None:
+        if self._left:
+            raise Stopped
+        begun = time.perf_counter()
+        if self.running.take(stretch, duration) is not None:
+            now = time.perf_counter()
+            self._due = now + max(LOOK, SHARE * (now - begun))
+            with self._changed:
+                self._changed.notify_all()
+
+    def _work(self) -> None:
+        try:
+            self.run = self._solve(self._observe)
+        except Exception as error:
+            self.error = error
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()

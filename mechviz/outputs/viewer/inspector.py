@@ -1,0 +1,341 @@
+"""All panels of the page around the mechanism, and what happens when something in them or in the picture is used."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.browser import open_tab
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
+from mechviz.outputs.viewer.panels.controls import Controls
+from mechviz.outputs.viewer.panels.detail import Closer, items_of
+from mechviz.outputs.viewer.panels.diagrams import Diagrams
+from mechviz.outputs.viewer.panels.effects import EffectsTab
+from mechviz.outputs.viewer.panels.pivots import Pivots
+from mechviz.outputs.viewer.panels.plots import Plots
+from mechviz.outputs.viewer.panels.saving import Saver
+from mechviz.outputs.viewer.panels.switches import Switches
+from mechviz.outputs.viewer.panels.timeline import Timeline
+from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
+from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
+from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.server import report, send_now
+from mechviz.outputs.viewer.session import Contribution, Status, Studio
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.hover import HoverNames
+from mechviz.outputs.viewer.world.scene import Scene3D
+
+SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
+PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
+PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
+CLOSER = "Look closer"
+LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
+
+
+class Inspector:
+    """The panels: editing and switches on the left, plots on the right, the timeline below. ``studio`` is None where nothing can be
+    edited: of a recording that does not carry its scene.
+
+    ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        show: Show,
+        player: Player,
+        studio: Studio | None,
+        folder: Path,
+        callback: Callback,
+        playback: BrowserPlayback,
+        note: str = "",
+        edit: Any = None,
+    ):
+        self._server, self._player, self._studio = server, player, studio
+        self._lock = threading.RLock()
+        self._tracing = self._closed = False
+        self._slow, self._followed = 0.0, show
+        self._drew, self._plotted = 0.0, show
+        self.playback = playback
+        gui = server.gui
+        gui.main_panel.dock_left()
+        gui.main_panel.set_width(LEFT_WIDTH)
+        self.scene = Scene3D(
+            server, show, self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
+        )
+        gui.add_html(words.heading(show.title, show.teaches) + (words.hint(note) if note else ""))
+        if edit is not None:
+            self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
+            self.edit.on_click(callback("Opening the scene", lambda _: edit()))
+        self.saver = None
+        if studio is not None:
+            self.saver = Saver(server, lambda: studio.run, studio.source, folder, callback)
+        tabs = gui.add_tab_group()
+        self.controls: Controls | None = None
+        self.effects: EffectsTab | None = None
+        self.pivots: Pivots | None = None
+        self.accuracy: AccuracyTab | None = None
+        if studio is not None:
+            tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
+            with tab:
+                self.compare = gui.add_checkbox("Compare with the scene as opened", False)
+                self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
+            self.compare.on_update(callback("Comparing", lambda _: self._compare(bool(self.compare.value))))
+            self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
+            self.controls = Controls(server, tab, studio, callback)
+            self.pivots = Pivots(server, studio, callback)
+            self.effects = EffectsTab(server, tabs.add_tab("Effects", viser.Icon.SCALE), studio, callback)
+            self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), studio, callback)
+        view = tabs.add_tab("View", viser.Icon.EYE)
+        self.switches = Switches(server, view, self.scene, player, callback, self._changed, self._darken)
+        if studio is None:
+            with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
+                gui.add_markdown(show.notes)
+        with view, gui.add_folder("Legend"):
+            self._legend = gui.add_html("")
+        right = gui.add_panel()
+        self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
+        self.closer = Closer(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, callback, self._picked)
+        if studio is not None:
+            with self.closer.tab:
+                self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
+            self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
+        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, studio)
+        right.dock_right()
+        right.set_width(RIGHT_WIDTH)
+        self.timeline = Timeline(server, show, player, callback)
+        self.hover = HoverNames(server, show)
+        self.plots.changed = self._changed
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(playback.forget)
+        server.on_client_disconnect(self.diagrams.forget)
+        for client in server.get_clients().values():  # those that have seen something else so far
+            self.scene.cameras.follow(client)
+            self.scene.cameras.look(client, "front")
+        self._explain()
+
+    @property
+    def show(self) -> Show:
+        """What is shown now."""
+        return self.scene.current
+
+    def draw(self, frame: int, playing: bool) -> None:
+        """Bring the picture, the plots and the timeline to a frame. Runs in the player's thread."""
+        with self._lock:
+            frame = min(frame, self.show.frames - 1)
+            with self._server.atomic():
+                self.scene.show(frame)
+                self._panels(frame, playing)
+            self._server.flush()
+
+    def present(self, show: Show) -> None:
+        """Take another run of the same scene. The picture changes in one step and is sent first; plots and numbers come right
+        after it, or with the next run where that waits already."""
+        with self._lock:
+            self.playback.hold(True)
+            self._player.retime(show.time)
+            frame = min(self._player.frame, show.frames - 1)
+            with self._server.atomic():
+                self.scene.update(show)
+                if self.pivots is not None:
+                    self.pivots.update(show)
+                self.scene.show(frame)
+            send_now(self._server, PATIENCE)
+            hurried = self._studio is not None and self._studio.overtaken and show.frames == self._plotted.frames
+            if not hurried or time.perf_counter() - self._drew > PLOTS:
+                with self._server.atomic():
+                    self._plot(show, frame)
+                    if time.perf_counter() - self._slow > SLOW or show.frames != self._followed.frames:
+                        self._follow(show, frame)
+                    self._explain()
+                self._server.flush()
+            if self._player.aside:
+                self._player.refresh()
+
+    def _plot(self, show: Show, frame: int) -> None:
+        """Bring along plots and numbers."""
+        self._drew, self._plotted = time.perf_counter(), show
+        self.plots.update(show, frame)
+        self.timeline.place(show, frame)
+
+    def _follow(self, show: Show, frame: int) -> None:
+        """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
+        self._slow = time.perf_counter()
+        self._followed = show
+        self.closer.update(show, frame)
+        self.closer.show(frame, False)
+        self.diagrams.update(show, frame)
+        self.diagrams.show(frame, False)
+        self.timeline.update(show)
+        self.switches.update(show)
+        self.hover.update(show)
+        if self.effects is not None:
+            self.effects.update(show)
+
+    def tracks(self) -> Tracks | None:
+        """All that moves while the run is played; None where only the server can draw it."""
+        with self._lock:
+            scene = self.scene.tracks()
+            if scene is None:
+                return None
+            others = [*self.timeline.tracks(), *self.plots.tracks(), *self.closer.tracks()]
+            return Tracks(
+                self.show.time,
+                self.timeline.slider._impl.uuid,
+                *scene,
+                tuple(t for t in others if isinstance(t, NumberTrack)),
+                tuple(t for t in others if isinstance(t, PlotTrack)),
+                self.diagrams.seen._impl.uuid,
+            )
+
+    def glance(self, frame: int) -> None:
+        """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
+        if self.diagrams.watched:
+            with self._lock:
+                self.diagrams.show(min(frame, self.show.frames - 1), True)
+
+    def tell(self, status: Status) -> None:
+        """Say how an edit went."""
+        if self.controls is not None:
+            with self._lock:
+                self.controls.tell(status)
+                if status.fault and status.key not in self.controls.sliders:
+                    self._refuse(status)
+            self._server.flush()
+
+    def _refuse(self, status: Status) -> None:
+        """A switch that cannot be had goes back, and whichever tab it is in, the reason is told."""
+        self.diagrams.mirror(self.show)
+        if self.effects is not None:
+            self.effects.update(self.show)
+        why = f"{status.fault[:1].upper()}{status.fault[1:]}"
+        for client in self._server.get_clients().values():
+            client.add_notification("Not possible", why, color="red", auto_close_seconds=12.0)
+
+    def settle(self) -> None:
+        """Nothing has been edited for a while."""
+        with self._lock:
+            frame = min(self._player.frame, self.show.frames - 1)
+            with self._server.atomic():
+                if self._plotted is not self.show:
+                    self._plot(self.show, frame)
+                if self._followed is not self.show:
+                    self._follow(self.show, frame)
+            if self.accuracy is not None:
+                self.accuracy.update()  # its estimates take longer than the run itself
+            if self.controls is not None:
+                self.controls.settle()
+            if self.pivots is not None:
+                self.pivots.update(self.show)
+            self.scene.refit()
+            self.playback.hold(False)
+        self._server.flush()
+        if self._player.playing:
+            self._player.refresh()
+
+    def weighed(self, found: tuple[Contribution, ...]) -> None:
+        """Show what each effect contributes."""
+        if self.effects is not None:
+            with self._lock:
+                self.effects.weighed(found)
+
+    def close(self) -> None:
+        """Something else is to be shown to the browsers."""
+        self._closed = True
+        self.scene.cameras.close()
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        if not self._closed:
+            self.playback.greet(client, self._player.clock)
+
+    def _guarded(self, what: str, action: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+        """A reaction to a click of which a failure is told to who clicked."""
+
+        def guarded(item: Any, event: Any) -> None:
+            try:
+                action(item, event)
+            except Exception as error:
+                report(self._server, what, error, event.client)
+
+        return guarded
+
+    def _panels(self, frame: int, playing: bool) -> None:
+        self.timeline.show(frame, playing)
+        self.plots.show(frame, playing)
+        self.closer.show(frame, playing)
+        self.diagrams.show(frame, playing)
+
+    def _changed(self) -> None:
+        """What is drawn is another: say so in the legend, and draw it."""
+        self._explain()
+        self.playback.change()
+        self._player.refresh()
+
+    def _explain(self) -> None:
+        arrows, show = self.scene.arrows, self.show
+        shown = [f for f in arrows.families if arrows.is_on(f)]
+        names = [name.split(".", 1)[1] for name in show.paths]
+        content = words.legend(shown, names, show.scales, arrows.factor, show.size)
+        if content != self._legend.content:
+            self._legend.content = content
+            self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size))
+
+    def _compare(self, on: bool) -> None:
+        with self._lock:
+            self.scene.ghost.switch(on)
+        self.playback.change()
+        self._player.refresh()
+
+    def _handles(self, on: bool) -> None:
+        assert self.pivots is not None
+        with self._lock:
+            self.pivots.switch(on)
+
+    def _darken(self, dark: bool) -> None:
+        theme(self._server, dark)
+        self.scene.stage.darken(dark)
+
+    def _trace(self, on: bool) -> None:
+        self._tracing = on
+
+    def _picked(self, item: str) -> None:
+        """Mark what is looked at."""
+        self.playback.change()
+        kind, _, name = item.partition(" ")
+        self.scene.joints.pick([name] if kind in ("joint", "drive", "cam") else [])
+        self.scene.links.pick(name if kind == "link" else "")
+
+    def _clicked_link(self, link: str, event: Any) -> None:
+        if self._tracing and self._studio is not None:
+            spot = traced_at(self.show, link, self._player.frame, event.ray_origin, event.ray_direction)
+            self._studio.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
+            return
+        known = items_of(self.show)
+        cams = [j.name for j in self.show.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
+        item = f"cam {cams[0]}" if cams else f"link {link}"
+        if item in known:
+            self.closer.look_at(item)
+            open_tab(event.client, CLOSER)
+
+    def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
+        known = items_of(self.show)
+        for name in names:
+            for kind in ("cam", "joint", "drive"):
+                if f"{kind} {name}" in known:
+                    self.closer.look_at(f"{kind} {name}")
+                    open_tab(event.client, CLOSER)
+                    return
+
+
+def theme(server: viser.ViserServer, dark: bool) -> None:
+    """Colours of the page; no logo, no button that would share it."""
+    brand = (74, 136, 216) if dark else (34, 92, 160)  # read on its ground, and white is read on it
+    server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=brand, dark_mode=dark)

@@ -1,0 +1,1 @@
+"""The panels beside the 3D view, a module each."""

@@ -1,0 +1,131 @@
+"""The tab of accuracy: what the run says of its errors, what other settings would cost, and picking one applies it."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+from html import escape
+from typing import Any
+
+import viser
+
+from mechviz.accuracy.apply import in_use, setting_changes, target_changes
+from mechviz.accuracy.diagram import setting_words
+from mechviz.accuracy.ladder import Point, ladder, pareto
+from mechviz.outputs.rerun.describe import accuracy_words
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.session import Studio
+
+NOW = "as it is"
+WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
+DIALS = (  # that change what is shown
+    "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
+)  # fmt: skip
+SIZE = (276.0, 260.0)  # of a diagram [px]: as wide as the tab
+
+# A click on a setting in the diagram is told as if it had been chosen from the list, in the way of viser's own controls
+PICK = """const dot = event.target.closest('circle'), title = dot && dot.querySelector('title'), viser = window.__viserMutable;
+if (title && viser) {
+  const message = { type: 'GuiUpdateMessage', uuid: %s, updates: { value: title.textContent } };
+  viser.messageQueue.push(message);
+  viser.sendMessage(message);
+}"""
+
+
+class AccuracyTab:
+    """A wanted error, from which all dials follow; and a button that measures the scene's ladder beside everything else: a point of
+    its diagrams, or of the list, the quickest first, is applied."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+        self._studio = studio
+        self._points: tuple[Point, ...] = ()
+        self._named: dict[str, Point] = {}
+        self._measuring: threading.Thread | None = None
+        gui = server.gui
+        with tab:
+            self.errors = gui.add_html(self._said())
+            hint = "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other dials follow"
+            self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._wanted(), hint=hint)
+            button = gui.add_button("Measure what accuracy costs", hint="error against time for every dial; takes a while")
+            self.choice = gui.add_dropdown("Setting", (NOW,), hint="* nothing is quicker and more exact")
+            self.diagram = gui.add_html(words.hint("Error against time appears here; a click on a setting applies it."))
+        self.wanted.on_update(callback("Wanting an error", self._want))
+        button.on_click(callback("Measuring", lambda _: self.measure()))
+        self.choice.on_update(callback("Applying a setting", self._pick))
+
+    def update(self) -> None:
+        """What the present run says of itself; of a motion under forces that takes another one, so that it waits for measuring."""
+        if self._studio.run.simulation is None:
+            self.errors.content = self._said()
+        if self.wanted.value != self._wanted():
+            self.wanted.options = self._errors()
+            self.wanted.value = self._wanted()
+        if self._points:
+            points = self._marked(self._points)
+            if points != self._points:
+                self._points = points
+                self._draw()
+
+    def measure(self) -> None:
+        """Start measuring, unless that is going on."""
+        if self._measuring is None or not self._measuring.is_alive():
+            self._measuring = threading.Thread(target=self._measure, name="mechviz-accuracy", daemon=True)
+            self._measuring.start()
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Until what is measured is shown."""
+        if self._measuring is not None:
+            self._measuring.join(timeout)
+
+    def _measure(self) -> None:
+        run = self._studio.run
+        points = ladder(run.scene, run.accuracy.target, budget=0.02, only=DIALS)
+        named: dict[str, Point] = {}
+        for dial in dict.fromkeys(p.dial for p in points):
+            own = [p for p in points if p.dial == dial]
+            front = {id(p) for p in pareto(own)}
+            named |= {setting_words(p, id(p) in front): p for p in sorted(own, key=lambda p: p.seconds) if p.options}
+        self._points, self._named = self._marked(points), named
+        self._draw()
+        self.errors.content = self._said()
+        self.choice.options = (NOW, *named)
+
+    def _marked(self, points: list[Point] | tuple[Point, ...]) -> tuple[Point, ...]:
+        """The settings, with those in use told from the others."""
+        run = self._studio.run
+        return tuple(replace(p, current=in_use(run, p.dial, p.options)) for p in points)
+
+    def _draw(self) -> None:
+        from mechviz.accuracy.diagram import diagram
+
+        target = self._studio.run.accuracy.target
+        sheet = diagram(self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE)
+        code = escape(PICK % json.dumps(self.choice._impl.uuid), quote=True)
+        size = f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" style="max-width:100%;height:auto;cursor:pointer"'
+        self.diagram.content = f'<div onclick="{code}">{sheet.svg().replace("<svg ", f"<svg {size} ", 1)}</div>'
+
+    def _pick(self, _: Any) -> None:
+        point = self._named.get(str(self.choice.value))
+        if point is not None:
+            self._studio.heed_scene()
+            self._studio.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
+
+    def _wanted(self) -> str:
+        """The entry of the wanted error of the present run."""
+        target = self._studio.run.accuracy.target
+        return next((name for name, value in WANTED.items() if value == target), str(target))
+
+    def _errors(self) -> tuple[str, ...]:
+        """All entries, that of the present run among them."""
+        return tuple(dict.fromkeys((*WANTED, self._wanted())))
+
+    def _want(self, _: Any) -> None:
+        target = WANTED.get(str(self.wanted.value), self._studio.run.accuracy.target)
+        if target != self._studio.run.accuracy.target:
+            self._studio.heed_scene()
+            self._studio.change("accuracy", lambda draft: draft.changed(target_changes(target)))
+
+    def _said(self) -> str:
+        return "".join(words.hint(line) for line in accuracy_words(self._studio.run))

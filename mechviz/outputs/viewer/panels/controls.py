@@ -1,0 +1,162 @@
+"""The editor's controls: a slider for every number of the scene, a list for every choice, undo and redo, and what went wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import viser
+
+from mechviz.editor.parameters import GROUPS, Choice, Parameter, find_choices, find_parameters
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback, finite
+from mechviz.outputs.viewer.session import Status, Studio
+from mechviz.scene.scene import Scene
+
+OPEN_FIRST = ("Lengths", "Drive", "Cam")
+MOST_OPEN = 12  # controls in the folders that are open at the start
+SLOW = 0.25  # [s] between words about what goes well
+UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
+
+
+class Controls:
+    """The tab in which a scene is edited. ``update(scene)`` takes other values, ``tell(status)`` says how a change went."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+        self._gui, self._tab, self._studio, self._callback = server.gui, tab, studio, callback
+        self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}
+        self._parameters: dict[str, Parameter] = {}
+        self._choices: dict[str, Choice] = {}
+        self._folders: list[viser.GuiFolderHandle] = []
+        self._homes: dict[str, viser.GuiFolderHandle] = {}
+        self._note: viser.GuiHtmlHandle | None = None
+        self._faulty, self._said = False, 0.0  # whether a fault is told, and when something was said last
+        self._praised: Status | None = None
+        with tab:
+            self.steps = self._gui.add_button_group("Changes", (UNDO, REDO, RESET))
+            self.message = self._gui.add_html("")
+        self.steps.on_click(callback("Undoing", lambda _: self._step(self.steps.value)))
+        self._build(studio.run.scene)
+        self.tell(studio.status)
+
+    def update(self, scene: Scene) -> None:
+        """Take the values of a scene; where it has other values than before, other controls."""
+        parameters, choices = find_parameters(scene), find_choices(scene)
+        idle = {key for key in self._parameters if key.split(".")[1:2] and key.split(".")[1] in self._studio.history.present.idle}
+        known = [(p.key, p.unit) for p in self._parameters.values() if p.key not in idle]
+        same = [(p.key, p.unit) for p in parameters] == known and [(c.key, c.options) for c in choices] == [
+            (c.key, c.options) for c in self._choices.values() if c.key not in idle
+        ]
+        if not same:
+            self._build(scene)
+            return
+        for p in parameters:
+            slider = self.sliders[p.key]
+            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9):
+                self._widen(slider, p.value)
+                slider.value = p.value
+        for c in choices:
+            if self.lists[c.key].value != c.value:
+                self.lists[c.key].value = c.value
+
+    def tell(self, status: Status) -> None:
+        """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
+        undone, may concern any control."""
+        if not status.fault and status.key not in self.sliders:
+            self.update(self._studio.run.scene)
+        if self._note is not None:
+            with contextlib.suppress(RuntimeError):
+                self._note.remove()
+            self._note = None
+        p = self._parameters.get(status.key)
+        if not status.fault:
+            turned = self._praised is not None and status.swings != self._praised.swings
+            if self._faulty or turned or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
+                self._praise(status)
+            return
+        self._faulty = True
+        text = words.fault(status.fault, p, status.value, status.reach)
+        placed = p is not None and status.key in self._homes
+        self.message.content = words.fault("", p, status.value, status.reach) if placed else text
+        if placed:
+            with self._homes[status.key]:
+                self._note = self._gui.add_html(text, order=self.sliders[status.key].order + 1e-6)
+
+    def settle(self) -> None:
+        """Nothing is dragged any more: a value that could not be built goes back to the one that is shown."""
+        if self._studio.status.fault:
+            self.update(self._studio.run.scene)
+        elif self._praised is not self._studio.status:
+            self._praise(self._studio.status)
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _praise(self, status: Status) -> None:
+        """Say that all went well."""
+        self._faulty, self._praised, self._said = False, status, time.perf_counter()
+        history = self._studio.history
+        self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo, status.swings)
+
+    def _build(self, scene: Scene) -> None:
+        for folder in self._folders:
+            folder.remove()
+        self._folders, self._note = [], None
+        self.sliders, self.lists, self._homes = {}, {}, {}
+        self._parameters = {p.key: p for p in find_parameters(scene)}
+        self._choices = {c.key: c for c in find_choices(scene)}
+        opened = 0
+        for group in GROUPS:
+            members = [p for p in self._parameters.values() if p.group == group]
+            choices = [c for c in self._choices.values() if c.group == group]
+            if not members and not choices:
+                continue
+            expand = group in OPEN_FIRST and opened < MOST_OPEN
+            opened += len(members) if expand else 0
+            with self._tab, self._gui.add_folder(group, expand_by_default=expand) as folder:
+                self._folders.append(folder)
+                for p in members:
+                    self._add_slider(p, folder)
+                for c in choices:
+                    self._add_list(c)
+
+    def _add_slider(self, p: Parameter, folder: viser.GuiFolderHandle) -> None:
+        slider: Any = self._gui.add_slider(p.title, p.low, p.high, p.step, p.value, hint=f"{p.key} of the scene file")
+        slider.on_update(self._callback(f"Changing {p.label}", partial(self._moved, p.key)))
+        self.sliders[p.key] = slider
+        self._homes[p.key] = folder
+
+    def _add_list(self, c: Choice) -> None:
+        options = c.options if c.value in c.options else (c.value, *c.options)
+        chosen: Any = self._gui.add_dropdown(c.label, options, initial_value=c.value, hint=f"{c.key} of the scene file")
+        chosen.on_update(self._callback(f"Changing {c.label}", partial(self._chosen, c.key)))
+        self.lists[c.key] = chosen
+
+    def _moved(self, key: str, _: Any) -> None:
+        p, slider = self._parameters[key], self.sliders[key]
+        value = finite(slider.value, p.hard_low, p.hard_high, p.value)
+        if p.whole:
+            value = float(round(value))
+        self._widen(slider, value)
+        if value != slider.value:
+            slider.value = value
+        self._studio.move(p, value)
+
+    def _widen(self, slider: Any, value: float) -> None:
+        """A typed value may lie beyond the range of the slider, which then reaches as far."""
+        if value > slider.max:
+            slider.max = value
+        if value < slider.min:
+            slider.min = value
+
+    def _chosen(self, key: str, _: Any) -> None:
+        c, value = self._choices[key], self.lists[key].value
+        if value in c.options:
+            self._studio.change(c.key, lambda draft: draft.with_value(c.path, value))
+
+    def _step(self, name: str) -> None:
+        actions: dict[str, Callable[[], None]] = {UNDO: self._studio.undo, REDO: self._studio.redo, RESET: self._studio.reset}
+        if name in actions:
+            actions[name]()

@@ -1,0 +1,125 @@
+"""Looking closer at one link, joint or cam: its values at the present frame, its reactions, a plot, tracing of its points."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import viser
+
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.panels.plots import CURSOR_RATE, ROUND_OFF, Slot
+from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.quantities.catalogue import Axis, Quantity
+
+FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
+
+
+def items_of(show: Show) -> tuple[str, ...]:
+    """What can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
+    return tuple(dict.fromkeys(q.item for q in show.quantities if q.item and q.item != "health"))
+
+
+def members(show: Show, item: str) -> tuple[Quantity, ...]:
+    """The quantities of an item."""
+    return tuple(q for q in show.quantities if q.item == item)
+
+
+class Closer:
+    """A tab with the values of one item; ``look_at`` chooses it, as does a click on a solid or a joint.
+
+    ``picked(item)`` is called with what is looked at.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback, picked: Callable[[str], None]
+    ):
+        self._picked, self.tab = picked, tab
+        self._show = show
+        self._frame, self._moved = 0, 0.0
+        self._tables: dict[str, Any] = {}
+        items = items_of(show)
+        with tab:
+            server.gui.add_html(words.hint("Click on a link or a joint in the picture, or choose one here."))
+            self.choice = server.gui.add_dropdown("Look at", items, initial_value=items[0])
+            self._values = server.gui.add_html("")
+        self.choice.on_update(callback("Looking closer", lambda _: self.look_at(self.choice.value)))
+        self.item = items[0]
+        self.slot = Slot(server, tab, "Its plot", self._titles(), self._first(), self._axis())
+        self.slot.choice.on_update(callback("Changing the plot", lambda _: self._plot(self.slot.choice.value)))
+        self._read()
+        self.show(0, False)
+
+    def look_at(self, item: str) -> None:
+        """Show the values of an item; an unknown one changes nothing."""
+        if item in items_of(self._show):
+            self.item = item
+            self.slot.choice.options = self._titles()
+            self._plot(self._first().title)
+            self._read()
+            self._picked(item)
+        self.choice.value = self.item
+        self.show(self._frame, False)
+
+    def update(self, show: Show, frame: int) -> None:
+        """Take another run."""
+        before, self._show, self._frame = items_of(self._show), show, frame
+        if items_of(show) != before:
+            self.choice.options = items_of(show)
+            self.item = self.item if self.item in items_of(show) else items_of(show)[0]
+            self.choice.value = self.item
+        titles = self._titles()
+        kept = self.slot.quantity.title if self.slot.quantity.title in titles else self._first().title
+        self.slot.take(next(q for q in members(show, self.item) if q.title == kept), self._axis(), frame)
+        if tuple(self.slot.choice.options) != titles:
+            self.slot.choice.options = titles
+            self.slot.choice.value = kept
+        self._read()
+
+    def show(self, frame: int, playing: bool) -> None:
+        now = time.perf_counter()
+        if playing and now - self._moved < 1.0 / CURSOR_RATE:
+            return
+        self._frame, self._moved = frame, now
+        rows = []
+        for q, values, least in self._tables.values():
+            at = [0.0 if abs(v) <= least else float(v) for v in values[frame]]
+            rows.append((q.label.split(": ", 1)[1], q.curves, at, q.unit))
+        self._values.content = words.values(self.item, rows)
+        self.slot.show(frame)
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the numbers and the cursor of the plot move over the run."""
+        k = 0
+        for _, values, least in self._tables.values():
+            for column in values.T:
+                yield NumberTrack(f"closer:{k}", np.where(np.abs(column) <= least, 0.0, column))
+                k += 1
+        yield from self.slot.tracks()
+
+    def _read(self) -> None:
+        self._tables = {}
+        for q in members(self._show, self.item):
+            values = q.values()
+            least = ROUND_OFF * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+            self._tables[q.title] = q, values, least
+
+    def _titles(self) -> tuple[str, ...]:
+        return tuple(q.title for q in members(self._show, self.item))
+
+    def _axis(self) -> Axis:
+        return self._show.axes[0]
+
+    def _first(self) -> Quantity:
+        own = members(self._show, self.item)
+        return next((q for word in FIRST for q in own if q.label.endswith(f": {word}")), own[0])
+
+    def _plot(self, title: str) -> None:
+        chosen = next((q for q in members(self._show, self.item) if q.title == title), None)
+        if chosen is not None:
+            self.slot.plot(chosen, self._axis(), self._frame)
+        self.slot.choice.value = self.slot.quantity.title

@@ -1,0 +1,340 @@
+"""The tab of diagrams: velocity, acceleration and force plans, polygons, pole curves, paths, and one quantity against another, such
+as pressure against displacement. All move with the frame."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from html import escape
+from typing import Any, get_args
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechviz.outputs.rerun.diagrams import Curve as ChartCurve
+from mechviz.outputs.rerun.diagrams import Diagram as Chart
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
+from mechviz.outputs.viewer.session import Studio
+from mechviz.outputs.viewer.view_model import Rolling, Show
+from mechviz.outputs.viewer.world.constructions import on_light
+from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.picture.constructions import Drawing
+from mechviz.picture.overlays import FIXED, MOVING
+from mechviz.quantities.vectors import round_value
+from mechviz.scene.kinds.studies import PlanName
+
+Array = NDArray[np.complex128]
+Color = tuple[int, int, int]
+
+WIDTH, HEIGHT, ROOM = 330.0, 300.0, 26.0  # [px]
+FAR = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
+RATE = 12.0  # pictures a second while playing
+LEAST = 4.0  # [px] below which an arrow has no label
+HEAD = 8.0  # [px]
+ROOM_OF_LABELS = 3.0  # [px] from what they name
+NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for plans and pole curves below; click on points to trace them."
+PLANS = {
+    "velocity": "the images of the points, from a pole: what the method by hand draws",
+    "acceleration": "with the centripetal, tangential and Coriolis parts",
+    "force": "the closed polygon of the forces on each group; needs forces",
+}
+POLODES = "the fixed and the moving centrode: one rolls on the other"
+MOST_POLODES = 5  # links whose switches are seen at once
+NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve ``way`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,).
+
+    ``ride``: places and turns (F,) as complex numbers of the link on which the curve lies and with which it moves.
+    """
+
+    label: str
+    color: Color
+    way: Array
+    at: Array
+    ride: tuple[Array, Array] | None = None
+
+    def way_at(self, frame: int) -> Array:
+        """Where the curve lies at a frame."""
+        return self.way if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.way
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram:
+    """Something flat that moves: a drawing with arrows and points, or curves, in metres of a plane, one of which means
+    ``per_metre`` of ``unit``."""
+
+    title: str
+    bounds: NDArray[np.float64]  # (2, 2)
+    per_metre: float
+    unit: str
+    drawing: Drawing | None = None
+    curves: tuple[Curve, ...] = ()
+
+    @cached_property
+    def places(self) -> LabelPlaces:
+        """Where the labels of the drawing stand: beside each other, and where they were a moment ago."""
+        inks, marks = ((), ()) if self.drawing is None else (self.drawing.inks, self.drawing.marks)
+        sides, points = [i.label for i in inks if i.label], [m.label for m in marks]
+        return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
+
+
+def diagrams_of(show: Show) -> dict[str, Diagram | Chart]:
+    """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
+    found: dict[str, Diagram | Chart] = {}
+    for drawing in show.drawings().values():
+        title = drawing.title.split(":")[0]
+        curves: tuple[Curve, ...] = ()
+        if drawing.name == "shaking":
+            ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
+            curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
+        found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
+    for name, polodes in show.polodes().items():
+        title = f"Polodes of {name}"
+        found[title] = _polodes(show, polodes, title, name)
+    for name, xyz in show.paths.items():
+        z = xyz[:, 0] + 1j * xyz[:, 1]
+        title = f"Path of {name}"
+        found[title] = Diagram(title, _box([z]), 1e3, "mm", curves=(Curve(name, (32, 78, 138), z, z),))
+    found |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
+    return found
+
+
+def cam_charts(show: Show) -> list[Chart]:
+    """Pressure angle and curvature of the profile of every cam over the run."""
+    axis, found = show.axes[0], []
+    a_turn = axis.unit == "°" and bool(np.all((axis.values > -1e-6) & (axis.values < 360.0 + 1e-6)))
+    for q in show.quantities:
+        if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
+            item, what = q.label.split(": ", 1)
+            title = f"{what.capitalize()} [{q.unit}] of {item}"
+            curve = ChartCurve(item, axis.values, q.values()[:, 0])
+            found.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=360.0 if a_turn else None))
+    return found
+
+
+def _polodes(show: Show, polodes: Rolling, title: str, name: str) -> Diagram:
+    """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
+    pose, size = show.poses[name], show.size
+    fixed, moving = polodes.fixed, polodes.moving
+    low, high = (bound[0] + 1j * bound[1] for bound in show.bounds)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
+    from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
+    inside = (np.abs(from_middle.real) < half.real) & (np.abs(from_middle.imag) < half.imag)
+    # judged in the world, so that both are cut at the same frames: far out, and where they jump through infinity
+    jumps = np.append(np.abs(np.diff(np.where(inside, fixed, 0.0))) > 0.5 * size, False)
+    ride = pose[:, 0] + 1j * pose[:, 1], np.exp(1j * pose[:, 2])
+    ways = [np.where(inside & ~jumps, way, np.nan) for way in (fixed, moving)]
+    nowhere = np.full(len(pose), np.nan + 0j)
+    curves = (
+        Curve(name, (128, 136, 150), polodes.outline, nowhere, ride),
+        Curve("fixed polode", on_light(FIXED), ways[0], nowhere),
+        Curve("moving polode", on_light(MOVING), ways[1], np.where(inside, fixed, np.nan), ride),
+    )
+    some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
+    return Diagram(title, _box([ways[0], *(curves[0].way_at(int(k)) for k in some)]), 1e3, "mm", curves=curves)
+
+
+def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
+    """The picture of a diagram at a frame."""
+    if isinstance(diagram, Chart):
+        return chart_svg(diagram, frame)
+    low, high = diagram.bounds
+    extent = np.maximum(high - low, 1e-300)
+    scale = float(min((WIDTH - 2 * ROOM) / extent[0], (HEIGHT - 2 * ROOM) / extent[1]))
+    middle = complex(*(0.5 * (low + high)))
+
+    def at(z: Array | complex) -> Any:
+        return (np.asarray(z) - middle) * scale
+
+    def place(z: complex) -> tuple[float, float]:
+        return WIDTH / 2.0 + z.real, HEIGHT / 2.0 - z.imag
+
+    parts = []
+    for k, curve in enumerate(diagram.curves):
+        way = at(_fewer(curve.way_at(frame)))
+        for strip in np.split(way, np.flatnonzero(~np.isfinite(way))):
+            spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
+            parts.append(f'<polyline points="{spots}" fill="none" stroke="{_hex(curve.color)}" stroke-width="1.5" opacity="0.75"/>')
+        if len(diagram.curves) > 1:
+            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, _hex(curve.color), "end"))
+        now = complex(at(curve.at[frame]))
+        if np.isfinite(now):
+            x, y = place(now)
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{_hex(curve.color)}"/>')
+    if diagram.drawing is not None:
+        inks, marks = diagram.drawing.inks, diagram.drawing.marks
+        starts = at(np.array([ink.start[frame] for ink in inks], complex))
+        vectors = np.asarray(scale * np.array([ink.vector[frame] for ink in inks], complex), complex)
+        for ink, start, vector in zip(inks, starts, vectors, strict=True):
+            if np.isfinite(start + vector):
+                width = 1.2 if ink.fine else 2.0
+                parts.append(_arrow(place(start), place(start + vector), _hex(on_light(ink.color)), ink.plain, width))
+        named = [k for k, ink in enumerate(inks) if ink.label]
+        long: Array = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
+        spots = at(np.array([mark.at[frame] for mark in marks], complex))
+        texts = [inks[k].label for k in named], [mark.label for mark in marks]
+        for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
+            parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
+    parts.append(_scale_bar(diagram, scale))
+    return (
+        f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
+        f'style="display:block;width:100%;max-height:{HEIGHT:g}px;overflow:hidden">{"".join(parts)}</svg>'
+    )
+
+
+class Diagrams:
+    """A tab with one diagram at a time; ``show`` moves it, ``update`` takes another run.
+
+    While the browsers play by themselves, a diagram is the only thing that the server still draws: for those that have said,
+    through the hidden box ``seen``, that their tab is open (see playback.js), and for nobody else.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback, studio: Studio | None = None
+    ):
+        self._moved = 0.0
+        self._frame, self._wanted = 0, False
+        self._found, self._solved = diagrams_of(show), show.run is not None
+        self._studio = studio
+        self.asked: dict[tuple[str, str], viser.GuiCheckboxHandle] = {}
+        gui = server.gui
+        with tab:
+            self.choice = gui.add_dropdown("Diagram", tuple(self._found) or ("none",))
+            self._picture = gui.add_html("")
+            self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
+            if studio is not None and show.run is not None:
+                with gui.add_folder("Construct"):
+                    for name in get_args(PlanName):
+                        self.asked["plans", name] = gui.add_checkbox(f"{name.capitalize()} plan", False, hint=PLANS.get(name))
+                with gui.add_folder("Pole curves", expand_by_default=len(show.poses) <= MOST_POLODES):
+                    for link in show.poses:
+                        if link != show.frame:
+                            self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=POLODES)
+        self.mirror(show)
+        for (key, name), box in self.asked.items():
+            box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
+        self._watchers: set[int] = set()
+        self.seen.on_update(callback("Watching a diagram", self._watch))
+        self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
+        self.show(0, False)
+
+    def update(self, show: Show, frame: int) -> None:
+        """Take another run."""
+        before = tuple(self._found)
+        self._found = diagrams_of(show)
+        self.mirror(show)
+        if tuple(self._found) != before:
+            kept = self.choice.value
+            self.choice.options = tuple(self._found) or ("none",)
+            new = [title for title in self._found if title not in before]
+            if self._wanted and new:
+                self.choice.value = new[0]  # what was asked for is what is looked at
+            elif kept in self._found:
+                self.choice.value = kept
+            self._wanted = False
+
+    def mirror(self, show: Show) -> None:
+        """Take the switches of what is shown: one that could not be had goes back."""
+        if show.run is None:
+            return
+        for (key, name), box in self.asked.items():
+            on = name in getattr(show.run.scene.document, key)
+            if box.value != on:
+                box.value = on
+
+    def _ask(self, key: str, name: str, _: Any) -> None:
+        assert self._studio is not None
+        on = bool(self.asked[key, name].value)
+        self._wanted = on
+        self._studio.change(f"{key} {name}", lambda draft: draft.with_named(key, name, on))
+
+    @property
+    def watched(self) -> bool:
+        """Whether a browser that plays by itself has the tab open."""
+        return bool(self._watchers)
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """A browser has gone."""
+        self._watchers.discard(client.client_id)
+
+    def _watch(self, event: Any) -> None:
+        if self.seen.value:
+            self._watchers.add(event.client.client_id)
+        else:
+            self._watchers.discard(event.client.client_id)
+
+    def show(self, frame: int, playing: bool) -> None:
+        now = time.perf_counter()
+        if playing and now - self._moved < 1.0 / RATE:
+            return
+        self._frame, self._moved = frame, now
+        diagram = self._found.get(self.choice.value)
+        if diagram is None:
+            content = words.hint(NONE_OF_A_RUN if self._solved else NONE_OF_A_RECORDING)
+        else:
+            content = f'<div class="mechviz-diagram">{diagram_svg(diagram, frame)}</div>'
+        if content != self._picture.content:
+            self._picture.content = content
+
+
+def _scale_bar(diagram: Diagram, scale: float) -> str:
+    """A line of a round value, about a quarter of the picture long, with ``scale`` pixels a metre."""
+    if not (diagram.per_metre > 0.0 and np.isfinite(diagram.per_metre)):
+        return ""
+    value = round_value(0.3 * WIDTH / scale * diagram.per_metre)
+    long, y = value / diagram.per_metre * scale, HEIGHT - 9.0
+    line = f'<path d="M8,{y - 4} v8 M8,{y} h{long:.1f} m0,-4 v8" stroke="currentColor" fill="none" stroke-width="1.2"/>'
+    text = f"{words.number(value)} {diagram.unit}"
+    return f'{line}<text x="{14 + long:.1f}" y="{y + 3.5}" font-size="11" fill="currentColor">{escape(text)}</text>'
+
+
+def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, plain: bool, width: float) -> str:
+    (x0, y0), (x1, y1) = start, end
+    line = f'<path d="M{x0:.1f},{y0:.1f} L{x1:.1f},{y1:.1f}" stroke="{color}" stroke-width="{width}"/>'
+    along = complex(x1 - x0, y1 - y0)
+    if plain or abs(along) < 2.0:
+        return line
+    back = -min(HEAD, abs(along) / 2.0) * along / abs(along)
+    tips = [complex(x1, y1) + back * np.exp(sign * 0.36j) for sign in (1.0, -1.0)]
+    spots = " ".join(f"{z.real:.1f},{z.imag:.1f}" for z in (complex(x1, y1), *tips))
+    return f'{line}<polygon points="{spots}" fill="{color}"/>'
+
+
+def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:
+    return svg_text(*at, _written(text), 11, anchor=anchor, color=color)
+
+
+def _written(label: str) -> str:
+    """``a_CBⁿ`` with CB below the line, as it is written by hand."""
+    found = re.fullmatch(r"([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
+    if found is None:
+        return escape(label)
+    letter, below, above = (escape(part) for part in found.groups())
+    return f'{letter}<tspan dy="3" font-size="8.5">{below}</tspan>' + (f'<tspan dy="-3">{above}</tspan>' if above else "")
+
+
+def _hex(color: Color) -> str:
+    return "#" + "".join(f"{c:02x}" for c in color)
+
+
+def _fewer(z: Array, most: int = 400) -> Array:
+    return z if len(z) <= most else z[np.linspace(0, len(z) - 1, most).round().astype(int)]
+
+
+def _box(ways: Sequence[Array]) -> NDArray[np.float64]:
+    z = np.concatenate(ways) if ways else np.zeros(1, complex)
+    z = z[np.isfinite(z)]
+    if not len(z):
+        return np.array([[0.0, 0.0], [1.0, 1.0]])
+    box = np.array([[z.real.min(), z.imag.min()], [z.real.max(), z.imag.max()]])
+    least = 1e-6 + 0.02 * float(np.max(box[1] - box[0]))
+    return np.array([box[0] - least, box[1] + least])

@@ -1,0 +1,241 @@
+"""The tab of effects: each on or off, what it changes in the peak of the driving effort, what it costs; and the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from itertools import pairwise
+from typing import Any
+
+import viser
+
+from mechcore.effects.plan import Plan
+from mechcore.effects.registry import effects_of
+from mechcore.spec.mechanism import EFFECTS, Mechanism
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.outputs.viewer.panels.charts import svg_text
+from mechviz.outputs.viewer.session import Contribution, Studio
+from mechviz.outputs.viewer.view_model import Show
+
+MOTION = ("motion under forces", "positions", "velocities", "accelerations")
+REACTIONS, ENERGY, HEALTH = "reactions and drive efforts", "energy and power balance", "closure and condition"
+MOST = 8  # effects and loads that have a box of their own; the rest share one
+
+WIDTH, ROW, GAP = 276.0, 25.0, 7.0  # [px]
+COLUMNS = ((1.0, 86.0), (106.0, 76.0), (201.0, 74.0))  # left edges and widths
+LETTERS = (15, 13, 13)  # in a line of a box
+
+
+@dataclass(frozen=True)
+class Box:
+    """A stage of the plan in a column (0: effects and loads, 1: quantities, 2: outputs); ``why`` it is computed or left out."""
+
+    name: str
+    label: str
+    column: int
+    on: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class PlanGraph:
+    """Boxes, and arrows between them by name: the first calls for the second, or the second follows from the first."""
+
+    boxes: tuple[Box, ...]
+    arrows: tuple[tuple[str, str], ...]
+
+
+def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
+    """What calls for what. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
+    why = {step.name: step.why for step in (*plan.computed, *plan.skipped)}
+    computed = {step.name for step in plan.computed}
+    boxes: list[Box] = []
+    arrows: list[tuple[str, str]] = []
+
+    def box(names: Iterable[str], label: str, column: int) -> str:
+        parts = [name for name in names if name in why]
+        on = any(name in computed for name in parts)
+        boxes.append(Box(parts[0], label, column, on, "; ".join(dict.fromkeys(why[name] for name in parts))))
+        return parts[0]
+
+    named = len(mechanism.effects)  # those come first, then the loads
+    needs = {f"{'effect' if k < named else 'load'} {e.name}": e.needs for k, e in enumerate(effects_of(mechanism))}
+    forces = [name for name in why if name.startswith(("effect ", "load "))]
+    # from top to bottom as the quantities are, so that few arrows cross; what is left out comes last
+    level = {name: max((k for k, q in enumerate(MOTION) if q in needs.get(name, ())), default=0) for name in forces}
+    forces.sort(key=lambda name: (name not in computed, level[name]))
+    shown, rest = (forces, []) if len(forces) <= MOST else (forces[: MOST - 1], forces[MOST - 1 :])
+    groups = [[name] for name in shown] + ([rest] if rest else [])
+    for names in groups:
+        label = names[0].split(" ", 1)[1] if len(names) == 1 else f"{len(names)} more"
+        source = box(names, label, 0)
+        needed = {n for name in names if name in computed for n in needs.get(name, ())}
+        for quantity in reversed(MOTION):
+            if quantity in needed and quantity in computed:
+                arrows.append((source, quantity))
+                break
+        if "reactions" in needed:  # found together with them
+            arrows.append((source, REACTIONS))
+
+    quantities = [box([name], name, 1) for name in MOTION if name in why]
+    moving = [name for name in quantities if name in computed]
+    arrows += list(pairwise(moving))
+    box([HEALTH], HEALTH, 2)
+    if HEALTH in computed:
+        arrows.append(("positions", HEALTH))
+    others = [name for name in why if name not in {*MOTION, REACTIONS, ENERGY, HEALTH} and name not in forces]
+    answers = [name for name in others if name.startswith("answer ")]
+    for names, label in ((answers, "answer"), ([name for name in others if name not in answers], "diagram")):
+        if names:
+            kind, _, own = names[0].partition(" ")
+            single = f"{own} plan" if kind == "plan" else (own or kind).replace("_", " ")
+            several = f"{len(names)} {label}s" if len(names) > 1 else single
+            source = box(names, several, 2)
+            if source in computed and "velocities" in computed:
+                arrows.append(("velocities", source))
+    box([REACTIONS], REACTIONS, 2)
+    box([ENERGY], ENERGY, 2)
+    if REACTIONS in computed:
+        called = [n for name in forces if name in computed for n in needs.get(name, ())]
+        arrows.append((next((q for q in reversed(moving) if q in called), "positions"), REACTIONS))
+    if ENERGY in computed:
+        arrows.append((REACTIONS, ENERGY))
+    return PlanGraph(tuple(boxes), tuple(dict.fromkeys(arrows)))
+
+
+def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
+    """The picture of a plan: what is computed in full lines, what is left out dashed, the reasons where the pointer rests."""
+    graph = plan_graph(mechanism, plan)
+    columns = [[b for b in graph.boxes if b.column == c] for c in range(3)]
+    rows = max(len(column) for column in columns)
+    height = 18.0 + rows * (ROW + GAP) + 4.0
+    places: dict[str, tuple[float, float, float]] = {}  # left, top, width
+    parts = []
+    for (left, width), column, head in zip(COLUMNS, columns, ("effects, loads", "quantities", "outputs"), strict=True):
+        parts.append(_text(left + width / 2.0, 10.0, head, 'opacity="0.6"'))
+        step = (rows * (ROW + GAP)) / max(len(column), 1)
+        for k, b in enumerate(column):
+            places[b.name] = left, 18.0 + step * k + (step - ROW - GAP) / 2.0, width
+    for start, end in graph.arrows:
+        parts.append(_arrow(places[start], places[end], height - 3.0))
+    for b in graph.boxes:
+        left, top, width = places[b.name]
+        look = (
+            'fill="rgba(34,92,160,0.13)" stroke="#3b78be"' if b.on else 'fill="none" stroke="currentColor" stroke-dasharray="3 3"'
+        )
+        lines = _wrapped(b.label, LETTERS[b.column])
+        words = "".join(
+            _text(left + width / 2.0, top + ROW / 2.0 + 10.5 * (k - (len(lines) - 1) / 2.0), line) for k, line in enumerate(lines)
+        )
+        parts.append(
+            f'<g opacity="{1 if b.on else 0.55}" data-on="{int(b.on)}"><title>{escape(f"{b.label}: {b.why}")}</title>'
+            f'<rect x="{left:g}" y="{top:.1f}" width="{width:g}" height="{ROW:g}" rx="4" {look}/>{words}</g>'
+        )
+    told = f"{sum(b.on for b in graph.boxes)} of {len(graph.boxes)} stages are computed"
+    return (
+        f'<div style="padding:0.1em 0.5em 0.3em"><svg role="img" aria-label="Analysis plan: {told}" '
+        f'viewBox="0 0 {WIDTH:g} {height:g}" style="display:block;width:100%">{"".join(parts)}</svg></div>'
+    )
+
+
+def _arrow(start: tuple[float, float, float], end: tuple[float, float, float], below: float) -> str:
+    """From box to box: from the right to the left side, within a column downwards, past a column ``below`` all boxes."""
+    x0, y0, w0 = start
+    x1, y1, w1 = end
+    if abs(x0 - x1) < 1.0:
+        a, b = (x0 + w0 / 2.0, y0 + ROW), (x1 + w1 / 2.0, y1)
+        way = f"M{a[0]:.1f},{a[1]:.1f} V{b[1] - 3:.1f}"
+        tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 3:.1f},{b[1] - 5:.1f} L{b[0] + 3:.1f},{b[1] - 5:.1f} Z"
+    elif x1 - x0 > COLUMNS[1][0] + COLUMNS[1][1]:
+        a, b = (x0 + w0, y0 + ROW / 2.0 + 5.0), (x1, y1 + ROW / 2.0 + 5.0)
+        way = f"M{a[0]:.1f},{a[1]:.1f} h6 V{below:.1f} H{b[0] - 10:.1f} V{b[1]:.1f} H{b[0] - 3:.1f}"
+        tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"
+    else:
+        a, b = (x0 + w0, y0 + ROW / 2.0), (x1, y1 + ROW / 2.0)
+        bend = 0.5 * (b[0] - a[0])
+        way = f"M{a[0]:.1f},{a[1]:.1f} C{a[0] + bend:.1f},{a[1]:.1f} {b[0] - bend:.1f},{b[1]:.1f} {b[0] - 3:.1f},{b[1]:.1f}"
+        tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"
+    return f'<path d="{way}" fill="none" stroke="currentColor" opacity="0.55"/><path d="{tip}" fill="currentColor" opacity="0.7"/>'
+
+
+def _wrapped(text: str, letters: int) -> list[str]:
+    """A label in at most two lines; what does not fit is cut."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if len(longer) <= letters or not lines[-1]:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    lines = [*lines[:1], " ".join(lines[1:])] if len(lines) > 2 else lines
+    return [line if len(line) <= letters + 1 else f"{line[:letters]}…" for line in lines]
+
+
+def _text(x: float, y: float, text: str, more: str = "") -> str:
+    return svg_text(x, y, escape(text), 9.5, look=more)
+
+
+class EffectsTab:
+    """A checkbox for every effect and load; ``weighed`` shows what they contribute, ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+        gui = server.gui
+        self._studio = studio
+        self.effects: dict[str, viser.GuiCheckboxHandle] = {}
+        self.loads: dict[str, viser.GuiCheckboxHandle] = {}
+        with tab:
+            with gui.add_folder("Effects"):
+                for name, meaning in EFFECTS.items():
+                    box = gui.add_checkbox(name, name in studio.run.scene.effects, hint=meaning)
+                    box.on_update(callback(f"Switching {name}", partial(self._switch_effect, name)))
+                    self.effects[name] = box
+            loads = list(studio.history.present.document.loads)
+            if loads:
+                with gui.add_folder("Loads"):
+                    for name in loads:
+                        box = gui.add_checkbox(name, name not in studio.history.present.idle)
+                        box.on_update(callback(f"Switching {name}", partial(self._switch_load, name)))
+                        self.loads[name] = box
+            self.table = gui.add_html(words.hint("What each effect contributes is found when the mechanism rests."))
+            weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
+            weigh.on_click(callback("Weighing the effects", lambda _: studio.weigh(asked=True)))
+            with gui.add_folder("What was computed"):
+                self.diagram = gui.add_html(self._diagram(studio.show))
+                self.plan = gui.add_html(studio.show.notes)
+
+    def update(self, show: Show) -> None:
+        """Take the switches and the plan of another run."""
+        assert show.run is not None
+        for name, box in self.effects.items():
+            if box.value != (name in show.run.scene.effects):
+                box.value = name in show.run.scene.effects
+        for name, box in self.loads.items():
+            if box.value != (name in show.run.scene.document.loads):
+                box.value = name in show.run.scene.document.loads
+        diagram = self._diagram(show)
+        if self.diagram.content != diagram:
+            self.diagram.content = diagram
+        if self.plan.content != show.notes:
+            self.plan.content = show.notes
+
+    @staticmethod
+    def _diagram(show: Show) -> str:
+        assert show.run is not None
+        return plan_svg(show.run.motion.mechanism, show.run.plan)
+
+    def weighed(self, found: tuple[Contribution, ...]) -> None:
+        """Show what each effect contributes."""
+        drives = self._studio.show.drives
+        effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
+        self.table.content = words.contributions(found, effort)
+
+    def _switch_effect(self, name: str, _: Any) -> None:
+        on = bool(self.effects[name].value)
+        self._studio.change(f"effect {name}", lambda draft: draft.with_effect(name, on))
+
+    def _switch_load(self, name: str, _: Any) -> None:
+        on = bool(self.loads[name].value)
+        self._studio.change(f"load {name}", lambda draft: draft.with_load(name, on))

@@ -1,0 +1,285 @@
+"""Plots of chosen quantities against the drive or time, each with a cursor that moves with the mechanism."""
+
+from __future__ import annotations
+
+import html
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import uplot
+
+from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.words import number
+from mechviz.quantities.catalogue import Axis, Quantity
+
+Real = NDArray[np.float64]
+
+# From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
+# 270 pixels wide
+MOST_POINTS = 900
+FILLED = 0.5  # of the range that curves fill at least, for it to stay
+
+
+def thinned(values: Real, most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal stretches."""
+    frames, curves = values.shape
+    if frames <= most:
+        return np.arange(frames)
+    stretches = np.array_split(np.arange(frames), max(1, most // (2 * curves)))
+    filled = np.where(np.isfinite(values), values, 0.0)
+    chosen = [np.array([0, frames - 1])]
+    for stretch in stretches:
+        part = filled[stretch]
+        chosen.append(stretch[0] + np.concatenate([part.argmin(axis=0), part.argmax(axis=0)]))
+    return np.unique(np.concatenate(chosen))
+
+
+def padded_range(values: Real) -> tuple[float, float]:
+    """A range of the vertical axis with some room around all finite values."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    room = 0.06 * (high - low)
+    if room <= 1e-12 * max(abs(low), abs(high)):
+        room = max(0.1 * abs(low), 1e-12 if low else 1.0)  # a constant lies in the middle
+    return low - room, high + room
+
+
+class Curves:
+    """Curves ``y`` (F, k) over ``x`` (F,) as arrays for a plot, with a vertical line at one frame as the last of them.
+
+    The line needs two points at the same x. They are put in between the points of the curves, which pass through them.
+    """
+
+    def __init__(self, x: Real, y: Real):
+        order = np.arange(len(x)) if len(x) == 0 or x[-1] >= x[0] else np.arange(len(x))[::-1]  # plots want rising x
+        kept = order[np.isin(order, thinned(y))]
+        self._x, self._y = np.asarray(x, float), np.where(np.isfinite(y), y, np.nan)
+        self._shown_x, self._shown_y = self._x[kept], self._y[kept]
+        self.range = padded_range(self._y)
+
+    def keep_range(self, old: tuple[float, float]) -> None:
+        """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
+        change all the time tell nothing."""
+        low, high = self.range
+        if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
+            self.range = old
+
+    def track(self, uuid: str) -> PlotTrack:
+        """How the line moves through the plot ``uuid`` over the frames."""
+        return PlotTrack(uuid, self._shown_x, self._shown_y, self._x, self._y, self.range)
+
+    def at(self, frame: int) -> tuple[Real, ...]:
+        """x, the curves and the cursor line, each (n + 2,), the cursor at ``frame``."""
+        now = self._x[frame]
+        k = int(np.searchsorted(self._shown_x, now))
+        x = np.insert(self._shown_x, [k, k], now)
+        y = np.insert(self._shown_y, [k, k], self._y[frame], axis=0)
+        cursor = np.full(len(x), np.nan)
+        cursor[k : k + 2] = self.range
+        return x, *np.ascontiguousarray(y.T), cursor
+
+
+HEIGHT = 164  # [px]
+COLORS = ("#2563c9", "#d97706", "#0f8a5f")
+ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a")  # their names and values on a dark page
+ROUND_OFF = 1e-9  # of a quantity's largest value
+CURSOR = "#c2255c"
+CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
+ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
+
+Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
+
+
+class Plots:
+    """A column of plots in a tab; ``show`` moves their cursors, ``update`` takes the curves of another run."""
+
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
+        gui = server.gui
+        self._lock = threading.RLock()
+        self._frame, self._moved = 0, 0.0
+        self._quantities = {q.title: q for q in show.quantities}
+        self._axes = {a.title: a for a in show.axes}
+        titles = tuple(self._axes)
+        with tab:
+            self._against = gui.add_dropdown("Plot against", titles, initial_value=titles[0])
+        self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
+        self._axis: Axis = self._axes[titles[0]]
+        self.slots = [
+            Slot(server, tab, f"Plot {k + 1}", tuple(self._quantities), quantity, self._axis)
+            for k, quantity in enumerate(show.first)
+        ]
+        for slot in self.slots:
+            self._listen(slot, callback)
+        self.changed: Callable[[], None] = lambda: None
+        self.show(0, playing=False)
+
+    def update(self, show: Show, frame: int) -> None:
+        """Draw the same quantities of another run, as far as they are there."""
+        with self._lock:
+            self._frame = frame
+            titles = tuple(self._quantities)
+            self._quantities = {q.title: q for q in show.quantities}
+            self._axes = {a.title: a for a in show.axes}
+            if self._axis.title not in self._axes:
+                self._against.options = tuple(self._axes)
+            self._axis = self._axes.get(self._axis.title, show.axes[0])
+            changed = titles != tuple(self._quantities)
+            spare = [q for q in show.first if q.title not in {s.quantity.title for s in self.slots}]
+            for slot in self.slots:
+                quantity = self._quantities.get(slot.quantity.title)
+                if quantity is None:
+                    quantity = spare.pop(0) if spare else show.quantities[0]
+                slot.take(quantity, self._axis, frame)
+                if changed:
+                    slot.choice.options = tuple(self._quantities)
+                    slot.choice.value = slot.quantity.title
+
+    def _listen(self, slot: Slot, callback: Callback) -> None:
+        slot.choice.on_update(callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
+
+    def choose_axis(self, title: str) -> None:
+        """Plot against the drive or time; an unknown title changes nothing."""
+        with self._lock:
+            self._axis = self._axes.get(title, self._axis)
+            self._against.value = self._axis.title
+            for slot in self.slots:
+                slot.plot(slot.quantity, self._axis, self._frame)
+        self.changed()
+
+    def choose(self, slot: Slot, title: str) -> None:
+        """Plot another quantity; an unknown title changes nothing."""
+        with self._lock:
+            if title in self._quantities:
+                slot.plot(self._quantities[title], self._axis, self._frame)
+            slot.choice.value = slot.quantity.title
+        self.changed()
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the cursors and the numbers above the plots move over the run."""
+        with self._lock:
+            for slot in self.slots:
+                yield from slot.tracks()
+
+    def open(self, title: str) -> None:
+        """Plot a quantity in the first place."""
+        self.choose(self.slots[0], title)
+
+    def show(self, frame: int, playing: bool) -> None:
+        with self._lock:
+            now = time.perf_counter()
+            if playing and now - self._moved < 1.0 / CURSOR_RATE:
+                return
+            self._frame, self._moved = frame, now
+            for slot in self.slots:
+                slot.show(frame)
+
+
+class Slot:
+    """One plot with the choice of its quantity and the values at the present frame."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        label: str,
+        titles: tuple[str, ...],
+        quantity: Quantity,
+        axis: Axis,
+    ):
+        self._gui, self._tab, self._label = server.gui, tab, label
+        with tab:
+            self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
+            self._readout = self._gui.add_html("")
+        self._order: float | None = None
+        self.chart: viser.GuiUplotHandle | None = None
+        self.plot(quantity, axis, 0)
+
+    def plot(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+        """Draw a quantity. A new plot takes the old one's place: data, curves and axes cannot be exchanged in one step."""
+        self._read(quantity, axis)
+        series: list[Any] = [uplot.Series(label=axis.title)]
+        for name, color in zip(quantity.curves, COLORS, strict=False):
+            series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
+        series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
+        data = self._curves.at(frame)
+        fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
+        horizontal: Any = uplot.Axis(label=axis.title, size=34, labelGap=-2, **fonts)
+        if axis.unit == "°":
+            horizontal["incrs"] = ANGLE_STEPS
+        unit = "degrees" if quantity.unit == "°" else quantity.unit
+        vertical: Any = uplot.Axis(label=unit, size=52, space=24, **fonts)
+        if self.chart is not None:
+            self._order = self.chart.order
+            self.chart.remove()
+        with self._tab:
+            self.chart = self._gui.add_uplot(
+                data,
+                tuple(series),
+                scales=self._scales(),
+                axes=(horizontal, vertical),
+                legend=uplot.Legend(show=False),
+                height=HEIGHT,
+                padding=(8, 14, 0, 0),
+                order=self._order,
+            )
+        self._ends = (axis.values[0], axis.values[-1])
+        self.show(frame)
+
+    def take(self, quantity: Quantity, axis: Axis, frame: int) -> None:
+        """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
+        if (quantity.title, quantity.curves, axis.title) != (self.quantity.title, self.quantity.curves, self._axis.title):
+            self.plot(quantity, axis, frame)
+            return
+        before = self._curves
+        self._read(quantity, axis)
+        self._curves.keep_range(before.range)
+        if self._curves.range != before.range or (axis.values[0], axis.values[-1]) != self._ends:
+            assert self.chart is not None
+            self.chart.scales = self._scales()
+        self._ends = (axis.values[0], axis.values[-1])
+        self.show(frame)
+
+    def _read(self, quantity: Quantity, axis: Axis) -> None:
+        self.quantity, self._axis = quantity, axis
+        self._values = quantity.values()
+        self._curves = Curves(axis.values, self._values)
+        self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
+
+    def _scales(self) -> dict[str, Any]:
+        ends = sorted((float(self._axis.values[0]), float(self._axis.values[-1])))
+        return {"x": uplot.Scale(time=False, range=(ends[0], ends[1])), "y": uplot.Scale(range=self._curves.range)}
+
+    def show(self, frame: int) -> None:
+        """Move the cursor to a frame and say the values there."""
+        assert self.chart is not None
+        self.chart.data = self._curves.at(frame)
+        unit = html.escape(self.quantity.unit)
+        values = [number(self._rounded(value)) for value in self._values[frame]]
+        parts = [
+            f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
+            f'<span data-mv="{html.escape(self._label)}:{k}">{value} {unit}</span></span>'
+            for k, (name, color, dark, value) in enumerate(zip(self.quantity.curves, COLORS, ON_DARK, values, strict=False))
+        ]
+        self._readout.content = (
+            '<div style="display:flex;gap:1em;padding:0 0.9em 0.2em;font-size:0.8em;font-variant-numeric:tabular-nums">'
+            + "".join(parts)
+            + "</div>"
+        )
+
+    def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
+        """How the cursor and the numbers move over the run."""
+        assert self.chart is not None
+        yield self._curves.track(self.chart._impl.uuid)
+        for k in range(len(self.quantity.curves)):
+            values = np.where(np.abs(self._values[:, k]) <= self._least, 0.0, self._values[:, k])
+            yield NumberTrack(f"{self._label}:{k}", values, None, f" {self.quantity.unit}")
+
+    def _rounded(self, value: float) -> float:
+        """Zero for what is only the round-off of a quantity."""
+        return 0.0 if abs(value) <= self._least else float(value)

@@ -1,0 +1,102 @@
+"""Saving from the browser: the scene as a file, the run as a recording; nothing is overwritten without being told to."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from mechviz.outputs.viewer.callbacks import Callback
+from mechviz.run import Run
+from mechviz.scene.saving import kept_text
+from mechviz.scene.scene import Scene, dump, loads
+
+_SAFE = re.compile(r"[^\w .+-]", re.ASCII)
+
+
+def file_name(text: str, ending: str, otherwise: str) -> str:
+    """A plain name of a file from what a user typed: no folders, no hidden files, the right ending."""
+    stem = str(text).strip()
+    stem = stem[: -len(ending)] if stem.lower().endswith(ending) else stem
+    stem = _SAFE.sub("_", stem).strip(" .")[:100]
+    return (stem or otherwise) + ending
+
+
+def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
+    """An edited scene with the text that is saved, and whether that is the text of ``opened`` with other values. It has been read
+    back: what is saved is a scene."""
+    text = kept_text(opened, scene)
+    if text is None:
+        loads(scene.to_toml(), scene.name, scene.folder)
+    return dataclasses.replace(scene, source=text), text is not None
+
+
+class Saver:
+    """Buttons that save a scene or a recording into ``folder``, and a dialog that asks for the name.
+
+    ``run()`` gives the run as it is now; ``opened`` is the scene from which its own has been made, whose comments are kept.
+    """
+
+    def __init__(self, server: viser.ViserServer, run: Callable[[], Run], opened: Scene, folder: Path, callback: Callback):
+        self._opened = opened
+        self._server, self._run, self._folder, self._callback = server, run, folder, callback
+        self.buttons = server.gui.add_button_group("Save", ("Scene", "Recording"))
+        self.buttons.on_click(callback("Saving", lambda event: self._ask(event.client, self.buttons.value)))
+        self.last: threading.Thread | None = None
+
+    def _ask(self, client: viser.ClientHandle, what: str) -> None:
+        """A dialog in the browser that asked: the name, and whether a file that is there may be replaced."""
+        run, gui = self._run(), client.gui
+        ending = ".toml" if what == "Scene" else ".rrd"
+        with gui.add_modal(f"Save the {what.lower()}") as dialog:
+            gui.add_markdown(f"It goes into the folder `{self._folder}`.")
+            name = gui.add_text("Name of the file", f"{run.scene.name}{ending}")
+            warning = gui.add_markdown("")
+            save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY)
+            replace = gui.add_button("Replace it", color="red", visible=False)
+            stop = gui.add_button("Cancel", color="gray")
+
+        def go(told: bool) -> None:
+            target = self._folder / file_name(name.value, ending, run.scene.name)
+            if target.exists() and not told:
+                warning.content = f"**`{target.name}` is there already.** Give another name, or replace it."
+                replace.visible = True
+                return
+            dialog.close()
+            scene, kept = saved_scene(self._opened, run.scene)
+            if what == "Scene":
+                copies = [path.name for path in dump(scene, target, keep=True)]
+                words = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
+                words += f" Copied beside it: {', '.join(copies)}." if copies else ""
+                client.add_notification("Scene saved", words, color="green", auto_close_seconds=8.0)
+            else:
+                self.last = threading.Thread(
+                    target=self._record, daemon=True, args=(client, dataclasses.replace(run, scene=scene), target)
+                )
+                self.last.start()
+
+        save.on_click(self._callback("Saving", lambda _: go(False)))
+        replace.on_click(self._callback("Saving", lambda _: go(True)))
+        stop.on_click(self._callback("Closing the dialog", lambda _: dialog.close()))
+
+    def _record(self, client: viser.ClientHandle, run: Run, target: Path) -> None:
+        """Write a recording while the viewer goes on, with its progress as a note in the browser."""
+        from mechviz.outputs.rerun.writer import write_recording
+
+        note: Any = client.add_notification("Recording", f"{target.name} ...", loading=True, with_close_button=False)
+
+        def progress(done: int, total: int) -> None:
+            note.body = f"{target.name}: {done} of {total} frames"
+
+        try:
+            summary = write_recording(run, target, progress=progress)
+            note.title, note.body, note.color = "Recording saved", f"{target}, {summary.bytes / 1e6:.2f} MB", "green"
+        except Exception as error:
+            note.title, note.body, note.color = "The recording failed", f"{error}"[:1000], "red"
+        note.loading = False
+        note.with_close_button = True

@@ -1,0 +1,119 @@
+"""The tab of what is drawn: arrows by family with their sizes, marks, the camera, light and dark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import viser
+
+from mechviz.outputs.viewer.callbacks import Callback, finite
+from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.camera import PRESETS, reset_to
+from mechviz.outputs.viewer.world.scene import Scene3D
+from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES
+
+SIZES = {"Size of forces": FORCE_FAMILIES, "Size of velocities": ("velocity",), "Size of accelerations": ("acceleration",)}
+CAMERAS = "2D is straight on and hardly has a perspective: there dragging moves the picture; elsewhere it turns the view"
+HINT = "times the size at which the largest one is a third of the mechanism"
+
+
+class Switches:
+    """Which arrows and marks are drawn, how large, how solid, from where and on what ground.
+
+    ``changed()`` is called when what is drawn is another; ``darken(dark)`` makes the page dark or light.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        scene: Scene3D,
+        player: Player,
+        callback: Callback,
+        changed: Callable[[], None],
+        darken: Callable[[bool], None],
+    ):
+        gui = server.gui
+        self._scene, self._player, self._changed = scene, player, changed
+        self.families: dict[str, viser.GuiCheckboxHandle] = {}
+        self.marks: dict[str, viser.GuiCheckboxHandle] = {}
+        self.sizes: dict[str, Any] = {}
+        with tab:
+            self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()), hint=CAMERAS)
+            self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
+            reset_to(server, self.cameras._impl.uuid, PRESETS["front"].label)
+            self.arrows = gui.add_folder("Arrows")
+            with self.arrows:
+                for name in FAMILIES:
+                    label, hint = FAMILIES[name].label, FAMILIES[name].meaning
+                    box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=hint)
+                    box.on_update(callback(f"Switching {label}", partial(self._switch, name)))
+                    self.families[name] = box
+                for label, families in SIZES.items():
+                    size = gui.add_slider(label, 0.1, 5.0, 0.1, 1.0, hint=HINT)
+                    size.on_update(callback("Changing the size of arrows", partial(self._enlarge, label, families)))
+                    self.sizes[label] = size
+            with gui.add_folder("Marks"):
+                for name in scene.marks:
+                    self.marks[name] = gui.add_checkbox(name, True)
+                    self.marks[name].on_update(callback(f"Switching {name}", partial(self._mark, name)))
+            with gui.add_folder("Looks"):
+                self.opacity = gui.add_slider("Opacity of links", 0.1, 1.0, 0.05, 1.0)
+                self.opacity.on_update(callback("Changing the opacity", lambda _: self._fade()))
+                self.section = gui.add_slider(
+                    "Section [%]", 0, 100, 1, 0, hint="cuts the front away, as far as this into the depth"
+                )
+                self.section.on_update(callback("Cutting", lambda _: self._cut()))
+                self.dark = gui.add_checkbox("Dark page", False)
+                self.dark.on_update(callback("Changing the colours", lambda _: darken(bool(self.dark.value))))
+        self.update(scene.current)
+
+    @property
+    def size(self) -> Any:
+        """The slider of the forces' size, or of whatever there is."""
+        return next(iter(self.sizes.values()))
+
+    def update(self, show: Show) -> None:
+        """Offer what another run has."""
+        for name, box in self.families.items():
+            if box.visible != (name in show.families):
+                box.visible = name in show.families
+        for label, families in SIZES.items():
+            self.sizes[label].visible = bool(show.families & set(families))
+        self.arrows.visible = bool(show.families)
+        paths = self.marks["Paths"]
+        paths.visible = bool(show.paths)
+
+    def _look(self, event: Any) -> None:
+        chosen = next((key for key, preset in PRESETS.items() if preset.label == self.cameras.value), None)
+        if chosen is not None:
+            self._scene.cameras.look(event.client, chosen)
+
+    def _mark(self, name: str, _: Any) -> None:
+        self._scene.switch_mark(name, bool(self.marks[name].value))
+        self._changed()
+
+    def _switch(self, family: str, _: Any) -> None:
+        self._scene.switch_family(family, bool(self.families[family].value))
+        self._changed()
+
+    def _enlarge(self, label: str, families: tuple[str, ...], _: Any) -> None:
+        slider = self.sizes[label]
+        value = finite(slider.value, 0.1, 5.0, 1.0)
+        if value != slider.value:
+            slider.value = value
+        self._scene.arrows.enlarge(value, families)
+        self._changed()
+
+    def _cut(self) -> None:
+        part = finite(self.section.value, 0.0, 100.0, 0.0) / 100.0
+        low, high = self._scene.current.bounds[:, 2]
+        self._scene.cut(None if part == 0.0 else float(high - part * (high - low)))
+        self._changed()
+
+    def _fade(self) -> None:
+        self._scene.links.fade(finite(self.opacity.value, 0.1, 1.0, 1.0))
+        self._changed()

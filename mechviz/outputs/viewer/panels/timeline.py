@@ -1,0 +1,266 @@
+"""The panel below the mechanism: where in the run it is, scrubbing, play and pause, steps, speed, events, health."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from html import escape
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechcore.motion.events import Event
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.callbacks import Callback, finite
+from mechviz.outputs.viewer.playback import NumberTrack
+from mechviz.outputs.viewer.player import Player
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.quantities.catalogue import Health
+
+Real = NDArray[np.float64]
+
+COLUMNS = 240
+STEPS = 20  # of shades from green to red
+STRIP_WIDTH, ROW, GAP, EVENTS = 1000.0, 11.0, 3.0, 15.0
+NAMES, BOX = 103, 55  # [px] left and right of the track of the slider above
+GOOD, FAIR, BAD = (46, 160, 96), (230, 168, 23), (208, 48, 48)
+
+
+def shade(trouble: float) -> str:
+    """Green where all is well (0) over amber to red (1)."""
+    part = min(max(trouble, 0.0), 1.0) * 2.0
+    low, high = (GOOD, FAIR) if part <= 1.0 else (FAIR, BAD)
+    part = part if part <= 1.0 else part - 1.0
+    return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip(low, high, strict=True))
+
+
+def columns(trouble: Real, count: int = COLUMNS) -> Real:
+    """The worst of each of ``count`` equal stretches of frames: a single bad frame is seen."""
+    edges = np.linspace(0, len(trouble), min(count, len(trouble)) + 1).astype(int)
+    return np.maximum.reduceat(trouble, edges[:-1])
+
+
+def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) -> str:
+    """A row for each quantity, and below them a mark for every event, with words for the mouse and for screen readers.
+
+    The rows lie below the track of the timeline's slider, so that a place in them is a place of the slider.
+    """
+    start, length = float(time[0]), max(float(time[-1] - time[0]), 1e-300)
+    height = len(health) * (ROW + GAP) + EVENTS
+    rows, names = [], []
+    for k, h in enumerate(health):
+        said = in_words(h)
+        y = k * (ROW + GAP)
+        row = [f"<title>{escape(said)}</title>"]
+        steps = np.round(columns(h.trouble) * STEPS).astype(int)
+        starts = np.flatnonzero(np.diff(steps, prepend=-1))
+        per = STRIP_WIDTH / len(steps)
+        for first, after in zip(starts, [*starts[1:], len(steps)], strict=True):
+            left, wide, fill = per * first, per * (after - first), shade(steps[first] / STEPS)
+            row.append(f'<rect x="{left:.1f}" y="{y:g}" width="{wide + 0.4:.1f}" height="{ROW:g}" fill="{fill}"/>')
+        rows.append(f"<g>{''.join(row)}</g>")
+        names.append(f'<div title="{escape(said)}" style="height:{ROW + GAP:g}px;white-space:nowrap">{escape(h.name)}</div>')
+    base = len(health) * (ROW + GAP)
+    for e in events:
+        x = STRIP_WIDTH * float(np.clip((e.time - start) / length, 0.0, 1.0))
+        color = "#d03030" if e.level == "WARN" else "#2563c9"
+        said = escape(f"{e.time:.4g} s: {e.item}: {e.text}")
+        rows.append(f'<g><title>{said}</title><path d="M{x:.1f},{base + 1:g} l9,12 h-18 z" fill="{color}"/></g>')
+    names.append(f'<div style="height:{EVENTS:g}px">{len(events)} event{"" if len(events) == 1 else "s"}</div>')
+    words = "Health of the run: " + "; ".join([*map(in_words, health), f"{len(events)} events"])
+    return (
+        '<div style="display:flex;font-size:0.74em;line-height:1.15;align-items:flex-start">'
+        f'<div style="flex:none;width:{NAMES}px;opacity:0.75;overflow:hidden">{"".join(names)}</div>'
+        f'<svg class="mechviz-health" role="img" aria-label="{escape(words)}" viewBox="0 0 {STRIP_WIDTH:g} {height:g}" '
+        f'preserveAspectRatio="none" style="flex:1;min-width:0;height:{height:g}px;overflow:visible;margin-right:{BOX}px">'
+        f'{"".join(rows)}<line class="mechviz-now" x1="0" x2="0" y1="-2" y2="{height:g}" stroke="#c2255c" stroke-width="3.5"/>'
+        "</svg></div>"
+    )
+
+
+def in_words(h: Health) -> str:
+    """The worst of a run: "closure: at most 3e-17 m"."""
+    worst = float(np.max(np.abs(h.values), initial=0.0, where=np.isfinite(h.values)))
+    lost = int((~np.isfinite(h.values)).sum())
+    unit = "" if h.unit == "1" else f" {h.unit}"
+    return f"{h.name}: at most {worst:.2g}{unit}" + (f", {lost} frames without a finite value" if lost else "")
+
+
+WIDTH = 600  # [px]
+CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of the drive
+USUAL_CYCLE = 8.0
+START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"
+LOOP, ONCE = "Loop ✓", "Loop ✗"
+RATE = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
+NO_EVENT = "choose one of"
+LONGEST_EVENT = 90
+
+
+class Speeds:
+    """Choices of speed by the wall time that a cycle takes, each with its ratio to real time."""
+
+    def __init__(self, cycle: float):
+        """``cycle``: duration of a cycle of the drive [s]."""
+        self._rates = {self._label(seconds, cycle): cycle / seconds for seconds in CYCLE_SECONDS}
+        self.first = self._label(USUAL_CYCLE, cycle)
+        real = "real time"
+        self._rates[real] = 1.0
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(self._rates)
+
+    def rate(self, label: str) -> float:
+        """Run time per wall time; an unknown label gives the first choice's."""
+        return self._rates.get(label, self._rates[self.first])
+
+    @staticmethod
+    def _label(seconds: float, cycle: float) -> str:
+        return f"{seconds:g} s a cycle ({cycle / seconds:.3g} × real time)"
+
+
+class Timeline:
+    """The panel below the mechanism; ``show`` brings it to a frame, ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, show: Show, player: Player, callback: Callback):
+        gui = server.gui
+        self._player = player
+        self._last = show.frames - 1
+        panel = gui.add_panel()
+        with panel.add_tab("Timeline", viser.Icon.PLAYER_PLAY):
+            self._legend = gui.add_html("")
+            self._place = gui.add_html("")
+            self.slider = gui.add_slider("Frame", 0, max(show.frames - 1, 1), 1, 0)
+            self.buttons = gui.add_button_group("Playback", (START, BACK, PLAY, ON, LOOP))
+            self.speed = gui.add_dropdown("Speed", ("",))
+            self.events = gui.add_dropdown("Jump to event", (NO_EVENT,))
+            self.strip = gui.add_html("")
+        panel.float(x=20, y=-14, width=WIDTH)
+        self._show, self._svg = show, ""
+        self._options: tuple[str, ...] = ()
+        self._moved = 0.0
+        self._happenings: dict[str, Event] = {}
+        self._speeds, self._cycle = Speeds(show.cycle), float("nan")
+        self.update(show)
+        self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
+        self.buttons.on_click(callback("Playback", lambda _: self._press(self.buttons.value)))
+        self.speed.on_update(callback("Changing the speed", lambda _: self._set_speed()))
+        self.events.on_update(callback("Jumping to an event", lambda _: self._jump()))
+        keys: tuple[tuple[str, Any, Callable[[], None]], ...] = (
+            ("Play or pause", "space", player.toggle),
+            ("Step forward", "arrowright", partial(player.step, 1)),
+            ("Step back", "arrowleft", partial(player.step, -1)),
+            ("Ten steps forward", "arrowup", partial(player.step, 10)),
+            ("Ten steps back", "arrowdown", partial(player.step, -10)),
+            ("To the start", "home", partial(player.seek, 0)),
+            ("To the end", "end", lambda: player.seek(self._last)),
+            ("To the next event", "e", lambda: self._next_event()),
+        )
+        for label, key, action in keys:
+            gui.add_command(label, hotkey=key).on_trigger(callback(label, partial(_ignoring_event, action)))
+
+    def update(self, show: Show) -> None:
+        """Take another run: other frames, another cycle, other events."""
+        before, self._show = self._show, show
+        self._last = show.frames - 1
+        if self.slider.max != max(self._last, 1):
+            self.slider.max = max(self._last, 1)
+        if show.cycle != self._cycle:
+            chosen = list(self._speeds.labels).index(self.speed.value) if np.isfinite(self._cycle) else -1
+            self._cycle, self._speeds = show.cycle, Speeds(show.cycle)
+            self.speed.options = self._speeds.labels
+            self.speed.value = self._speeds.labels[chosen] if chosen >= 0 else self._speeds.first
+            self._player.set_rate(self._speeds.rate(self.speed.value))
+        if show is before or show.events != before.events:
+            self._happenings = {_event_label(k, e): e for k, e in enumerate(show.events)}
+            self.events.options = (self._none, *self._happenings)
+            self.events.value = self._none
+        svg = health_svg(show.health, show.events, show.time)
+        if svg != self._svg:
+            self._svg = svg
+            self.strip.content = f'<div style="padding:0.1em 0.85em 0.5em">{svg}</div>'
+
+    def explain(self, legend: str) -> None:
+        """Say what the colours of the arrows mean."""
+        self._legend.content = legend
+
+    @property
+    def _none(self) -> str:
+        return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
+
+    def place(self, show: Show, frame: int) -> None:
+        """Say where in another run it is."""
+        self._place.content = words.place_in_run(show, frame)
+        if self.slider.max != max(show.frames - 1, 1):
+            self.update(show)
+        if self.slider.value != frame:  # of a run with other frames the same part of the run has another number
+            self.slider.value = frame
+
+    def show(self, frame: int, playing: bool) -> None:
+        """Bring the numbers, the slider, the buttons and the strip's cursor to a frame; while it plays now and then."""
+        options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
+        if options != self._options:
+            self.buttons.options = self._options = options
+        now = time.perf_counter()
+        if playing and now - self._moved < 1.0 / RATE:
+            return
+        self._moved = now
+        self._place.content = words.place_in_run(self._show, frame)
+        self.slider.value = frame
+
+    def tracks(self) -> Iterator[NumberTrack]:
+        """How the numbers above the slider move over the run."""
+        for k, d in enumerate(self._show.drives):
+            if d.sliding:
+                yield NumberTrack(f"drive:{k}", 1e3 * d.position, 2, " mm")
+            else:
+                yield NumberTrack(f"drive:{k}", np.degrees(d.position), 1, "°")
+        yield NumberTrack("time", self._show.time, 4, " s")
+        yield NumberTrack("frame", np.arange(self._show.frames), 0)
+
+    def frame_at(self, time: float) -> int:
+        """The frame nearest to a time [s]."""
+        return int(np.argmin(np.abs(self._show.time - time)))
+
+    def _scrub(self) -> None:
+        self._player.seek(round(finite(self.slider.value, 0, self._last, self._player.frame)))
+
+    def _set_speed(self) -> None:
+        if self.speed.value not in self._speeds.labels:
+            self.speed.value = self._speeds.first
+        self._player.set_rate(self._speeds.rate(self.speed.value))
+
+    def _jump(self) -> None:
+        event = self._happenings.get(self.events.value)
+        if event is not None:
+            self._player.seek(self.frame_at(event.time))
+
+    def _next_event(self) -> None:
+        later = sorted({self.frame_at(e.time) for e in self._show.events})
+        if later:
+            self._player.seek(next((frame for frame in later if frame > self._player.frame), later[0]))
+
+    def _press(self, name: str) -> None:
+        actions: dict[str, Callable[[], None]] = {
+            START: lambda: self._player.seek(0),
+            BACK: lambda: self._player.step(-1),
+            PLAY: self._player.play,
+            PAUSE: self._player.pause,
+            ON: lambda: self._player.step(1),
+            LOOP: lambda: self._player.set_loop(False),
+            ONCE: lambda: self._player.set_loop(True),
+        }
+        if name in actions:
+            actions[name]()
+
+
+def _event_label(k: int, event: Event) -> str:
+    text = f"{k + 1}. {'⚠ ' if event.level == 'WARN' else ''}{event.time:.4g} s  {event.item}: {event.text}"
+    return text if len(text) <= LONGEST_EVENT else f"{text[: LONGEST_EVENT - 1]}…"
+
+
+def _ignoring_event(action: Callable[[], None], _: Any) -> None:
+    action()

@@ -1,0 +1,232 @@
+"""Playing in the browser itself: the whole motion is sent once, and nothing is sent while it plays.
+
+It relies on hooks that viser 1.1.1 happens to show to scripts of the page (``__viserMutable``, ``__viserTestpoints``), which the
+script looks for; a browser without them, a motion that is too large, and drawings that change in ways of their own are played by
+pushing every frame instead.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import _messages
+
+LARGEST = 16_000_000  # bytes of a motion that are sent to a browser
+SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTrack:
+    """A node of the scene: its places (F, 3) [m] and its turns (F, 4) as quaternions, None if it does not turn."""
+
+    name: str
+    places: NDArray[Any]
+    turns: NDArray[Any] | None
+
+
+@dataclass(frozen=True, eq=False)
+class PointTrack:
+    """A property of a node, such as its ``points`` or ``vertices``: at frame k the first ``counts[k]`` of ``values[k]`` (F, m).
+
+    Where the count is 0 the node is hidden. ``steady`` (F,): whether the values are of the same things as those of the next frame,
+    so that a page may draw what lies between them; None: they are where the counts are the same.
+    """
+
+    name: str
+    prop: str
+    values: NDArray[np.float32]
+    counts: NDArray[np.int64]
+    steady: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class NumberTrack:
+    """A number in the page, in all elements with ``data-mv`` = ``key``: with ``digits`` after the point, or five significant ones
+    where that is None, and ``suffix`` behind it."""
+
+    key: str
+    values: NDArray[Any]
+    digits: int | None = None
+    suffix: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PlotTrack:
+    """A plot with a cursor as its last series: the points of its curves, all values (F,) and (F, k), and the cursor's ends."""
+
+    uuid: str
+    shown_x: NDArray[Any]
+    shown_y: NDArray[Any]
+    x: NDArray[Any]
+    y: NDArray[Any]
+    ends: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """All that moves while a run is played, the slider that shows the frame, and the hidden box through which a page says that
+    somebody sees a diagram, which only the server can draw."""
+
+    time: NDArray[np.float64]
+    slider: str
+    poses: tuple[PoseTrack, ...] = ()
+    points: tuple[PointTrack, ...] = ()
+    numbers: tuple[NumberTrack, ...] = ()
+    plots: tuple[PlotTrack, ...] = ()
+    seen: str = ""
+
+    @property
+    def bytes(self) -> int:
+        """About how much has to be sent."""
+        n = sum(t.places.size + (t.turns.size if t.turns is not None else 0) for t in self.poses)
+        n += sum(t.values.size for t in self.points) + sum(t.values.size for t in self.numbers)
+        return 4 * (n + sum(t.y.size + t.x.size for t in self.plots))
+
+    def text(self) -> str:
+        """The tracks for the script, as JSON."""
+        return json.dumps(
+            {
+                "time": _packed(self.time, np.float64),
+                "slider": self.slider,
+                "seen": self.seen,
+                "poses": [[t.name, _packed(t.places), None if t.turns is None else _packed(t.turns)] for t in self.poses],
+                "points": [
+                    [
+                        t.name,
+                        t.prop,
+                        _packed(t.values),
+                        _packed(t.counts),
+                        None if t.steady is None else _packed(t.steady, np.uint8),
+                    ]
+                    for t in self.points
+                ],
+                "numbers": [[t.key, _packed(t.values), t.digits, t.suffix] for t in self.numbers],
+                "plots": [[t.uuid, *(_packed(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots],
+            }
+        )
+
+
+@dataclass
+class _Sent:
+    """What a browser has."""
+
+    version: int = -1
+
+
+@dataclass
+class BrowserPlayback:
+    """Lets all browsers of a server play by themselves.
+
+    ``make()`` gives what moves, None where only the server can play it; it is asked when playing begins after ``change``.
+    ``begin`` starts from a time of the run and says whether the browsers can do it; ``end`` stops them at a frame.
+    ``glanced(frame)`` is called now and then while they play, for what only the server can draw.
+    """
+
+    server: viser.ViserServer
+    make: Callable[[], Tracks | None]
+    glanced: Callable[[int], None]
+    _tracks: Tracks | None = None
+    _stale: bool = True
+    _held: bool = False
+    _text: str = ""
+    _version: int = 0
+    _sent: dict[int, _Sent] = field(default_factory=dict)
+    _state: tuple[float, float, bool] | None = None
+    _lock: Any = field(default_factory=threading.RLock)
+
+    def change(self) -> None:
+        """What moves is another from now on."""
+        self._stale = True
+
+    def hold(self, held: bool) -> None:
+        """While it is held, the server plays: the motion changes all the time."""
+        self._held = held
+        self._stale = True
+
+    def glance(self, frame: int) -> None:
+        self.glanced(frame)
+
+    def _refresh(self) -> None:
+        if self._stale:
+            self._stale = False
+            tracks = self.make()
+            self._tracks = tracks if tracks is not None and tracks.bytes <= LARGEST else None
+            self._text, self._version = "", self._version + 1
+
+    def begin(self, clock: float, rate: float, loop: bool) -> bool:
+        """Play from ``clock`` [s] of the run at ``rate`` [s of the run per s]."""
+        with self._lock:
+            if self._held:
+                return False
+            self._refresh()
+            if self._tracks is None:
+                return False
+            self._state = (clock, rate, loop)
+            for client in self.server.get_clients().values():
+                self._play(client)
+            return True
+
+    def end(self, frame: int) -> None:
+        """Stop at a frame."""
+        with self._lock:
+            self._state = None
+            message = _messages.RunJavascriptMessage(
+                source=f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});"
+            )
+            # among the messages to all browsers, so that it comes before what is drawn next; only the last one is kept for new ones
+            message.redundancy_key = lambda: "mechviz playback"
+            self.server._websock_server.queue_message(message)
+
+    def greet(self, client: viser.ClientHandle, clock: float) -> None:
+        """A browser has come: let it play along."""
+        with self._lock:
+            if self._state is not None:
+                self._state = (clock, *self._state[1:])
+                self._play(client)
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """A browser has gone."""
+        with self._lock:
+            self._sent.pop(client.client_id, None)
+
+    def _play(self, client: viser.ClientHandle) -> None:
+        assert self._tracks is not None and self._state is not None
+        sent = self._sent.get(client.client_id)
+        if sent is None:
+            sent = self._sent[client.client_id] = _Sent()
+            self._run(client, SCRIPT)
+        if sent.version != self._version:
+            if not self._text:
+                self._text = self._tracks.text()
+            sent.version = self._version
+            self._run(client, f"window.mechvizPlayback.load({self._text});")
+        clock, rate, loop = self._state
+        self._run(client, f"window.mechvizPlayback.play({clock!r}, {rate!r}, {json.dumps(loop)});")
+
+    @staticmethod
+    def _run(client: viser.ClientHandle, source: str) -> None:
+        """To one browser, and not kept for those that come later."""
+        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        client.flush()
+
+
+def _packed(values: NDArray[Any], kind: Any = np.float32) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
+
+
+def ragged(values: NDArray[Any], seen: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Items (F, n, ...) of which some are seen (F, n) at each frame -> those first, flat (F, m), and how many numbers they are."""
+    order = np.argsort(~seen, axis=1, kind="stable")
+    sorted_values = np.take_along_axis(values, order.reshape(*order.shape, *[1] * (values.ndim - 2)), axis=1)
+    width = int(np.prod(values.shape[2:]))
+    flat = np.nan_to_num(sorted_values.reshape(len(values), -1)).astype(np.float32)
+    return flat, seen.sum(axis=1) * width

@@ -1,0 +1,259 @@
+"""The clock of the viewer: one thread that decides which frame is shown, at most 60 times a second, and sleeps while paused."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST_RATE = 60.0  # pictures a second
+GLANCES = 10.0  # looks a second at a run that the browsers play
+LEAST_REST = 0.002  # [s] between pictures, however slow the drawing is: viser's own thread must get its turn
+
+
+class Remote(Protocol):
+    """Who can play by themselves: the browsers, once they have the motion."""
+
+    def begin(self, clock: float, rate: float, loop: bool) -> bool:
+        """Play from ``clock`` [s]; False if they cannot."""
+        ...
+
+    def end(self, frame: int) -> None:
+        """Stop at a frame."""
+        ...
+
+    def glance(self, frame: int) -> None:
+        """It goes on, and is at this frame now."""
+        ...
+
+
+class Player:
+    """Plays frames at times ``times`` (F,) [s] by calling ``show(frame, playing)`` from its own thread, and only from there.
+
+    ``rate`` is run time per wall time. After a change while paused, ``show`` is called once; nothing else happens while paused.
+    ``failed(error)`` is told of an exception in ``show``; the player then pauses and lives on.
+
+    While ``remote`` plays, ``show`` is called for requests only, and the clock here just goes along.
+    """
+
+    def __init__(
+        self,
+        times: NDArray[np.float64],
+        show: Callable[[int, bool], None],
+        failed: Callable[[Exception], None],
+        rate: float = 1.0,
+        remote: Remote | None = None,
+    ):
+        self._remote = remote
+        self._aside = False  # the remote plays
+        self._ticked = time.perf_counter()
+        self._times = np.asarray(times, float)
+        self._show = show
+        self._failed = failed
+        self._changed = threading.Condition()
+        self._rate = rate
+        self._loop = True
+        self._playing = False
+        self._closed = False
+        self._frame = 0
+        self._clock = float(self._times[0])  # run time now
+        self._wanted = 1  # serial number of the last request, of which ...
+        self._done = 0  # ... this one has been shown
+        self._thread = threading.Thread(target=self._run, name="mechviz-player", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread; harmless if it has ended or was never started."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(timeout=5.0)
+
+    # -- state --------------------------------------------------------------------------------------------------------
+    @property
+    def frame(self) -> int:
+        with self._changed:
+            self._catch_up()
+            return self._frame
+
+    @property
+    def clock(self) -> float:
+        """Time of the run now [s]."""
+        with self._changed:
+            self._catch_up()
+            return self._clock
+
+    @property
+    def aside(self) -> bool:
+        """Whether the browsers play by themselves."""
+        return self._aside
+
+    @property
+    def playing(self) -> bool:
+        return self._playing
+
+    @property
+    def loop(self) -> bool:
+        return self._loop
+
+    @property
+    def rate(self) -> float:
+        return self._rate
+
+    # -- requests, from any thread ------------------------------------------------------------------------------------
+    def play(self) -> None:
+        with self._changed:
+            if self._frame == len(self._times) - 1:
+                self._go_to(0)  # at the end, play means play again
+            self._playing = True
+            self._ask()
+
+    def pause(self) -> None:
+        with self._changed:
+            self._catch_up()
+            self._playing = False
+            self._ask()
+
+    def toggle(self) -> None:
+        with self._changed:
+            if self._playing:
+                self.pause()
+            else:
+                self.play()
+
+    def seek(self, frame: int) -> None:
+        """Show a frame and pause there; frames out of range are brought into it."""
+        with self._changed:
+            self._playing = False
+            self._go_to(frame)
+            self._ask()
+
+    def step(self, frames: int) -> None:
+        """Go on by some frames, over the ends where the motion loops, and pause."""
+        with self._changed:
+            last = len(self._times) - 1
+            self._catch_up()
+            target = self._frame + frames
+            if self._loop and last > 0 and not 0 <= target <= last:
+                target %= last  # the last frame of a cycle is the first of the next
+            self.seek(target)
+
+    def set_rate(self, rate: float) -> None:
+        with self._changed:
+            self._catch_up()
+            self._rate = rate
+            self._ask()
+
+    def set_loop(self, loop: bool) -> None:
+        with self._changed:
+            self._loop = loop
+            self._ask()
+
+    def retime(self, times: NDArray[np.float64]) -> None:
+        """Play frames at other times from now on, from the same part of the run, or from the same time where frames are only added.
+        What is shown is up to who calls."""
+        with self._changed:
+            if len(times) == len(self._times) and np.array_equal(times, self._times):
+                return
+            before, self._times = self._times, np.asarray(times, float)
+            if len(before) < len(times) and np.array_equal(times[: len(before)], before):
+                return  # the run goes on: where it is stays what it is
+            part = (self._clock - before[0]) / max(float(before[-1] - before[0]), 1e-300)
+            self._clock = float(self._times[0] + part * (self._times[-1] - self._times[0]))
+            if len(before) != len(times):
+                self._frame = int(np.argmin(np.abs(self._times - self._clock)))
+
+    def refresh(self) -> None:
+        """Show the present frame again: what is drawn of it has changed."""
+        with self._changed:
+            self._ask()
+
+    def wait(self, timeout: float = 60.0) -> bool:
+        """Until all requests so far have been shown. False if that takes longer than ``timeout`` [s]."""
+        with self._changed:
+            wanted = self._wanted
+            return self._changed.wait_for(lambda: self._done >= wanted or self._closed, timeout)
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _go_to(self, frame: int) -> None:
+        self._frame = int(np.clip(frame, 0, len(self._times) - 1))
+        self._clock = float(self._times[self._frame])
+
+    def _ask(self) -> None:
+        self._wanted += 1
+        self._changed.notify_all()
+
+    def _advance(self, seconds: float) -> None:
+        """Move on by wall time."""
+        first, last = float(self._times[0]), float(self._times[-1])
+        clock = self._clock + self._rate * seconds
+        if clock >= last and not (self._loop and last > first):
+            self._go_to(len(self._times) - 1)
+            self._playing = False
+            self._wanted += 1
+            return
+        self._clock = first + (clock - first) % (last - first)
+        after = int(np.searchsorted(self._times, self._clock))
+        before = max(after - 1, 0)
+        nearer = self._clock - self._times[before] < self._times[after] - self._clock
+        self._frame = before if nearer else after
+
+    def _catch_up(self) -> None:
+        """While the remote plays, the clock is brought to now only when somebody asks."""
+        if self._aside and self._playing:
+            now = time.perf_counter()
+            self._advance(now - self._ticked)
+            self._ticked = now
+
+    def _run(self) -> None:
+        shown, due = -1, 0.0
+        while True:
+            with self._changed:
+                if not self._playing and self._done >= self._wanted:
+                    self._changed.wait_for(lambda: self._playing or self._closed or self._done < self._wanted)
+                    self._ticked = time.perf_counter()
+                elif self._aside and self._playing:
+                    self._changed.wait_for(lambda: self._closed or self._done < self._wanted, 1.0 / GLANCES)
+                if self._closed:
+                    return
+                now = time.perf_counter()
+                if self._playing:
+                    self._advance(now - self._ticked)
+                self._ticked = now
+                frame, playing, wanted, clock = self._frame, self._playing, self._wanted, self._clock
+                asked = wanted > self._done
+                needed = frame != shown or asked
+            if needed and self._aside and not asked:
+                shown = frame
+                assert self._remote is not None
+                self._remote.glance(frame)
+            elif needed:
+                shown = frame
+                try:
+                    if self._aside and self._remote is not None and not playing:
+                        self._aside = False
+                        self._remote.end(frame)
+                        # What viser takes to be shown already it does not send: from a neighbouring frame on everything is new
+                        self._show(max(frame - 1, 0) if frame else min(1, len(self._times) - 1), playing)
+                    self._show(frame, playing)
+                    if playing and self._remote is not None:
+                        before, self._aside = self._aside, self._remote.begin(clock, self._rate, self._loop)
+                        if before and not self._aside:
+                            self._remote.end(frame)
+                except Exception as error:
+                    with self._changed:
+                        self._playing = False
+                    self._failed(error)
+            with self._changed:
+                self._done = max(self._done, wanted)
+                self._changed.notify_all()
+            # due from one picture to the next, not from when the thread woke up: a late one is not followed by another late one
+            due = max(due + 1.0 / LARGEST_RATE, now)
+            time.sleep(max(LEAST_REST, due - time.perf_counter()))

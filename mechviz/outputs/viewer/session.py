@@ -1,0 +1,284 @@
+"""Editing: changes of the scene are solved in a thread of their own, the newest one wins, and what cannot be built leaves the last
+good mechanism as it is."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mechcore.errors import MechanismError
+from mechcore.spec.mechanism import EFFECTS
+from mechviz.editor.history import Draft, History
+from mechviz.editor.limits import assembles, reachable
+from mechviz.editor.parameters import Parameter, find_parameters
+from mechviz.editor.worker import Latest
+from mechviz.outputs.viewer.show_run import Built, build, show_of_run
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.run import Run, run_scene
+from mechviz.scene.kinds.reachable import swinging, swings
+
+Change = Callable[[Draft], Draft]
+
+QUICK = 0.05  # [s] a run may take for what each effect contributes to be found unasked
+REPEATS = 5
+
+
+@dataclass(frozen=True)
+class Status:
+    """How the last change went. ``fault``: why it could not be built, empty if it could; ``key`` of the value that was changed,
+    ``reach``: the range over which it can be moved, in its unit, when that is known; ``seconds`` that solving took;
+    ``swings``: the drives that run as far as they can go and back."""
+
+    fault: str = ""
+    key: str = ""
+    value: float = float("nan")
+    reach: tuple[float, float] | None = None
+    seconds: float = 0.0
+    swings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What an effect or load does: the peak of the driving effort (of a motion without drives: of the reactions) with and without
+    it, and what it costs [s]; NaN: not known, and ``why`` not."""
+
+    name: str
+    on: bool
+    peak_with: float
+    peak_without: float
+    seconds: float
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A slider was moved."""
+
+    parameter: Parameter
+    value: float
+
+
+class Studio:
+    """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
+    ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
+    studio's own threads."""
+
+    def __init__(
+        self,
+        run: Run,
+        present: Callable[[Show], None],
+        told: Callable[[Status], None],
+        contributed: Callable[[tuple[Contribution, ...]], None],
+        settled: Callable[[], None],
+        failed: Callable[[Exception], None],
+    ):
+        self._present, self._told, self._contributed, self._settled = present, told, contributed, settled
+        self._lock = threading.RLock()
+        self._pending: dict[str, Change | _Value | str] = {}
+        self.history = History(Draft.of(run.scene))
+        self._built: Built = build(run)
+        self.run = run
+        self.source = run.scene  # as opened, with the text of its file
+        self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
+        self.opened = self.show = show_of_run(run, self._built)
+        self.status = Status(swings=swings(run.scene))
+        self._patient = False
+        self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
+        self._worker: Latest[None] = Latest(self._work, failed, self._settle)
+
+    # -- requests, from any thread ------------------------------------------------------------------------------------
+    def move(self, parameter: Parameter, value: float) -> None:
+        """Give a value of the scene another number."""
+        self._ask(parameter.key, _Value(parameter, value))
+
+    def change(self, key: str, change: Change) -> None:
+        """Change the draft; ``key`` names what is changed."""
+        self._ask(key, change)
+
+    def heed_scene(self) -> None:
+        """From now on the scene's own accuracy decides, whatever was asked for beside it."""
+        self._accuracy = None
+
+    def undo(self) -> None:
+        self._ask("", "undo")
+
+    def redo(self) -> None:
+        self._ask("", "redo")
+
+    def reset(self) -> None:
+        """Back to the scene as opened; that can be undone."""
+        self._ask("", "reset")
+
+    def weigh(self, asked: bool = False) -> None:
+        """Find out what each effect and load contributes; if it was not ``asked`` for, only where that is quickly done."""
+        self._patient = asked
+        self._builder.submit(self.run)
+
+    def wait(self, timeout: float = 60.0, *, rested: bool = False) -> bool:
+        """Until all changes so far are shown; ``rested``: with the solids of the last one."""
+        return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
+
+    @property
+    def overtaken(self) -> bool:
+        """Whether a newer change waits for the one in work."""
+        return self._worker.overtaken
+
+    def close(self) -> None:
+        self._worker.close()
+        self._builder.close()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The values that can be edited, as they are now, loads that are switched off not among them."""
+        return find_parameters(self.run.scene)
+
+    # -- the worker's thread ------------------------------------------------------------------------------------------
+    def _ask(self, key: str, what: Change | _Value | str) -> None:
+        with self._lock:
+            self._pending.pop(key, None)
+            self._pending[key] = what
+        self._worker.submit(None)
+
+    def _work(self, _: None) -> None:
+        with self._lock:
+            pending, self._pending = self._pending, {}
+        start = time.perf_counter()
+        draft, moved, remembered = self.history.present, None, True
+        try:
+            for what in pending.values():
+                if isinstance(what, str):
+                    draft = {"undo": self.history.undo, "redo": self.history.redo, "reset": self.history.reset}[what]()
+                    remembered = False
+                elif isinstance(what, _Value):
+                    moved = what
+                    draft = draft.with_value(what.parameter.path, what.parameter.written(what.value))
+                else:
+                    draft = what(draft)
+            draft, run = self._solved(draft)
+            with self._lock:
+                show = show_of_run(run, self._built, self.show)
+                self.run, self.show = run, show
+                self._present(show)
+            if remembered:
+                self.history.change(draft, "+".join(pending))
+            self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
+        except (MechanismError, ValueError) as error:
+            self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
+            if moved is not None and len(pending) == 1:
+                self._find_reach(moved, _words(error))
+
+    def _solved(self, draft: Draft) -> tuple[Draft, Run]:
+        """A draft with its run. Its drive runs within its reach from now on if it cannot turn fully."""
+        try:
+            return draft, run_scene(draft.scene(), accuracy=self._accuracy)
+        except MechanismError as error:
+            changes = swinging(draft.document)
+            if not changes:
+                raise
+            try:
+                swung = draft.changed(changes)
+                return swung, run_scene(swung.scene(), accuracy=self._accuracy)
+            except MechanismError:
+                raise error from None
+
+    def _find_reach(self, moved: _Value, fault: str) -> None:
+        """Say how far a value can be moved, unless something newer is to be done."""
+        p, present = moved.parameter, self.history.present
+
+        def holds(value: float) -> bool:
+            try:
+                draft = present.with_value(p.path, p.written(value))
+                return assembles(draft.changed(swinging(draft.document)).scene())
+            except (MechanismError, ValueError):
+                return False
+
+        good = next((q.value for q in self.parameters if q.key == p.key), p.value)
+        low, high = min(p.low, moved.value, good), max(p.high, moved.value, good)
+        reach = reachable(good, low, high, holds, lambda: self._worker.overtaken)
+        if reach is not None:
+            self._tell(Status(fault, p.key, moved.value, reach))
+
+    def _tell(self, status: Status) -> None:
+        self.status = status
+        self._told(status)
+
+    def _settle(self) -> None:
+        """For a while nothing has changed: build the solids anew."""
+        self._settled()
+        self._builder.submit(self.run)
+
+    # -- the builder's thread -----------------------------------------------------------------------------------------
+    def _build(self, run: Run) -> None:
+        if self._built.mechanism is not run.motion.mechanism:
+            built = replace(self._built, mechanism=run.motion.mechanism) if self._built.fits(run) else build(run)
+            with self._lock:
+                self._built = built
+                self.show = show_of_run(self.run, built, self.show)
+                self._present(self.show)
+        draft = self.history.present
+        if run is self.run:
+            found = self._weigh(draft, run)
+            if found is not None and run is self.run:
+                self._contributed(found)
+
+    def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
+        """What each effect and load contributes: the run with it and without it."""
+        spent = sum(stage.seconds for stage in run.stages)
+        quick = spent < QUICK or self._patient
+        self._patient = False
+        loads = list(draft.document.loads)
+        named = set(run.scene.effects)
+        found = []
+        items = [(e, e in named, draft.with_effect(e, e not in named)) for e in EFFECTS]
+        items += [(name, name not in draft.idle, draft.with_load(name, name in draft.idle)) for name in loads]
+        here = _peak(run)
+        before = _cost(run.scene) if quick else float("nan")
+        for name, on, other in items:
+            if self._builder.overtaken or self._worker.overtaken:
+                return None
+            peak = seconds = float("nan")
+            why = ""
+            if quick:
+                try:
+                    scene = other.scene()
+                    peak = _peak(run_scene(scene))
+                    cost = _cost(scene)
+                    seconds = before - cost if on else cost - before
+                except (MechanismError, ValueError) as error:
+                    why = _words(error)  # without it there is no such mechanism, or friction has no coefficient to act with
+            found.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))
+        return tuple(found)
+
+
+def _cost(scene: Any) -> float:
+    """Processor time of a run [s]: the least of a few, which others on the machine do not change."""
+    found = []
+    for _ in range(REPEATS):
+        start = time.thread_time()
+        run_scene(scene)
+        found.append(time.thread_time() - start)
+    return min(found)
+
+
+def _peak(run: Run) -> float:
+    """The largest driving torque or force of a run: of its first drive; of a motion without drives the largest reaction. 0 where no
+    forces are computed."""
+    forces, drives = run.forces, run.motion.mechanism.drives
+    if forces is None:
+        return 0.0
+    efforts = [forces.effort(d.pair) for d in drives[:1]] or [
+        np.hypot(*forces.reaction(pair.name)[:, :2].T) for pair in run.motion.mechanism.pairs
+    ]
+    return max((float(np.max(np.abs(e), initial=0.0, where=np.isfinite(e))) for e in efforts), default=0.0)
+
+
+def _words(error: Exception) -> str:
+    """An error for the user: its faults one after the other."""
+    faults: Any = getattr(error, "faults", ())
+    found = [f"{f.message} {f.remedy}".strip() for f in faults]
+    return " ".join(found) or str(error)

@@ -1,0 +1,152 @@
+"""A solved run as the viewer shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.accuracy import Accuracy
+from mechcore.joints.parts import build_pairs
+from mechcore.spec.loads import Force
+from mechcore.spec.mechanism import Mechanism
+from mechviz.editor.comparison import alike
+from mechviz.outputs.rerun.diagrams import find_diagrams
+from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, Show
+from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warped_body
+from mechviz.picture.arrows import arrows_of
+from mechviz.picture.build import picture_of, solid_nodes
+from mechviz.picture.constructions import drawings_of
+from mechviz.picture.meshes.solids import Solids
+from mechviz.picture.nodes import Body as BodyNode
+from mechviz.picture.nodes import Mesh
+from mechviz.picture.solids import solids_of
+from mechviz.quantities.events import events_of
+from mechviz.quantities.vectors import Scales
+from mechviz.run import Run
+
+Real = NDArray[np.float64]
+
+KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as the best one is within this of it
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """Solids, the mechanism and the accuracy that they were built for, and their pieces of one colour."""
+
+    mechanism: Mechanism
+    accuracy: Accuracy  # how finely they are drawn follows from it
+    solids: Solids
+    bodies: Mapping[str, Body]
+    poses: Mapping[str, Real]  # over the run for which they were built
+    cams: Mapping[str, tuple[str, Any]]  # by pair, see `cam_profiles`
+
+    def fits(self, run: Run) -> bool:
+        """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
+        if self.accuracy != run.accuracy or not alike(_drawn(self.mechanism), _drawn(run.motion.mechanism)):
+            return False
+        return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
+
+
+def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
+    """What solids depend on, apart from how the links move: what acts at a point is carried by the link's shape."""
+    points = [(link.name, link.points) for link in mechanism.links]
+    loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
+    return points, mechanism.pairs, mechanism.traced, loaded, [drive.pair for drive in mechanism.drives]
+
+
+def build(run: Run) -> Built:
+    """The solids of a run."""
+    motion, solids = run.motion, solids_of(run)
+    bodies = bodies_of(solid_nodes(run, solids))
+    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion))
+
+
+def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, Body]:
+    """The solids of links by link."""
+    return {node.parent: Body(pieces_of(node.mesh), node.poses is not None) for node in nodes}
+
+
+def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
+    """A solid in pieces of one colour each: viser's meshes have a single one.
+
+    The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
+    """
+    return split_by_color(mesh.vertices, mesh.faces, mesh.colors)
+
+
+def split_by_color(vertices: NDArray[np.float32], faces: NDArray[np.uint32], colors: NDArray[np.uint8]) -> tuple[Piece, ...]:
+    """Pieces of a mesh whose vertices (V, 3) have colours (V, 3); every face has the colour of its first corner."""
+    shades, piece = np.unique(colors, axis=0, return_inverse=True)
+    piece = piece.reshape(-1)
+    found = []
+    for k, color in enumerate(shades):
+        chosen = np.flatnonzero(piece == k)
+        place = np.zeros(len(piece), np.uint32)
+        place[chosen] = np.arange(len(chosen), dtype=np.uint32)
+        own = faces[piece[faces[:, 0]] == k]
+        found.append(Piece(vertices[chosen], place[own], (int(color[0]), int(color[1]), int(color[2]))))
+    return tuple(found)
+
+
+def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
+    """What is shown of a run with solids that were built for it, or for the same mechanism with other lengths.
+
+    ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
+    dragging is quick and arrows can be compared; events are those of before until there are solids for the new run.
+    """
+    motion, mechanism, solids = run.motion, run.motion.mechanism, built.solids
+    exact = built.mechanism is mechanism
+    bodies = dict(built.bodies)
+    if not exact:
+        old, new = (points_of(m) for m in (built.mechanism, mechanism))
+        bodies = {link: warped_body(body, old[link], new.get(link, old[link])) for link, body in bodies.items()}
+        if built.cams:
+            bodies |= stretched_cams(bodies, built.cams, cam_profiles(motion))
+    for name, pose in run.numbers.poses.items():
+        if not np.isfinite(pose).all():  # viser would pass it on to the browsers
+            raise ValueError(f"the pose of link {name} is not finite in all frames")
+    arrows = arrows_of(run, solids.size)
+    if before is not None:
+        arrows = replace(arrows, scales=_kept(before.scales, arrows.scales))
+    return Show(
+        title=run.scene.title,
+        teaches=run.scene.teaches,
+        picture=picture_of(run, solids, arrows, None if before is None or exact else before.picture),
+        bodies=bodies,
+        catalogue=run.catalogue,
+        events=events_of(run) if exact or before is None else before.events,
+        notes=words.plan_list(run),
+        run=run,
+        drawings=lambda: drawings_of(run, solids.size),
+        charts=lambda: find_diagrams(run),
+        polodes=lambda: polodes_of(run),
+    )
+
+
+def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float]]]:
+    """The points of all links, those that a joint brings along among them."""
+    return {link.name: link.points for link in build_pairs(mechanism).links.values()}
+
+
+def polodes_of(run: Run) -> dict[str, Rolling]:
+    """Pole curves that the scene asks for, by link."""
+    points = {link.name: link.points for link in run.motion.mechanism.links}
+    found = {}
+    for name, polodes in run.studies.polodes.items():
+        corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
+        fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (polodes.fixed, polodes.moving))
+        found[name] = Rolling(fixed, moving, np.array(corners))
+    return found
+
+
+def _kept(old: Scales, new: Scales) -> Scales:
+    """Scales of before where they still fit, else the new ones."""
+    low, high = KEPT_SCALE
+    names = ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre")
+    kept = {n: getattr(old, n) for n in names if low <= getattr(new, n) / getattr(old, n) <= high and getattr(old, n) != 1.0}
+    return replace(new, **kept)

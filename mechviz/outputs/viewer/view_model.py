@@ -1,0 +1,177 @@
+"""What the viewer shows: the picture and the catalogue of a solved run or of a recording, with what only the viewer needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.motion.events import Event
+from mechviz.picture.nodes import Lines, Picture, Points
+from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
+from mechviz.quantities.numbers import Numbers
+from mechviz.quantities.vectors import FAMILIES, Scales
+
+if TYPE_CHECKING:
+    from mechviz.outputs.rerun.diagrams import Diagram
+    from mechviz.picture.constructions import Drawing, Ink, Mark
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of a solid of one colour: ``vertices`` (V, 3) float32 [m] in the link's frame, ``faces`` (N, 3) uint32."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    color: tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The solid of a link, in pieces of one colour each."""
+
+    pieces: tuple[Piece, ...]
+    whole: bool = False  # it turns about an axis in the plane, so that no section cuts it
+
+
+@dataclass(frozen=True, eq=False)
+class DriveWay:
+    """The coordinate ``position`` (F,) [rad or m] of a drive (or of a free coordinate)."""
+
+    name: str
+    sliding: bool
+    position: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """Pole curves of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame, and an ``outline``
+    (n,) of the link in its frame."""
+
+    fixed: NDArray[np.complex128]
+    moving: NDArray[np.complex128]
+    outline: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """Lines, arrows and points that were drawn on the mechanism of a recording."""
+
+    inks: tuple[Ink, ...]
+    marks: tuple[Mark, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Show:
+    """Everything that is shown, of a run or of a recording."""
+
+    title: str
+    teaches: str
+    picture: Picture
+    bodies: Mapping[str, Body]  # by link; while a length is dragged they follow it
+    catalogue: Catalogue
+    events: tuple[Event, ...] = ()
+    opens_at: int | None = None  # the frame to open at, where it is not the catalogue's
+    notes: str = ""  # what was computed and left out, as HTML
+    run: Run | None = None  # not of a recording
+    drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
+    charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
+    polodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
+    overlays: Callable[[], Mapping[str, Overlay]] = dict  # of a recording, by the words of their switch
+
+    @property
+    def numbers(self) -> Numbers:
+        return self.catalogue.numbers
+
+    @property
+    def time(self) -> Real:
+        """Of the frames (F,) [s]."""
+        return self.picture.time
+
+    @property
+    def cycle(self) -> float:
+        """How long a cycle takes [s]."""
+        return self.numbers.cycle
+
+    @property
+    def frame(self) -> str:
+        """The fixed link."""
+        return self.picture.frame
+
+    @property
+    def poses(self) -> Mapping[str, Real]:
+        """x, y, angle (F, 3) [m, m, rad] of all links."""
+        return self.picture.poses
+
+    @property
+    def size(self) -> float:
+        """The mechanism's [m]."""
+        return self.picture.size
+
+    @property
+    def bounds(self) -> Real:
+        """The box (2, 3) [m] around all solids over the run."""
+        return self.picture.bounds
+
+    @property
+    def z_top(self) -> float:
+        """The height before which there is nothing solid [m]."""
+        return self.picture.top
+
+    @property
+    def scales(self) -> Scales:
+        return self.picture.scales
+
+    @cached_property
+    def drives(self) -> tuple[DriveWay, ...]:
+        return tuple(DriveWay(d, self.numbers.slides(d), self.catalogue.coordinate(d)) for d in self.numbers.drives)
+
+    @cached_property
+    def paths(self) -> Mapping[str, Real]:
+        """Places (F, 3) [m] of traced points by name."""
+        found = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
+        return {name: places for name, places in found.items() if len(places) == self.frames}
+
+    @cached_property
+    def joints(self) -> Mapping[str, Real]:
+        """Places (F, 3) [m] of joints by name."""
+        return {node.owner[1]: np.asarray(node.places[:, 0], float) for node in self.picture.of(Points, "joints")}
+
+    @property
+    def frames(self) -> int:
+        return len(self.time)
+
+    @property
+    def families(self) -> frozenset[str]:
+        """Families of arrows of which there is anything."""
+        return frozenset(node.group for node in self.picture.nodes if node.group in FAMILIES)
+
+    @property
+    def opening(self) -> int:
+        """The frame to open at."""
+        return self.catalogue.opening if self.opens_at is None else self.opens_at
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        return self.catalogue.quantities
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        return self.catalogue.axes
+
+    @property
+    def first(self) -> tuple[Quantity, ...]:
+        """What is plotted at the start."""
+        return self.catalogue.first
+
+    @property
+    def health(self) -> tuple[Health, ...]:
+        return self.catalogue.health

@@ -1,0 +1,220 @@
+"""What the panels say, as HTML. Every text of a scene is escaped: browsers run scripts that stand in attributes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechviz.outputs.viewer.world.marks import PATH
+from mechviz.outputs.viewer.world.stage import grid_cell
+from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
+
+if TYPE_CHECKING:
+    from mechviz.editor.parameters import Parameter
+    from mechviz.outputs.viewer.session import Contribution
+    from mechviz.outputs.viewer.view_model import Show
+    from mechviz.run import Run
+
+
+TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
+
+
+def number(value: float) -> str:
+    """A value for reading: five significant digits, a true minus."""
+    if not np.isfinite(value):
+        return "not finite"
+    return f"{value:.5g}".replace("-", "−", 1) if value < 0 else f"{value:.5g}"
+
+
+def heading(title: str, teaches: str) -> str:
+    """Title, and what the scene teaches."""
+    return _block(
+        f'<div style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">{escape(title)}</div>'
+        f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(teaches)}</div>'
+    )
+
+
+def legend(
+    families: Iterable[str], paths: Iterable[str], scales: Scales, factor: float | Callable[[str], float], size: float
+) -> str:
+    """What each colour means and how long which value is drawn; ``factor`` is the user's enlargement, of all or by family."""
+    enlarged = factor if callable(factor) else lambda _: factor
+    families, paths = list(families), list(paths)
+    rows = [_swatch(FAMILIES[f].color, 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    if paths:
+        rows.append(_swatch(PATH, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
+    shown = set(families)
+    for unit, some, per_metre in (
+        ("N", shown & set(FORCE_FAMILIES), scales.newtons_per_metre),
+        ("m/s", shown & {"velocity"}, scales.mps_per_metre),
+        ("m/s²", shown & {"acceleration"}, scales.mps2_per_metre),
+    ):
+        if some and per_metre != 1.0:
+            for times in sorted({enlarged(family) for family in some}):
+                whose = "" if len({enlarged(f) for f in some}) == 1 else _names(f for f in families if enlarged(f) == times)
+                rows.append(f"<div>{scale(unit, per_metre / times, size)}{whose}</div>")
+    rows.append(f'<div style="opacity:0.75">Grid: {number(grid_cell(size) * 1e3)} mm</div>')
+    return _block("".join(rows), "font-size:0.78em;line-height:1.35")
+
+
+def legend_line(families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float) -> str:
+    """The legend in a line: colours with their names, and how long a force is drawn."""
+    families, paths = list(families), list(paths)
+    spots = [(FAMILIES[f].color, FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots += [(PATH, f"Path of {', '.join(paths)}", "")] if paths else []
+    parts = [
+        f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
+        f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:rgb({r},{g},{b})"></span>{escape(label)}</span>'
+        for (r, g, b), label, meaning in spots
+    ]
+    forces = [f for f in families if f in FORCE_FAMILIES]
+    if forces and scales.newtons_per_metre != 1.0:
+        text = scale("N", scales.newtons_per_metre / factor(forces[0]), size)
+        parts.append(f'<span style="opacity:0.7;white-space:nowrap">{text}</span>')
+    return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
+
+
+def plan_list(run: Run) -> str:
+    """What was computed, what was left out and why, and the time that it took."""
+    done = "".join(f"<li>{escape(step.name)}</li>" for step in run.plan.computed)
+    left = "".join(
+        f'<li>{escape(step.name)} <span style="opacity:0.65">({escape(step.why)})</span></li>' for step in run.plan.skipped
+    )
+    seconds = sum(stage.seconds for stage in run.stages)
+    style = 'style="margin:0.15em 0 0.5em;padding-left:1.2em"'
+    return _block(
+        f"<b>Computed</b> for {run.motion.frames} frames in {number(round(seconds * 1e3, 1))} ms<ul {style}>{done}</ul>"
+        f"<b>Left out</b><ul {style}>{left or '<li>nothing</li>'}</ul>",
+        "font-size:0.78em;line-height:1.35",
+    )
+
+
+def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str] = ()) -> str:
+    """That all is well, what can be undone, and which drives run as far as they can and back."""
+    text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
+    if seconds > 0.0:
+        text = f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3))} ms{"" if not text else ". " + text}'
+    for pair in swings:
+        text += f"<div>Drive {escape(pair)} runs as far as it can go and back: <code>range = &quot;reachable&quot;</code></div>"
+    return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
+
+
+def fault(text: str, parameter: Parameter | None, value: float, reach: tuple[float, float] | None) -> str:
+    """Why a value cannot be had, and how far it can be moved."""
+    rows = [f"<div>{escape(text[:1].upper() + text[1:])}</div>"] if text else []
+    if parameter is not None:
+        if reach is not None:
+            low, high = (escape(parameter.text(float(f"{v:.4g}"))) for v in reach)
+            rows.insert(0, f"<div>Reachable: <b>{low} to {high}</b>. The last good mechanism is shown.</div>")
+        rows.insert(0, f"<b>{escape(parameter.label)} = {escape(parameter.text(value))} is not possible.</b>")
+    return _block(
+        f'<div role="alert" style="border-left:4px solid #d03030;padding:0.35em 0.7em;background:rgba(208,48,48,0.09)">'
+        f"{''.join(rows)}</div>",
+        "font-size:0.8em;line-height:1.35",
+    )
+
+
+def contributions(items: Iterable[Contribution], effort: str) -> str:
+    """A table: what each effect changes in the peak of the ``effort`` (a drive torque, a drive force or a reaction), and what it
+    costs; below it why something is not known."""
+    items = list(items)
+    unit = "N m" if effort.endswith("torque") else "N"
+    rows = []
+    for item in items:
+        known = np.isfinite([item.peak_with, item.peak_without]).all()
+        peak = "—"
+        if known:
+            change = item.peak_with - item.peak_without
+            sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
+            peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
+        cost = f"{number(float(f'{item.seconds * 1e3:.2g}'))} ms" if np.isfinite(item.seconds) else "—"
+        style = "" if item.on else ' style="opacity:0.55"'
+        now = "on" if item.on else "off"
+        cells = f'<td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td style="white-space:nowrap">{cost}</td>'
+        rows.append(f"<tr{style}>{cells}</tr>")
+    head = f"<tr><th>effect</th><th></th><th>peak {effort} changes by</th><th>costs</th></tr>"
+    table = f'<table style="width:100%;border-collapse:collapse;text-align:left" cellpadding="3">{head}{"".join(rows)}</table>'
+    notes = [f"{item.name}: {item.why}" for item in items if item.why]
+    if items and not notes and all(np.isnan(item.seconds) for item in items):
+        notes = ["One run takes too long for this to be found unasked: press the button."]
+    below = "".join(f'<div style="opacity:0.7;padding-top:0.3em">{escape(note)}</div>' for note in notes)
+    return _block(f"{table}{below}", "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
+
+
+def hint(text: str) -> str:
+    """A quiet sentence of help."""
+    return _block(escape(text), "font-size:0.78em;line-height:1.35;opacity:0.7")
+
+
+def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
+    """A table of the values of an item: what, its components, in which unit."""
+    lines = []
+    count = itertools.count()
+    for what, curves, numbers, unit in rows:
+        names = list(curves)
+        parts = [
+            '<span style="white-space:nowrap">'
+            + (f'<span style="opacity:0.65">{escape(name)}</span> ' if len(names) > 1 else "")  # of a single one it is said already
+            + f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
+            for name, value in zip(names, numbers, strict=True)
+        ]
+        lines.append(
+            f'<tr><td style="opacity:0.75">{escape(what)}</td>'
+            f'<td><div style="display:flex;gap:0.9em;flex-wrap:wrap">{"".join(parts)}<span>{escape(unit)}</span></div></td></tr>'
+        )
+    return _block(
+        f'<b>{escape(item)}</b><table style="width:100%;border-collapse:collapse" cellpadding="2">{"".join(lines)}</table>',
+        "font-size:0.8em;line-height:1.3;font-variant-numeric:tabular-nums",
+    )
+
+
+def place_in_run(show: Show, frame: int) -> str:
+    """Drive positions, time and frame number."""
+    parts = [
+        f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d.sliding, float(d.position[frame]))}</b>'
+        for k, d in enumerate(show.drives)
+    ]
+    parts.append(f'time <b data-mv="time">{show.time[frame]:.4f} s</b>')
+    parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {show.frames - 1}</span>')
+    ends = float(show.time[0]), float(show.time[-1])
+    part_of_run = (float(show.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
+    spans = "".join(f"<span>{part}</span>" for part in parts)
+    return _block(
+        f'<div data-mv-part="{part_of_run:.5f}" style="display:flex;gap:1.6em;font-variant-numeric:tabular-nums">{spans}</div>'
+    )
+
+
+def _position(sliding: bool, value: float) -> str:
+    text = f"{value * 1e3:.2f} mm" if sliding else f"{np.degrees(value):.1f}°"
+    return text.replace("-", "−", 1)
+
+
+def scale(unit: str, per_metre: float, size: float) -> str:
+    """A round value of a ``unit``, of which ``per_metre`` are drawn as a metre, and its length: "500 N = 41 mm"."""
+    value = round_value(TARGET * size * per_metre)
+    for big, small in (("kN", "N"), ("km/s²", "m/s²")):
+        if unit == small and value >= 1000.0:
+            return f"Scale: {number(value / 1000.0)} {big} = {number(round(value / per_metre * 1e3, 1))} mm"
+    return f"Scale: {number(value)} {unit} = {number(round(value / per_metre * 1e3, 1))} mm"
+
+
+def _swatch(color: tuple[int, int, int], thickness: float, words: str) -> str:
+    red, green, blue = color
+    return (
+        '<div style="display:flex;gap:0.55em;align-items:baseline;padding-bottom:0.25em">'
+        f'<span style="flex:none;width:1.3em;height:{thickness}em;border-radius:0.2em;background:rgb({red},{green},{blue});'
+        'transform:translateY(-0.2em)"></span>'
+        f"<span>{words}</span></div>"
+    )
+
+
+def _names(families: Iterable[str]) -> str:
+    return f" ({', '.join(FAMILIES[f].label for f in families)})"
+
+
+def _block(content: str, style: str = "") -> str:
+    return f'<div style="padding:0.1em 0.85em 0.5em;{style}">{content}</div>'

@@ -1,0 +1,209 @@
+"""Vectors as arrows and moments as arcs with a head, by family, each family with a switch and all with a common size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechviz.outputs.viewer.playback import PointTrack, ragged
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.picture.nodes import Arc, Arrow
+from mechviz.picture.proportions import (
+    ARC_RADIUS,
+    ARC_TIP,
+    ARC_WIDTH,
+    HEAD,
+    HEAD_RADIUS,
+    LEAST_ARROW,
+    SHAFT,
+    arc_corners,
+    arc_faces,
+)
+from mechviz.quantities.vectors import FAMILIES
+
+Real = NDArray[np.float64]
+
+ARC_STEPS = 40
+LARGEST_TURN = 1.8 * np.pi
+ARC_FACES = arc_faces(ARC_STEPS)
+
+
+def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> NDArray[np.float32]:
+    """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] at heights ``z`` (N,) [m] that can be seen.
+
+    viser draws an arrow that is shorter than its head, even one of no length, as a whole head: such arrows are left out.
+    """
+    with np.errstate(invalid="ignore"):
+        visible = np.hypot(arrows[:, 0], arrows[:, 1]) >= least
+    visible &= np.isfinite(origins).all(axis=1) & np.isfinite(arrows).all(axis=1)
+    start, end = origins[visible], origins[visible] + arrows[visible]
+    points = np.empty((len(start), 2, 3), np.float32)
+    points[:, 0, :2], points[:, 1, :2] = start, end
+    points[:, :, 2] = np.broadcast_to(z, len(visible))[visible, None]
+    return points
+
+
+def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> NDArray[np.float32]:
+    """Corners of a flat arc with a head, for `ARC_FACES`: through ``turn`` [rad] about ``centre`` (2,) [m] from the right on."""
+    flat = arc_corners(turn, radius, width, ARC_STEPS) + complex(*centre)
+    return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
+
+
+class ArrowNodes:
+    """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._size = show.size  # shafts and heads keep the size of the mechanism as it was opened
+        self._on = dict.fromkeys(FAMILIES, False)
+        self._factors = dict.fromkeys(FAMILIES, 1.0)
+        self._nodes: dict[str, viser.ArrowsHandle] = {}
+        self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Take the vectors and moments of ``show`` from the next ``show(frame)`` on."""
+        self._present = tuple(family for family in FAMILIES if family in show.families)
+        self._tracks: dict[str, tuple[Real, Real, Real]] = {}
+        for family, arrows in arrows_by_family(show).items():
+            if family not in self._nodes:
+                self._nodes[family] = self._add_arrows(family)
+            origins, values = (np.stack([getattr(a.vector, part) for a in arrows], axis=1) for part in ("origin", "value"))
+            self._tracks[family] = origins, values / show.scales.per_metre(family), np.array([a.height for a in arrows])
+        for family, node in self._nodes.items():
+            if family not in self._tracks:
+                node.visible = False
+        self._turns: dict[tuple[str, str], tuple[Real, Real, float]] = {}
+        for arc in show.picture.of(Arc):
+            moment, key = arc.moment, (arc.moment.family, arc.moment.item)
+            if key not in self._arcs:
+                self._arcs[key] = self._add_arc(*key)
+            turns = moment.value / show.scales.newton_metres_per_metre / (ARC_RADIUS * self._size)
+            self._turns[key] = moment.origin, turns, arc.height
+        for key, node in self._arcs.items():
+            if key not in self._turns:
+                node.visible = False
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Families of which there is anything to draw."""
+        return self._present
+
+    def reach(self, frame: int | None = None) -> Real | None:
+        """The box (2, 2) [m] around the arrows that are on, over all frames or at one, if there are any."""
+        some = slice(None) if frame is None else slice(frame, frame + 1)
+        ends = [(origins + lengths)[some] for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
+        flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
+        flat = flat[np.isfinite(flat).all(axis=1)]
+        return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None
+
+    def factor(self, family: str) -> float:
+        """By how much longer a family is drawn."""
+        return self._factors[family]
+
+    def is_on(self, family: str) -> bool:
+        return self._on[family]
+
+    def switch(self, family: str, on: bool) -> None:
+        """Draw a family from the next ``show`` on, or no more."""
+        self._on[family] = on
+
+    def enlarge(self, factor: float, families: Iterable[str] = tuple(FAMILIES)) -> None:
+        """Draw the arrows of some families longer by a factor from the next ``show`` on."""
+        for family in families:
+            self._factors[family] = factor
+
+    def points(self, family: str, frame: int) -> NDArray[np.float32]:
+        """Ends (n, 2, 3) [m] of a family's arrows that are long enough to be seen at a frame."""
+        origins, lengths, z = self._tracks[family]
+        return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, LEAST_ARROW * self._size)
+
+    def corners(self, key: tuple[str, str], frame: int) -> NDArray[np.float32] | None:
+        """Corners of an arc at a frame, None where it is too short to be seen."""
+        origin, turns, height = self._turns[key]
+        turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
+        if not abs(turn) >= ARC_TIP:
+            return None
+        return arc_vertices(origin[frame], turn, ARC_RADIUS * self._size, ARC_WIDTH * self._size, height)
+
+    def show(self, frame: int) -> None:
+        for family in self._tracks:
+            node = self._nodes[family]
+            if not self._on[family]:
+                node.visible = False
+                continue
+            points = self.points(family, frame)
+            node.visible = len(points) > 0
+            if len(points):
+                node.points = points
+        for key in self._turns:
+            arc = self._arcs[key]
+            corners = self.corners(key, frame) if self._on[key[0]] else None
+            arc.visible = corners is not None
+            if corners is not None:
+                arc.vertices = corners
+
+    def tracks(self) -> Iterator[PointTrack]:
+        """How all arrows and arcs that are on move over the run: what ``show`` draws, for all frames at once."""
+        for family, (origins, lengths, z) in self._tracks.items():
+            if self._on[family]:
+                drawn = lengths * self._factors[family]
+                with np.errstate(invalid="ignore"):
+                    seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= LEAST_ARROW * self._size
+                seen &= np.isfinite(origins).all(axis=2) & np.isfinite(drawn).all(axis=2)
+                flat = np.stack([origins, origins + drawn], axis=2)
+                heights = np.broadcast_to(z[None, :, None, None], (*flat.shape[:3], 1))
+                steady = np.append((seen[1:] == seen[:-1]).all(axis=1), False)
+                yield PointTrack(f"/vectors/{family}", "points", *ragged(np.concatenate([flat, heights], axis=3), seen), steady)
+        for key in self._turns:
+            if self._on[key[0]]:
+                corners = [self.corners(key, frame) for frame in range(len(self._turns[key][1]))]
+                empty = np.zeros((2 * ARC_STEPS + 5, 3), np.float32)
+                values = np.stack([empty if c is None else c for c in corners]).reshape(len(corners), -1)
+                counts = np.array([0 if c is None else values.shape[1] for c in corners])
+                yield PointTrack(arc_path(*key), "vertices", values, counts)
+
+    def _add_arrows(self, family: str) -> viser.ArrowsHandle:
+        return self._server.scene.add_arrows(
+            f"/vectors/{family}",
+            np.zeros((1, 2, 3)),
+            _linear(FAMILIES[family].color),
+            shaft_radius=SHAFT * self._size,
+            head_radius=HEAD_RADIUS * self._size,
+            head_length=HEAD * self._size,
+            visible=False,
+        )
+
+    def _add_arc(self, family: str, item: str) -> viser.MeshHandle:
+        return self._server.scene.add_mesh_simple(
+            arc_path(family, item),
+            arc_vertices(np.zeros(2), 1.0, ARC_RADIUS * self._size, ARC_WIDTH * self._size, 0.0),
+            ARC_FACES,
+            color=FAMILIES[family].color,
+            side="double",
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+
+def arrows_by_family(show: Show) -> dict[str, list[Arrow]]:
+    """The arrows that share a node, in the order in which they are drawn."""
+    found: dict[str, list[Arrow]] = {}
+    for arrow in show.picture.of(Arrow):
+        found.setdefault(arrow.group, []).append(arrow)
+    return found
+
+
+def arc_path(family: str, item: str) -> str:
+    """Name of the node of a moment."""
+    return f"/moments/{family}/{item.replace('/', '_')}"
+
+
+def _linear(color: tuple[int, int, int]) -> tuple[int, int, int]:
+    """A colour for viser's arrows: their shader takes it as light, where that of meshes takes it as a screen colour (gamma 2.2)."""
+    red, green, blue = (round(255.0 * (c / 255.0) ** 2.2) for c in color)
+    return red, green, blue

@@ -1,0 +1,107 @@
+"""Solids beside those of the links: springs, which are stretched, and marks that ride on rollers and belts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechviz.outputs.viewer.playback import PointTrack
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.solids import Posed, link_path
+from mechviz.picture.nodes import Body, Mesh
+
+Real = NDArray[np.float64]
+
+GROUPS = ("springs", "roller", "belt")
+
+
+class BodyNodes:
+    """A node for every body, below its link's where it has one; ``poses`` says where they are, ``show`` stretches them, ``update``
+    takes those of another run."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._on = dict.fromkeys(GROUPS, True)
+        self._height: float | None = None
+        self._bodies: dict[str, Body] = {}
+        self._nodes: dict[str, viser.MeshHandle] = {}
+        self._turns: dict[str, Real] = {}
+        self.update(show)
+
+    @property
+    def groups(self) -> frozenset[str]:
+        """Groups of which there is anything to draw."""
+        return frozenset(body.group for body in self._bodies.values())
+
+    def update(self, show: Show) -> None:
+        """Take the bodies of ``show``; a mesh is sent anew only where it is another."""
+        before, self._bodies = self._bodies, {body_path(body): body for body in show.picture.of(Body, *GROUPS)}
+        for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
+            self._nodes.pop(path).remove()
+        for path, body in self._bodies.items():
+            assert body.poses is not None
+            self._turns[path] = np.roll(np.asarray(body.poses.turns, float), 1, axis=1)  # w first
+            if path not in self._nodes:
+                red, green, blue = (int(c) for c in body.mesh.colors[0])
+                self._nodes[path] = self._server.scene.add_mesh_simple(
+                    path,
+                    body.mesh.vertices,
+                    body.mesh.faces,
+                    color=(red, green, blue),
+                    side="double" if body.parent else "front",
+                    visible=self._seen(body),
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
+
+    def switch(self, group: str, on: bool) -> None:
+        """Draw a group, or no more."""
+        self._on[group] = on
+        self.cut(self._height)
+
+    def cut(self, height: float | None) -> None:
+        """Leave out the bodies before a height [m]; None: none."""
+        self._height = height
+        for path, node in self._nodes.items():
+            seen = self._seen(self._bodies[path])
+            if node.visible != seen:
+                node.visible = seen
+
+    def _seen(self, body: Body) -> bool:
+        return self._on[body.group] and (self._height is None or body.height <= self._height)
+
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the bodies are at a frame, if they are drawn."""
+        for path, (places, turns) in self.tracks().items():
+            if self._on[self._bodies[path].group]:
+                k = min(frame, len(places) - 1)
+                yield self._nodes[path], places[k], turns[k]
+
+    def show(self, frame: int) -> None:
+        """Stretch them as at a frame."""
+        for path, body in self._bodies.items():
+            if self._on[body.group] and body.poses is not None and body.poses.scales is not None:
+                x, y, z = body.poses.scales[min(frame, len(body.poses.scales) - 1)]
+                self._nodes[path].scale = (float(x), float(y), float(z))
+
+    def tracks(self) -> dict[str, tuple[NDArray[np.float32], Real]]:
+        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        return {path: (body.poses.places, self._turns[path]) for path, body in self._bodies.items() if body.poses is not None}
+
+    def stretches(self) -> Iterator[PointTrack]:
+        """How bodies are stretched over the run, if they are on."""
+        for path, body in self._bodies.items():
+            if self._on[body.group] and body.poses is not None and body.poses.scales is not None:
+                yield PointTrack(path, "scale", body.poses.scales, np.full(len(body.poses.scales), 3))
+
+
+def body_path(body: Body) -> str:
+    """Name of a body's node in the scene tree."""
+    return f"{link_path(body.parent) if body.parent else '/bodies'}/{body.key.replace('/', '_')}"
+
+
+def _same(a: Mesh, b: Mesh) -> bool:
+    return a.vertices is b.vertices or (a.vertices.shape == b.vertices.shape and np.array_equal(a.vertices, b.vertices))

@@ -1,0 +1,219 @@
+"""The camera: presets, the whole motion in the part of the picture that no panel covers, nearly without perspective in 2D."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import _messages
+
+FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
+FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
+TIMELINE = 0.42  # part of the picture's height that the timeline covers: of a window of 720 pixels
+MARGIN = 0.06  # around the mechanism, of its extent
+SETTLING = 0.25  # [s] without a change before the view is fitted anew
+UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
+UNSHIFTED = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
+FITS = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
+MOST_KNOWN = 50  # views that a browser has been given and may still report
+MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
+USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has told its own
+
+# In 2D dragging moves the mechanism in its plane and the wheel brings nearer what is below the pointer; elsewhere dragging turns.
+# viser has no call for that: the script looks for the hook that its page shows, and without it dragging turns as ever.
+DRAGGING = """
+{ const controls = (window.__viserMutable || {}).cameraControl, action = controls && controls.constructor.ACTION;
+  if (action && action.TRUCK !== undefined) {
+    const flat = FLAT;
+    controls.mouseButtons.left = flat ? action.TRUCK : action.ROTATE;
+    controls.touches.one = flat ? action.TOUCH_TRUCK : action.TOUCH_ROTATE;
+    controls.dollyToCursor = flat;
+  } }
+"""
+
+# viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it
+# is made to press our button of the first preset, which brings all of it back.
+RESET = """
+{ const viser = window.__viserMutable;
+  if (viser && viser.resetCameraPose && viser.sendMessage) {
+    if (!window.mechvizReset) {
+      let reset = viser.resetCameraPose;
+      const press = (pressed) => pressed ? viser.sendMessage({ type: "GuiUpdateMessage", ...window.mechvizReset }) : reset(pressed);
+      Object.defineProperty(viser, "resetCameraPose", { configurable: true, enumerable: true, get: () => press,
+        set: (other) => { reset = other; } });
+    }
+    window.mechvizReset = { uuid: UUID, updates: { value: LABEL } };
+  } }
+"""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A direction from which the mechanism is looked at, ``away`` from it to the camera, and the angle of view [rad]."""
+
+    label: str
+    away: tuple[float, float, float]
+    fov: float = float(FIELD_OF_VIEW)
+
+
+PRESETS: Mapping[str, Preset] = {
+    "front": Preset("Front", (0.0, 0.0, 1.0)),
+    "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT)),
+    "angled": Preset("Angled", (-0.55, 0.45, 1.0)),
+    "above": Preset("Above", (0.0, 1.0, 0.35)),
+    "behind": Preset("Behind", (0.0, 0.0, -1.0)),
+}
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the camera is and what it looks at [m], and the angle of view [rad]."""
+
+    position: NDArray[np.float64]
+    look_at: NDArray[np.float64]
+    fov: float = float(FIELD_OF_VIEW)
+
+    @property
+    def distance(self) -> float:
+        return float(np.linalg.norm(self.position - self.look_at))
+
+
+def fit_view(bounds: NDArray[np.float64], aspect: float, preset: Preset = PRESETS["front"]) -> View:
+    """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them."""
+    away = np.array(preset.away) / np.linalg.norm(preset.away)
+    right = np.cross([0.0, 1.0, 0.0], away)
+    right = right / np.linalg.norm(right)
+    up = np.cross(away, right)
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
+    x, y, z = corners @ right, corners @ up, corners @ away
+    width, height = np.ptp(x) * (1 + 2 * MARGIN), np.ptp(y) * (1 + 2 * MARGIN)
+    visible = max(height / (1.0 - TIMELINE), width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
+    distance = visible / (2.0 * np.tan(preset.fov / 2.0))
+    middle = np.array([x.min() + x.max(), y.min() + y.max() - visible * TIMELINE]) / 2.0
+    centre = middle[0] * right + middle[1] * up + z.max() * away
+    return View(centre + distance * away, centre, preset.fov)
+
+
+def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> None:
+    """The view of new browsers and of viser's own "Reset View"."""
+    view = fit_view(bounds, USUAL_ASPECT)
+    camera = server.initial_camera
+    camera.fov = view.fov
+    camera.near = view.distance / 100.0
+    camera.far = view.distance * 100.0
+    camera.up = (0.0, 1.0, 0.0)
+    camera.position = view.position
+    camera.look_at = view.look_at
+
+
+def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
+    """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
+    source = RESET.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label))
+    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
+
+
+class FittedCameras:
+    """Keeps the view of every browser fitted to its window, also when that changes, until its user moves the camera.
+
+    While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
+    looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
+    """
+
+    def __init__(self, server: viser.ViserServer, bounds: NDArray[np.float64]):
+        self._server, self._bounds = server, bounds
+        self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
+        self._presets: dict[int, str] = {}  # by browser
+        self._closed = False
+
+    def close(self) -> None:
+        """Let the cameras be: another one looks after them."""
+        self._closed = True
+
+    def follow(self, client: viser.ClientHandle) -> None:
+        """From now on, fit the view of a browser that has just come."""
+        if self._closed:
+            return
+        # viser's default, and our first
+        self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(self._bounds, USUAL_ASPECT)]
+        changes = [0]
+
+        async def update(camera: Any) -> None:
+            changes[0] += 1
+            latest = changes[0]
+            await asyncio.sleep(SETTLING)
+            if latest == changes[0] and client.client_id in self._server.get_clients():
+                self._fit(client, camera)
+
+        client.camera.on_update(update)
+
+    def follow_bounds(self, bounds: NDArray[np.float64]) -> None:
+        """The mechanism has another extent: fit the views that nobody moved."""
+        self._bounds = bounds
+        for client in self._server.get_clients().values():
+            self._fit(client, client.camera)
+
+    def forget(self, client: viser.ClientHandle) -> None:
+        """The browser has gone."""
+        self._known.pop(client.client_id, None)
+        self._presets.pop(client.client_id, None)
+
+    def preset(self, client: viser.ClientHandle) -> str:
+        """The preset that a browser has chosen last."""
+        return self._presets.get(client.client_id, "front")
+
+    def look(self, client: viser.ClientHandle, preset: str) -> None:
+        """Bring a browser's camera to one of the ``PRESETS``, and follow its window again. In 2D it cannot be turned."""
+        self._presets[client.client_id] = preset
+        camera = client.camera
+        aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
+        source = DRAGGING.replace("FLAT", json.dumps(preset == "flat"))
+        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        self._set(client, fit_view(self._bounds, aspect, PRESETS[preset]))
+
+    def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
+        """Fit the view, unless the user has moved the camera or the view fits already."""
+        if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
+            return
+        view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)])
+        known = self._known.get(client.client_id, [])
+        near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
+        beside = UNSHIFTED * 2.0 * view.distance * np.tan(view.fov / 2.0)  # a 2D view is far away, yet looks at the same extent
+        moved = not (
+            any(np.linalg.norm(v.position - camera.position) < near for v in known)
+            and any(np.linalg.norm(v.look_at - camera.look_at) < beside for v in known)
+        )
+        apart = float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))
+        if not moved and apart > FITS * view.distance:
+            self._set(client, view)
+
+    def _set(self, client: viser.ClientHandle, view: View) -> None:
+        known = self._known.setdefault(client.client_id, [])
+        known.append(view)
+        del known[2 : len(known) - MOST_KNOWN]
+        move_to(client, view)
+
+
+def move_to(client: viser.ClientHandle, view: View) -> None:
+    """Put a browser's camera to a view, wherever the browser last said that its camera was.
+
+    The setters of viser's camera send nothing if the camera is there already, by what the browser has told. A browser that is busy
+    drawing tells later, so that a click right after a turn of the mouse wheel would be lost: hence the messages themselves.
+    """
+    position, look_at = (tuple(float(x) for x in vector) for vector in (view.position, view.look_at))
+    up = (0.0, 1.0, 0.0)
+    queue = client._websock_connection.queue_message
+    with client.atomic():
+        queue(_messages.SetCameraFovMessage(view.fov, initial=False))
+        queue(_messages.SetCameraNearMessage(view.distance / 100.0, initial=False))
+        queue(_messages.SetCameraFarMessage(view.distance * 100.0, initial=False))
+        queue(_messages.SetCameraMinOrbitDistanceMessage(MOST_NEAR * view.distance))
+        queue(_messages.SetCameraUpDirectionMessage(up, initial=False))
+        queue(_messages.SetCameraPositionMessage(position))
+        queue(_messages.SetCameraLookAtMessage(look_at))
+    client.flush()

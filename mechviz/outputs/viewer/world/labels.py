@@ -1,0 +1,124 @@
+"""Where the labels of a drawing stand, so that they hide neither each other nor its points: greedily, nearest place first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
+STEPS = (1.0, 2.2, 3.4)  # multiples of the least distance that are tried
+AROUND = 12  # directions that are tried around a point
+
+
+def half_sizes(texts: list[str], per_pixel: float) -> Real:
+    """Half widths and heights (n, 2) [m] of labels; ``per_pixel``: metres of the drawing in a pixel of the screen."""
+    return per_pixel * np.array([[LETTER * max(len(text), 1) + 2.0, LINE] for text in texts], float).reshape(-1, 2)
+
+
+@dataclass(eq=False)
+class LabelPlaces:
+    """Places labels with half sizes ``sides`` (n, 2) at sides and ``points`` (m, 2) at points, ``gap`` [m] from what they name.
+
+    A label keeps the kind of place that it has as long as that is free, so that it does not jump about as the drawing moves.
+    """
+
+    sides: Real
+    points: Real
+    gap: float
+    _last: dict[tuple[str, int], int] = field(default_factory=dict)
+
+    def __call__(self, starts: Array, vectors: Array, marks: Array) -> tuple[Array, Array]:
+        """Middles of the labels of the sides (n,) and of the points (m,); NaN of what is not finite."""
+        ends = np.concatenate([starts, starts + vectors, marks])
+        ends = ends[np.isfinite(ends)]
+        centre = complex(ends.mean()) if len(ends) else 0j
+        dots = marks[np.isfinite(marks)]
+        taken: list[tuple[complex, Real]] = []
+        at_points = np.full(len(marks), np.nan + 0j)
+        for k in _outermost_first(marks, centre):
+            at_points[k] = self._free(("point", k), self._around(marks[k], self.points[k], centre), self.points[k], taken, dots)
+        at_sides = np.full(len(starts), np.nan + 0j)
+        middles = starts + 0.5 * vectors
+        for k in np.argsort(-np.abs(np.nan_to_num(vectors))):  # long sides have the choice
+            if np.isfinite(middles[k]):
+                places = self._beside(starts[k], vectors[k], self.sides[k])
+                foreign = 0.4 * np.prod(self.sides[k]) * _foreign(places, starts, vectors, int(k))
+                inward = np.abs(places - centre) < abs(middles[k] - centre)
+                at_sides[k] = self._free(("side", int(k)), places, self.sides[k], taken, dots, foreign, inward)
+        return at_sides, at_points
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+    def _beside(self, start: complex, vector: complex, half: Real) -> Array:
+        """Places on both sides of a line, its middle first."""
+        size = abs(vector)
+        across = 1j * vector / size if size else 1j
+        reach = self.gap + half[0] * abs(across.real) + half[1] * abs(across.imag)
+        return np.array(
+            [start + u * vector + way * step * reach * across for step in STEPS for u in (0.5, 0.35, 0.65) for way in (1.0, -1.0)]
+        )
+
+    def _around(self, point: complex, half: Real, centre: complex) -> Array:
+        """Places around a point, the direction away from the drawing's centre first."""
+        away = point - centre
+        first = float(np.angle(away)) if away else 0.5 * np.pi
+        turns = [first + sign * k * 2.0 * np.pi / AROUND for k in range(AROUND // 2 + 1) for sign in (1.0, -1.0)]
+        out = []
+        for step in STEPS:
+            for turn in turns:
+                way = complex(np.cos(turn), np.sin(turn))
+                out.append(point + step * way * (self.gap + half[0] * abs(way.real) + half[1] * abs(way.imag)))
+        return np.array(out)
+
+    def _free(
+        self,
+        key: tuple[str, int],
+        places: Array,
+        half: Real,
+        taken: list[tuple[complex, Real]],
+        dots: Array,
+        worse: Any = 0.0,
+        inward: Any = False,
+    ) -> complex:
+        """The first place where nothing is hidden, that of the last time before all others; else where least is. ``worse`` (n,):
+        what speaks against the places anyway, as an area; ``inward`` (n,): places that come after the others."""
+        covered = np.zeros(len(places)) + worse
+        for z, other in taken:
+            covered += _overlap(places - z, half + other)
+        for z in dots:
+            covered += 0.3 * _overlap(places - z, half)
+        last = self._last.get(key)
+        if last is not None and covered[last] == 0.0:
+            choice = last
+        else:
+            rank = np.arange(len(places)) + 3.0 * np.asarray(inward)
+            choice = int(np.argmin(covered + 1e-9 * float(np.prod(half)) * rank))
+        self._last[key] = choice
+        taken.append((complex(places[choice]), half))
+        return complex(places[choice])
+
+
+def _foreign(places: Array, starts: Array, vectors: Array, own: int) -> NDArray[np.bool_]:
+    """Places (n,) that are nearer to another side than to their own: a reader would take the label for that one's."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = np.real(np.conj(vectors) * (places[:, None] - starts)) / np.abs(vectors) ** 2
+        away = np.abs(places[:, None] - starts - np.clip(along, 0.0, 1.0) * vectors)
+    away = np.where(np.isfinite(away), away, np.inf)
+    return np.asarray((np.delete(away, own, axis=1) < 0.98 * away[:, [own]]).any(axis=1))
+
+
+def _overlap(away: Array, reach: Real) -> Real:
+    """Area by which boxes overlap whose middles are ``away`` (n,) and whose half sizes add up to ``reach`` (2,)."""
+    x, y = reach[0] - np.abs(away.real), reach[1] - np.abs(away.imag)
+    return np.where((x > 0.0) & (y > 0.0), x * y, 0.0)
+
+
+def _outermost_first(marks: Array, centre: complex) -> list[int]:
+    """Points that are finite, the farthest from the centre first: they have room."""
+    known = np.flatnonzero(np.isfinite(marks))
+    return [int(k) for k in known[np.argsort(-np.abs(marks[known] - centre), kind="stable")]]

@@ -1,0 +1,221 @@
+"""Marks on the mechanism: paths of traced points with a dot at the present place, and the joints with their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.solids import Posed, link_path
+from mechviz.picture.nodes import Points
+
+Real = NDArray[np.float64]
+
+PATH = (32, 78, 138)  # colour of paths
+PICKED = (194, 37, 92)  # colour of the joint that is looked at
+DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
+
+
+def path_segments(places: Real) -> NDArray[np.float32]:
+    """The lines (F - 1, 2, 3) [m] between places (F, 3) [m] one after the other."""
+    return np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+
+
+class Paths:
+    """Paths of the traced points over the run, each on the front of its link."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._on = True
+        self._lines: dict[str, viser.LineSegmentsHandle] = {}
+        self._dots: dict[str, viser.IcosphereHandle] = {}
+        self._places: Mapping[str, Real] = {}
+        self.update(show)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def update(self, show: Show) -> None:
+        for name, xyz in show.paths.items():
+            lines = path_segments(xyz)
+            if not len(lines):
+                continue
+            if name not in self._lines:
+                self._lines[name] = self._server.scene.add_line_segments(
+                    _path(name), lines, PATH, thickness=2.5, thickness_units="screen", visible=self._on
+                )
+                self._dots[name] = self._server.scene.add_icosphere(
+                    dot_path(name), 0.009 * show.size, color=PATH, cast_shadow=False, receive_shadow=False
+                )
+            elif name not in self._places or not np.array_equal(self._places[name], xyz):
+                self._lines[name].points = lines
+        self._places = {name: xyz for name, xyz in show.paths.items() if name in self._lines}
+        self.switch(self._on)
+
+    def switch(self, on: bool) -> None:
+        self._on = on
+        for nodes in (self._lines, self._dots):
+            for name, node in nodes.items():
+                node.visible = on and name in self._places
+
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the dots are at a frame."""
+        for name, xyz in self._places.items():
+            yield self._dots[name], xyz[frame], None
+
+    def tracks(self) -> dict[str, tuple[Real, None]]:
+        """By the name of a node: its places (F, 3) over the frames."""
+        return {dot_path(name): (xyz, None) for name, xyz in self._places.items()}
+
+
+class Joints:
+    """A dot at every joint that can be clicked, with the names beside it, driven ones marked.
+
+    Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
+    """
+
+    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[tuple[str, ...], Any], None] | None = None):
+        self._server, self._clicked = server, clicked
+        self._on = True
+        self._groups: list[tuple[tuple[str, ...], Real]] = []
+        self._labels: dict[tuple[str, ...], viser.LabelHandle] = {}
+        self._dots: dict[tuple[str, ...], viser.IcosphereHandle] = {}
+        self._names: dict[tuple[str, ...], str] = {}
+        self._picked: frozenset[str] = frozenset()
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        self._size = show.size
+        self._beside = 0.018 * show.size  # from a joint to its name, along each axis
+        driven = {drive.name for drive in show.drives}
+        self._groups = []
+        for names, places in joint_groups(show.joints, 1e-6 * show.size):
+            key = tuple(names)
+            self._groups.append((key, places))
+            if key not in self._labels:
+                text = ", ".join(f"{name} (drive)" if name in driven else name for name in names)
+                path = joint_path(names)
+                self._names[key] = path
+                self._labels[key] = self._server.scene.add_label(
+                    f"{path}/name", text, anchor="bottom-left", font_screen_scale=1.0, visible=self._on
+                )
+                self._dots[key] = self._add_dot(key)
+        known = {key for key, _ in self._groups}
+        for nodes in (self._labels, self._dots):
+            for key in [key for key in nodes if key not in known]:
+                nodes.pop(key).remove()
+
+    def switch(self, on: bool) -> None:
+        """Write the names beside the joints, or not."""
+        self._on = on
+        for label in self._labels.values():
+            label.visible = on
+
+    def pick(self, names: Iterable[str]) -> None:
+        """Mark joints as those that are looked at."""
+        self._picked = frozenset(names)
+        for key in self._dots:
+            color = PICKED if self._picked & set(key) else (236, 239, 243)
+            if tuple(self._dots[key].color) != color:
+                self._dots[key].color = color
+
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the dots are at a frame, and the names, where they are written."""
+        for key, xyz in self._groups:
+            yield self._dots[key], xyz[frame], None
+            if self._on:
+                yield self._labels[key], xyz[frame] + self._beside, None
+
+    def tracks(self) -> dict[str, tuple[Real, None]]:
+        """By the name of a node: its places (F, 3) over the frames."""
+        found: dict[str, tuple[Real, None]] = {}
+        for key, xyz in self._groups:
+            found[f"{self._names[key]}/dot"] = (xyz, None)
+            found[f"{self._names[key]}/name"] = (xyz + self._beside, None)
+        return found
+
+    def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
+        color = PICKED if self._picked & set(key) else (236, 239, 243)
+        dot = self._server.scene.add_icosphere(
+            f"{self._names[key]}/dot", DOT * self._size, color=color, cast_shadow=False, receive_shadow=False
+        )
+        clicked = self._clicked
+        if clicked is not None:
+
+            async def hit(event: Any) -> None:
+                clicked(key, event)
+
+            dot.on_click(hit)
+        return dot
+
+
+def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str], Real]]:
+    """Names of joints that lie within ``near`` [m] of each other in all frames, with the places (F, 3) [m] of the foremost."""
+    groups: list[tuple[list[str], Real]] = []
+    for name, places in joints.items():
+        for k, (names, other) in enumerate(groups):
+            if np.abs(places[:, :2] - other[:, :2]).max(initial=0.0) <= near:
+                names.append(name)
+                groups[k] = names, np.maximum(places, other)
+                break
+        else:
+            groups.append(([name], places))
+    return groups
+
+
+class Masses:
+    """Balls for point masses, below the nodes of their links, with what they weigh."""
+
+    def __init__(self, server: viser.ViserServer, show: Show):
+        self._server = server
+        self._on = True
+        self._nodes: list[Any] = []
+        self._drawn: list[Points] = []
+        self.update(show)
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def update(self, show: Show) -> None:
+        wanted = list(show.picture.of(Points, "masses"))
+        if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
+            return
+        for old in self._nodes:
+            old.remove()
+        self._drawn, self._nodes, scene = wanted, [], self._server.scene
+        for node in wanted:
+            for k, (place, radius, label) in enumerate(zip(node.places[0], node.radii, node.labels, strict=True)):
+                path = f"{link_path(node.parent)}/mass_{k}"
+                at = (float(place[0]), float(place[1]), float(place[2]))
+                ball = scene.add_icosphere(
+                    path, radius, color=node.color, position=at, visible=self._on, cast_shadow=False, receive_shadow=False
+                )
+                self._nodes += [ball, scene.add_label(f"{path}/weight", label, visible=self._on)]
+
+    def switch(self, on: bool) -> None:
+        """Draw them, or no more."""
+        self._on = on
+        for node in self._nodes:
+            node.visible = on
+
+
+def _weights(node: Points) -> Any:
+    return node.key, node.places.tolist(), node.radii, node.labels
+
+
+def joint_path(names: Iterable[str]) -> str:
+    """Name of the node of joints that share a dot."""
+    return f"/joints/{'+'.join(names).replace('/', '_')}"
+
+
+def dot_path(name: str) -> str:
+    """Name of the node of a traced point's dot."""
+    return f"{_path(name)}/now"
+
+
+def _path(name: str) -> str:
+    return f"/paths/{name.replace('/', '_')}"

@@ -1,0 +1,168 @@
+"""Everything that is drawn in 3D: solids, arrows, paths, names, ground, and the camera that looks at it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
+from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.world.arrows import ArrowNodes
+from mechviz.outputs.viewer.world.bodies import BodyNodes
+from mechviz.outputs.viewer.world.camera import FittedCameras, set_first_view
+from mechviz.outputs.viewer.world.constructions import PlanNodes
+from mechviz.outputs.viewer.world.ghost import Ghost
+from mechviz.outputs.viewer.world.lines import LineNodes
+from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths
+from mechviz.outputs.viewer.world.solids import SolidNodes, place
+from mechviz.outputs.viewer.world.stage import Stage
+from mechviz.picture.nodes import Body
+
+SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
+BEYOND = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
+BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
+FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
+
+Real = NDArray[np.float64]
+
+
+def _ignore(_what: Any, _event: Any) -> None:
+    """Nobody wants to know of clicks."""
+
+
+class Scene3D:
+    """The picture of what is shown; ``show`` brings it to a frame, ``update`` takes another motion. Only the player's thread calls
+    ``show``, and nobody draws while it is updated."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        show: Show,
+        clicked_link: Callable[[str, Any], None] = _ignore,
+        clicked_joints: Callable[[tuple[str, ...], Any], None] = _ignore,
+    ):
+        self._server = server
+        self.current = show
+        with server.atomic():
+            self.stage = Stage(server, show.bounds, show.size)
+            self.ghost = Ghost(server, show)
+            self.links = SolidNodes(server, show, clicked_link)
+            self.arrows = ArrowNodes(server, show)
+            self._paths = Paths(server, show)
+            self._lines = LineNodes(server, show)
+            self._bodies = BodyNodes(server, show)
+            self._masses = Masses(server, show)
+            self.joints = Joints(server, show, clicked_joints)
+            self.plans = PlanNodes(server, show)
+        self._posed = (self.links, self.ghost, self._paths, self.joints, self._bodies)
+        for family in self.arrows.families:
+            self.switch_family(family, family in SHOWN_FIRST)
+        self.bounds = self._box(show)
+        set_first_view(server, self.bounds)
+        self.marks: Mapping[str, Callable[[bool], None]] = {
+            "Paths": self._paths.switch,
+            **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
+            **({"Point masses": self._masses.switch} if len(self._masses) else {}),
+            **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
+            "Joint names": self.joints.switch,
+            "Grid": self.stage.switch,
+        }
+        self.cameras = FittedCameras(server, self.bounds)
+        server.on_client_connect(self._greet)
+        server.on_client_disconnect(self._part)
+
+    @property
+    def size(self) -> float:
+        """The mechanism's size [m]."""
+        return self.current.size
+
+    def update(self, show: Show) -> None:
+        """Take the solids, the motion and the forces of ``show``, which is of the same scene with other values."""
+        self.current = show
+        self.links.update(show)
+        self.arrows.update(show)
+        self._paths.update(show)
+        self._lines.update(show)
+        self._bodies.update(show)
+        self._masses.update(show)
+        self.joints.update(show)
+        self.plans.update(show)
+
+    def refit(self) -> None:
+        """After an edit: look at the new extent, where the old view does not fit it any more, with cameras that nobody moved."""
+        box = self._box(self.current)
+        inside = (box[0, :2] >= self.bounds[0, :2] - 1e-12).all() and (box[1, :2] <= self.bounds[1, :2] + 1e-12).all()
+        part = np.max((box[1] - box[0])[:2] / (self.bounds[1] - self.bounds[0])[:2])
+        if not inside or part < FITS_STILL:
+            self.bounds = box
+            self.cameras.follow_bounds(box)
+
+    def show(self, frame: int) -> None:
+        """Bring everything to a frame, in one piece for the browsers."""
+        place(self._server, chain.from_iterable(nodes.poses(frame) for nodes in self._posed))
+        self.arrows.show(frame)
+        self._lines.show(frame)
+        self._bodies.show(frame)
+        self.plans.show(frame)
+
+    def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
+        """How everything moves over the run; None where something changes in another way than by poses and points."""
+        if self.plans.moves:
+            return None
+        poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
+        frames = self.current.frames
+        moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
+        return moving, (*self.arrows.tracks(), *self._lines.tracks(frames), *self._bodies.stretches())
+
+    def switch_family(self, family: str, on: bool) -> None:
+        """Draw the arrows of a family with what belongs to them, or no more."""
+        self.arrows.switch(family, on)
+        if family in self._lines.groups:
+            self._lines.switch(family, on)
+
+    def _switch_springs(self, on: bool) -> None:
+        self._lines.switch("springs", on)
+        self._bodies.switch("springs", on)
+
+    def cut(self, height: float | None) -> None:
+        """Cut away what lies before a height [m], None: nothing. What is no plate goes as a whole."""
+        self.links.cut(height)
+        self._bodies.cut(height)
+
+    def switch_mark(self, name: str, on: bool) -> None:
+        """Show or hide one of ``marks``."""
+        self.marks[name](on)
+
+    def _box(self, show: Show) -> Real:
+        box = _joined(show.bounds, self.arrows.reach(), BEYOND * show.size)
+        first = _joined(show.bounds, self.arrows.reach(show.opening), BEYOND_FIRST * show.size)
+        box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
+        for spring in show.picture.of(Body, "springs"):
+            low, high = spring.reach()
+            box[0, :2] = np.minimum(box[0, :2], np.maximum(low, show.bounds[0, :2] - 0.5 * show.size))
+            box[1, :2] = np.maximum(box[1, :2], np.minimum(high, show.bounds[1, :2] + 0.5 * show.size))
+        if self.plans.bounds is not None:
+            box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
+            box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
+        return box
+
+    async def _greet(self, client: viser.ClientHandle) -> None:
+        self.cameras.follow(client)
+
+    async def _part(self, client: viser.ClientHandle) -> None:
+        self.cameras.forget(client)
+
+
+def _joined(bounds: Real, arrows: Real | None, most: float) -> Real:
+    """The box of the solids (2, 3) with that of the arrows (2, 2), as far as that reaches beyond it by no more than ``most``."""
+    wider = np.array(bounds, float)
+    if arrows is not None:
+        wider[0, :2] = np.minimum(bounds[0, :2], np.maximum(arrows[0], bounds[0, :2] - most))
+        wider[1, :2] = np.maximum(bounds[1, :2], np.minimum(arrows[1], bounds[1, :2] + most))
+    return wider

@@ -1,0 +1,296 @@
+"""The solids of the links in the browser, and their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from viser import _messages
+
+from mechviz.outputs.viewer.view_model import Body, Piece, Show
+from mechviz.picture.nodes import Body as BodyNode
+from mechviz.picture.proportions import about_z
+
+Posed = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
+"""A node, its place (3,) [m] and its turn (4,) as a quaternion w, x, y, z, None if it does not turn."""
+
+LEAST = 1e-10  # [m, or of a quaternion]: less than this is round-off, and far from being seen
+
+
+class _Place(_messages.SetPositionMessage):
+    """viser's message, which says at once what it consists of."""
+
+    def redundancy_key(self) -> str:
+        return f"scene:{self.name}:update:SetPositionMessage"
+
+    def as_serializable_dict(self, binary_buffers: list[memoryview] | None = None) -> dict[str, Any]:
+        return {"name": self.name, "position": self.position, "owner": self.owner, "type": "SetPositionMessage"}
+
+
+class _Turn(_messages.SetOrientationMessage):
+    """viser's message, which says at once what it consists of."""
+
+    def redundancy_key(self) -> str:
+        return f"scene:{self.name}:update:SetOrientationMessage"
+
+    def as_serializable_dict(self, binary_buffers: list[memoryview] | None = None) -> dict[str, Any]:
+        return {"name": self.name, "wxyz": self.wxyz, "owner": self.owner, "type": "SetOrientationMessage"}
+
+
+def place(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
+    """Bring nodes of the server's scene to their poses; the number of messages that this takes."""
+    nodes = list(poses)
+    turning = [(node, turn) for node, _, turn in nodes if turn is not None]
+    messages: list[Any] = [
+        _Turn(node._impl.name, values)
+        for node, values in _moved([n for n, _ in turning], [n._impl.wxyz for n, _ in turning], [t for _, t in turning])
+    ]
+    messages += [
+        _Place(node._impl.name, values)
+        for node, values in _moved([n for n, _, _ in nodes], [n._impl.position for n, _, _ in nodes], [p for _, p, _ in nodes])
+    ]
+    _queue(server, messages)
+    return len(messages)
+
+
+def _moved(
+    nodes: list[viser.SceneNodeHandle], before: list[NDArray[Any]], after: list[NDArray[Any]]
+) -> list[tuple[viser.SceneNodeHandle, Any]]:
+    """The nodes of which a state is another now, with that as a tuple; the state itself becomes it."""
+    if not nodes:
+        return []
+    new = np.array(after, float)
+    moved = (np.abs(new - np.array(before)) > LEAST).any(axis=1)
+    values = new.tolist()
+    found = []
+    for k in np.flatnonzero(moved & np.isfinite(new).all(axis=1)):  # viser draws nothing at all of what is not a number
+        if not nodes[k]._impl.removed:
+            before[k][:] = values[k]
+            found.append((nodes[k], tuple(values[k])))
+    return found
+
+
+def _queue(server: viser.ViserServer, messages: list[Any]) -> None:
+    """Queue messages for all browsers as viser's `queue_message` does one by one: with one lock, and one signal, for all."""
+    if not messages:
+        return
+    connections = server._websock_server
+    buffer = connections._broadcast_buffer
+    with connections._record_lock:
+        for handle in connections._record_handles:
+            for message in messages:
+                handle._insert_message(message)
+        with buffer.buffer_lock:
+            for message in messages:
+                key, owner = message.redundancy_key(), ("scene", message.name)
+                number = buffer.message_counter
+                buffer.message_counter += 1
+                old = buffer.id_from_redundancy_key.get(key)
+                states = buffer.ids_from_entity_state_key.setdefault(owner, set())
+                if old is not None:
+                    buffer.message_from_id.pop(old, None)
+                    states.discard(old)
+                states.add(number)
+                buffer.message_from_id[number] = message
+                buffer.id_from_redundancy_key[key] = number
+            buffer.message_event.set()
+    buffer.atomic_start()
+    buffer.atomic_end()  # wakes the thread that talks to the browsers, unless more is to come in the same piece
+
+
+DARKER = 0.8  # the cut itself beside the rest of the part
+
+
+def shells(piece: Piece) -> NDArray[np.int64]:
+    """The number of the closed part that each vertex (V,) of a piece belongs to; vertices at one place belong together."""
+    places, same = np.unique(piece.vertices, axis=0, return_inverse=True)
+    corners = same.reshape(-1)[piece.faces.astype(np.int64)]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]])
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(places), len(places)))
+    return np.asarray(connected_components(graph, directed=False)[1][same.reshape(-1)], np.int64)
+
+
+def sectioned(body: Body, height: float) -> Body:
+    """A body without what lies before z = ``height`` [m].
+
+    All parts are plates: a part that the plane passes through is pushed flat onto it, which closes it with its own outline, and one
+    that lies before it is left out. The cut itself is a darker piece. Spatial cams, which turn about an axis in the plane, stay
+    whole.
+    """
+    pieces = []
+    for piece in () if body.whole else body.pieces:
+        z = piece.vertices[:, 2]
+        if z.max() <= height:
+            pieces.append(piece)
+            continue
+        shell = shells(piece)
+        lowest = np.full(shell.max() + 1, np.inf)
+        np.minimum.at(lowest, shell, z)
+        kept = lowest[shell] < height
+        vertices = piece.vertices.copy()
+        vertices[:, 2] = np.minimum(z, np.float32(height))
+        faces = piece.faces[kept[piece.faces[:, 0]]]
+        flat = (vertices[faces, 2] == np.float32(height)).all(axis=1)  # in the plane
+        red, green, blue = (int(DARKER * c) for c in piece.color)
+        pieces += [_part(vertices, faces[~flat], piece.color), _part(vertices, faces[flat], (red, green, blue))]
+    return body if body.whole else Body(tuple(piece for piece in pieces if len(piece.faces)))
+
+
+def _part(vertices: NDArray[np.float32], faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:
+    """Some faces with the vertices that they use."""
+    used, own = np.unique(faces, return_inverse=True)
+    return Piece(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)
+
+
+Real = NDArray[np.float64]
+
+HAIR = 2e-4  # of the mechanism's size
+PALE = 0.45  # opacity of the links beside the one that is looked at
+
+
+def link_path(link: str) -> str:
+    """Name of a link's node in the scene tree: its pose is the pose of the link's frame."""
+    return f"/mechanism/{link.replace('/', '_')}"
+
+
+def quaternions(angle: Real) -> Real:
+    """Unit quaternions w, x, y, z (F, 4) of turns about z by ``angle`` (F,) [rad]."""
+    return np.roll(about_z(angle), 1, axis=-1)
+
+
+def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
+    """Turns (F, 4) and places (F, 3) of what is moved by ``shift`` (F, 3) [m] and turned by quaternions ``q`` (F, 4), w last, in a
+    link at poses (F, 3)."""
+    half, c, s = 0.5 * pose[:, 2], np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    k, w = np.sin(half), np.cos(half)
+    x, y, z, r = q.T
+    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # about z after the other
+    place = np.column_stack(
+        [pose[:, 0] + c * shift[:, 0] - s * shift[:, 1], pose[:, 1] + s * shift[:, 0] + c * shift[:, 1], shift[:, 2]]
+    )
+    return turn, place
+
+
+class SolidNodes:
+    """A node for every link, with its solid below it; ``poses`` says where the links are, ``update`` takes another run.
+
+    ``clicked(link, event)`` is called when somebody clicks on a solid.
+    """
+
+    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[str, Any], None] | None = None):
+        self._server, self._clicked = server, clicked
+        self._opacity: float | None = None
+        self._picked = ""
+        self._height: float | None = None
+        self._size = show.size
+        self._drawn: dict[str, Body] = {}
+        self._nodes: dict[str, viser.FrameHandle] = {}
+        self._meshes: dict[str, list[viser.MeshHandle]] = {}
+        self._bodies: Mapping[str, Body] = {}
+        self._moving: dict[str, tuple[Real, Real]] = {}
+        self.update(show)
+
+    def update(self, show: Show) -> None:
+        """Take the solids and the motion of ``show``; only what differs is sent."""
+        for link in [name for name in self._nodes if name not in show.poses]:
+            self._nodes.pop(link).remove()
+            self._meshes.pop(link, None)
+        for link, pose in show.poses.items():
+            if link not in self._nodes:
+                self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
+            body = show.bodies.get(link)
+            if body is not None and self._bodies.get(link) is not body:
+                self._shape(link, self._cut_body(link, body))
+            self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
+        for solid in show.picture.of(BodyNode, "solids"):
+            if solid.poses is not None:  # it turns about an axis in the plane
+                shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.turns))
+                self._moving[solid.parent] = composed(show.poses[solid.parent], shift, turn)
+        self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
+        self._bodies = show.bodies
+
+    def fade(self, opacity: float) -> None:
+        """Draw all solids with an opacity, 1 is solid."""
+        self._opacity = None if opacity >= 1.0 else max(opacity, 0.0)
+        self.pick(self._picked)
+
+    def cut(self, height: float | None) -> None:
+        """Cut away what lies before a height [m], None: nothing."""
+        if height != self._height:
+            self._height = height
+            for link, body in self._bodies.items():
+                if link in self._nodes:
+                    self._shape(link, self._cut_body(link, body))
+
+    def _cut_body(self, link: str, body: Body) -> Body:
+        """A body without what lies before the cut, a hair apart from those of other links: faces in one plane would flicker."""
+        if self._height is None:
+            return body
+        return sectioned(body, self._height - HAIR * self._size * list(self._nodes).index(link))
+
+    def pick(self, link: str) -> None:
+        """Mark a link as the one that is looked at: all others become a little paler."""
+        self._picked = link
+        for name, meshes in self._meshes.items():
+            for mesh in meshes:
+                opacity = self._opacity_of(name)
+                if mesh.opacity != opacity:
+                    mesh.opacity = opacity
+
+    def _opacity_of(self, link: str) -> float | None:
+        if self._picked and link != self._picked:
+            return min(PALE, self._opacity or 1.0)
+        return self._opacity
+
+    def poses(self, frame: int) -> Iterator[Posed]:
+        """Where the links are at a frame."""
+        for link, (turn, position) in self._moving.items():
+            yield self._nodes[link], position[frame], turn[frame]
+
+    def tracks(self) -> dict[str, tuple[Real, Real]]:
+        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        return {link_path(link): (position, turn) for link, (turn, position) in self._moving.items()}
+
+    def _shape(self, link: str, body: Body) -> None:
+        """Draw a link's pieces: other vertices where the faces are the same, else other meshes."""
+        meshes = self._meshes.get(link, [])
+        old, self._drawn[link] = self._drawn.get(link), body
+        if old is not None and len(meshes) == len(body.pieces) and _same_faces(old, body):
+            for mesh, before, piece in zip(meshes, old.pieces, body.pieces, strict=True):
+                if before.vertices is not piece.vertices:
+                    mesh.vertices = piece.vertices
+            return
+        for mesh in meshes[len(body.pieces) :]:
+            mesh.remove()
+        self._meshes[link] = []
+        for k, piece in enumerate(body.pieces):
+            mesh = self._server.scene.add_mesh_simple(
+                f"{link_path(link)}/part_{k}",
+                piece.vertices,
+                piece.faces,
+                color=piece.color,
+                opacity=self._opacity_of(link),
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            if self._clicked is not None:
+                self._listen(mesh, link, self._clicked)
+            self._meshes[link].append(mesh)
+
+    def _listen(self, mesh: viser.MeshHandle, link: str, clicked: Callable[[str, Any], None]) -> None:
+        async def hit(event: Any) -> None:
+            clicked(link, event)
+
+        mesh.on_click(hit)
+
+
+def _same_faces(a: Body, b: Body) -> bool:
+    """Whether two bodies differ in the places of their vertices only."""
+    return len(a.pieces) == len(b.pieces) and all(
+        p.faces is q.faces and p.color == q.color for p, q in zip(a.pieces, b.pieces, strict=True)
+    )

@@ -1,0 +1,138 @@
+"""Solids that follow a length while it is dragged: every vertex goes with the points of its link that are near to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.outputs.viewer.view_model import Body, Piece
+
+if TYPE_CHECKING:
+    from mechcore.motion.motion import Motion
+
+
+Points = Mapping[str, tuple[float, float]]
+SHARPNESS = 2  # weights fall with this power of the squared distance: around a point the solid moves as a whole
+
+
+def warped(xy: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places (V, 2) in a plane in which points ``before`` (P, 2) have moved to ``after`` (P, 2).
+
+    Two points carry the plane with them: lengths along their line are stretched, those across it stay. In general each place
+    moves by the mean of what the points move, weighted by inverse distance (Shepard's interpolation, 1968).
+    """
+    moves = after - before
+    if not len(before) or not np.any(moves):
+        return xy
+    if len(before) == 1:
+        return np.asarray(xy + moves[0])
+    turn = np.ones(1, complex)
+    if len(before) == 2:  # a bar: turned as a whole, then stretched between its ends
+        a, b = (complex(*(p[1] - p[0])) for p in (before, after))
+        if abs(a) > 0.0 and abs(b) > 0.0:
+            turn = np.array([b / a / abs(b / a)])
+            z = (xy[:, 0] - before[0, 0] + 1j * (xy[:, 1] - before[0, 1])) * np.conj(a) / abs(a)
+            part = np.clip(z.real / abs(a), 0.0, 1.0)
+            z = (z + part * (abs(b) - abs(a))) * a / abs(a) * turn + complex(*after[0])
+            return np.column_stack([z.real, z.imag])
+    square = ((xy[:, None] - before[None]) ** 2).sum(axis=-1)
+    spread = float(np.ptp(before, axis=0).max()) or 1.0
+    weights = 1.0 / (square / spread**2 + 1e-12) ** SHARPNESS
+    weights /= weights.sum(axis=1, keepdims=True)
+    return np.asarray(xy + weights @ moves)
+
+
+def warped_body(body: Body, before: Points, after: Points) -> Body:
+    """A body whose link's points have moved; itself where they have not."""
+    names = [name for name in before if name in after]
+    old, new = (np.array([p[n] for n in names], float).reshape(-1, 2) for p in (before, after))
+    if np.array_equal(old, new):
+        return body
+    pieces = []
+    for piece in body.pieces:
+        vertices = piece.vertices.copy()
+        vertices[:, :2] = warped(piece.vertices[:, :2].astype(float), old, new)
+        pieces.append(Piece(vertices, piece.faces, piece.color))
+    return replace(body, pieces=tuple(pieces))
+
+
+Array = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+SAMPLES = 720  # points of a profile
+HUB = 0.4  # of the least radius: what is nearer to the shaft stays as it is
+ONTO = 1.01  # of a radius: up to here a place belongs to the disc
+
+
+def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
+    """By cam pair: its link, and the placed cam whose profile can be followed."""
+    if not any(r.geometry is not None for r in motion.model.relations):
+        return {}
+    from mechcore.cams.placed import PlacedCam
+    from mechcore.forces.cam_events import placed_cams
+
+    links = {pair.name: pair.links[0] for pair in motion.mechanism.pairs}
+    return {cam.name: (links[cam.name], cam) for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.mate is None}
+
+
+def stretched_cams(
+    bodies: Mapping[str, Body], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
+) -> dict[str, Body]:
+    """The bodies of cams whose profiles are others now, by link; the rest is not among them."""
+    from mechviz.picture.meshes.kinds.cam_profiles import profile_points
+
+    found: dict[str, Body] = {}
+    for name, (link, old) in before.items():
+        if name not in after or link not in bodies:
+            continue
+        new = after[name][1]
+        way_old, way_new = (profile_points(placed, SAMPLES) for placed in (old, new))
+        if old.own == new.own and old.mount == new.mount and np.array_equal(way_old, way_new):
+            continue
+        pieces = []
+        for piece in bodies[link].pieces:
+            z = (piece.vertices[:, 0].astype(float) + 1j * piece.vertices[:, 1] - old.own) / old.mount
+            moved = stretched(z, way_old, way_new, wedge=old.bed is not None, groove=bool(old.groove))
+            if moved is None:
+                break
+            w = new.own + new.mount * moved
+            pieces.append(
+                Piece(np.column_stack([w.real, w.imag, piece.vertices[:, 2]]).astype(np.float32), piece.faces, piece.color)
+            )
+        else:
+            found[link] = replace(bodies[link], pieces=tuple(pieces))
+    return found
+
+
+def stretched(z: Array, before: Array, after: Array, *, wedge: bool = False, groove: bool = False) -> Array | None:
+    """Places ``z`` (V) [m] of a cam whose profile was ``before`` (n) and is ``after`` (m), counter-clockwise about the shaft at
+    the origin, or of a wedge from left to right: they go onto the new profile from the old one, the hub (of a wedge its base)
+    stays, and in between they are stretched. None for profiles that run back on themselves.
+
+    ``groove``: what lies outside goes along with the profile.
+    """
+    if wedge:
+        if np.any(np.diff(before.real) <= 0.0) or np.any(np.diff(after.real) <= 0.0):
+            return None
+        base = float(z.imag.min(initial=float(before.imag.min())))
+        old, new = (np.interp(z.real, way.real, way.imag) for way in (before, after))
+        part = np.clip((z.imag - base) / np.fmax(old - base, 1e-12), 0.0, 1.0)
+        return np.asarray(z + 1j * part * (new - old))
+    angle = np.angle(z)
+    radii = []
+    for way in (before, after):
+        phi = np.unwrap(np.angle(way))
+        if np.any(np.diff(phi) <= 0.0) or not 0.99 < (phi[-1] - phi[0]) / (2.0 * np.pi) < 1.0:
+            return None
+        radii.append(np.interp(phi[0] + np.mod(angle - phi[0], 2.0 * np.pi), phi, np.abs(way), right=abs(way[0])))
+    old, new = radii
+    hub = HUB * float(min(np.abs(before).min(), np.abs(after).min()))
+    r = np.abs(z)
+    inside = np.clip((r - hub) / np.fmax(old - hub, 1e-12), 0.0, 1.0)
+    far = r > ONTO * old
+    shift = np.where(far & (not groove), 0.0, inside * (new - old))
+    return np.asarray(z + shift * np.exp(1j * angle))

@@ -1,0 +1,242 @@
+"""Graphical constructions as drawings to scale: arrows with colours and labels in metres of a drawing plane, over all frames.
+
+Pure functions of a `Run`; the recorder and the viewer draw what they find here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.constructions.funicular import Funicular
+from mechcore.constructions.polygons import Edge, Plan
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+Array = NDArray[np.complex128]
+Color = tuple[int, int, int]
+
+COLORS: Mapping[str, Color] = {
+    "absolute": (84, 168, 255),
+    "relative": (255, 190, 84),
+    "normal": (255, 190, 84),
+    "tangential": (126, 224, 130),
+    "coriolis": (255, 110, 170),
+    "sliding": (190, 150, 255),
+    "reaction": (255, 72, 84),
+    "reaction normal": (255, 72, 84),
+    "reaction tangential": (255, 140, 150),
+    "inner": (150, 160, 178),
+    "load": (255, 158, 40),
+    "inertia": (208, 112, 246),
+    "gravity": (214, 178, 130),
+    "resultant": (255, 255, 255),
+    "ray": (120, 150, 178),
+    "string": (120, 200, 230),
+    "line": (214, 170, 104),
+    "before": (255, 110, 96),
+    "after": (96, 222, 132),
+}
+"""Colours on a dark ground."""
+
+INSIDE = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
+FAR = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
+FILL = 1.0  # size of a drawing in sizes of the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Ink:
+    """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head; ``fine``: a thin arrow."""
+
+    label: str
+    color: Color
+    start: Array
+    vector: Array
+    plain: bool = False
+    fine: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A named point (F,) of the drawing plane [m]."""
+
+    label: str
+    at: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Arrows and points, their size ``bounds`` (2, 2) [m] over the run, and the scale: units of the quantity per metre."""
+
+    name: str
+    title: str
+    inks: tuple[Ink, ...]
+    marks: tuple[Mark, ...]
+    per_metre: float
+    unit: str
+    closing: NDArray[np.float64] | None = None
+
+    least: float = 0.0  # [m] extent for which a view has room at least
+    whole: bool = False  # a view has room for all frames, however far they reach
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
+        ends = [z for ink in self.inks for z in (ink.start, ink.start + ink.vector)] + [m.at for m in self.marks]
+        if not ends:
+            return np.zeros((2, 2))
+        z = np.array(ends)
+        z = z[:, np.isfinite(z).all(axis=0)]
+        if not z.size:
+            return np.zeros((2, 2))
+        low = np.array([np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)])
+        high = np.array([np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)])
+        least, most = np.array([z.real.min(), z.imag.min()]), np.array([z.real.max(), z.imag.max()])
+        if self.whole or np.max(most - least) <= FAR * np.max(high - low):
+            low, high = least, most
+        half = 0.5 * self.least
+        return np.array([np.minimum(low, -half), np.maximum(high, half)]) if half else np.array([low, high])
+
+
+def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
+    """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
+    studies = run.studies
+    found = {name: draw_plans(name, plans, size) for name, plans in studies.plans.items()}
+    if studies.systems:
+        found["funicular/forces"] = draw_funicular(run, size)
+    if studies.shaking is not None:
+        found["shaking"] = draw_shaking(run, size)
+    return found
+
+
+def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
+    """Plans side by side in one scale, so that the whole is about as large as the mechanism (``size`` [m])."""
+    shown = [_worth_drawing(plan.edges) for plan in plans]
+    boxes = [_box(edges) for edges in shown]
+    widths = [float((high - low).real) for low, high in boxes]
+    heights = [float((high - low).imag) for low, high in boxes]
+    rows = rows_of(widths, heights)
+    gap = 0.12 * max([*widths, *heights, 1e-300])
+    inks: list[Ink] = []
+    marks: list[Mark] = []
+    whole = max(
+        max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
+    )
+    per_metre = whole / (FILL * size) if whole > 0.0 else 1.0
+    y = 0.0
+    for row in rows:
+        x = 0.0
+        top = max(heights[i] for i in row)
+        for i in row:
+            low, _ = boxes[i]
+            shift = complex(x, y - top) - low
+            for e in shown[i]:
+                start, vector, fine = (
+                    (e.start + shift) / per_metre,
+                    e.vector / per_metre,
+                    e.kind == "absolute" and name != "velocity",
+                )
+                inks.append(Ink(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
+            for label, at in plans[i].images.items():
+                marks.append(Mark(plans[i].name if label == "start" else label, (at + shift) / per_metre))
+            x += widths[i] + gap
+        y -= top + gap
+    closing = np.max([plan.closing for plan in plans], axis=0) if plans else None
+    unit = plans[0].unit if plans else "1"
+    title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
+    return Drawing(name, title, tuple(inks), tuple(marks), per_metre, unit, closing)
+
+
+def draw_funicular(run: Run, size: float) -> Drawing:
+    """Force polygons with poles and rays of all force systems."""
+    plans = [s.drawing.polygon() for s in run.studies.systems.values()]
+    drawing = draw_plans("funicular", plans, size)
+    systems = run.studies.systems.values()
+    drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
+    aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
+    inks: list[Ink] = []
+    for i in drawing.inks:  # where all forces are parallel the resultant stands beside them
+        shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
+        inks.append(Ink(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
+    title = f"Force polygon with pole and rays: 1 m of the drawing = {amount(drawing.per_metre, 'N')}"
+    closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
+    return Drawing("funicular/forces", title, tuple(inks), drawing.marks, drawing.per_metre, "N", closing)
+
+
+def draw_shaking(run: Run, size: float) -> Drawing:
+    """The shaking force as an arrow from the origin of its polar plot, without and with counterweights."""
+    found = [("before", run.studies.shaking), ("after", run.studies.balanced)]
+    forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in found if s is not None]
+    largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in forces)
+    single = max(s.single for _, s in found if s is not None)
+    if largest <= 1e-9 * single:  # balanced: drawn in the scale of the links' own inertia forces, not of the rounding
+        largest = single
+    per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0
+    names = {"before": "shaking force", "after": "with counterweights"}
+    zero = np.zeros(run.motion.frames, complex)
+    inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
+    title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
+    return Drawing("shaking", title, inks, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
+
+
+def _aside(f: Funicular) -> complex:
+    """The direction away from the pole where all forces are parallel in every frame, else zero."""
+    across = np.abs(np.imag(f.forces * np.conj(f.forces[:, :1])))
+    if np.any(across > 1e-9 * np.abs(f.forces).max(initial=0.0) ** 2):
+        return 0j
+    away = complex((f.corners.mean(axis=1) - f.pole)[0])
+    return away / abs(away) if away else 0j
+
+
+def amount(value: float, unit: str) -> str:
+    """A scale for people: 48.7 kN, 12.4 m/s."""
+    if unit == "N" and value >= 1e4:
+        return f"{value / 1e3:.4g} kN"
+    return f"{value:.4g} {unit.replace('^2', '²')}"
+
+
+def pretty(name: str) -> str:
+    """``a_CB^n`` as it is written by hand, as far as plain text can."""
+    return name.replace("^n", "ⁿ").replace("^t", "ᵗ").replace("^c", "ᶜ").replace("^r", "ʳ")
+
+
+def _worth_drawing(edges: Sequence[Edge]) -> list[Edge]:
+    """Sides without those that vanish all the time and those that repeat another one."""
+    largest = max((float(np.nanmax(np.abs(e.vector), initial=0.0)) for e in edges), default=0.0)
+    kept: list[Edge] = []
+    for e in edges:
+        if not np.nanmax(np.abs(e.vector), initial=0.0) > 1e-9 * largest:
+            continue
+        same = [
+            k for k in kept if np.nanmax(np.abs(k.start - e.start) + np.abs(k.vector - e.vector), initial=0.0) <= 1e-9 * largest
+        ]
+        if not same:
+            kept.append(e)
+    return kept
+
+
+def _box(edges: Sequence[Edge]) -> tuple[complex, complex]:
+    ends = [z for e in edges for z in (e.start, e.end)]
+    z = np.concatenate(ends) if ends else np.zeros(1, complex)
+    z = z[np.isfinite(z)]
+    if not len(z):
+        return 0j, 0j
+    return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
+
+
+def rows_of(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
+    """Which boxes of these sizes stand beside each other: the number of columns that makes the whole most nearly square."""
+    n = len(widths)
+    best, least = [list(range(n))], np.inf
+    for columns in range(1, n + 1):
+        rows = [list(range(i, min(i + columns, n))) for i in range(0, n, columns)]
+        side = max(max(sum(widths[i] for i in row) for row in rows), sum(max(heights[i] for i in row) for row in rows))
+        if side < least:
+            best, least = rows, side
+    return best

@@ -1,0 +1,72 @@
+"""What is drawn before heights are known: pieces of links in groups, each of which will lie on one layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from shapely.geometry import Polygon
+
+from mechcore.spec.mechanism import Vec2
+from mechviz.picture.meshes.extrude import Profile
+from mechviz.picture.meshes.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of one link on the layer of its group."""
+
+    link: str
+    outline: Polygon
+    group: str
+    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel" or "rod"
+    mates: frozenset[str] = frozenset()  # pairs in which it meshes: what is in the same pair does not clash with it
+    height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
+    groove: float = 0.0  # depth of a groove for a belt around it
+    profile: Profile = ()  # a barrel or rod: (radius, distance along its line) instead of a flat part
+    line: tuple[Vec2, Vec2] = ((0.0, 0.0), (1.0, 0.0))  # of a barrel or rod: a point and a unit direction
+
+
+@dataclass(frozen=True, eq=False)
+class Neck:
+    """What joins a plate to its block (or jaw) on the layer of a rail."""
+
+    link: str
+    outline: Polygon
+    groups: tuple[str, str]  # of the plate and of the block
+
+
+@dataclass
+class Draft:
+    """All pieces of a mechanism and the names of their groups."""
+
+    pieces: list[Piece] = field(default_factory=list)
+    necks: list[Neck] = field(default_factory=list)
+    fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
+    groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
+    wheels: list[str] = field(default_factory=list)  # of every wheel the group that it belongs to
+    cams: list[str] = field(default_factory=list)  # of every cam the group that it belongs to
+    through: dict[int, set[str]] = field(default_factory=dict)  # axle -> groups that its pin passes beside those of its links
+
+    def merge(self, old: str, new: str) -> None:
+        """All that was to lie on the layer of one group lies on that of another."""
+        self.groups.update({name: new for name, group in self.groups.items() if group == old})
+        self.wheels[:] = [new if group == old else group for group in self.wheels]
+        self.cams[:] = [new if group == old else group for group in self.cams]
+        for k, reached in self.through.items():
+            self.through[k] = {new if group == old else group for group in reached}
+
+    def reached(self, model: Model, axle: int) -> tuple[str, ...]:
+        """Groups that the pin of an axle passes."""
+        own = {self.groups[name] for name in model.axles[axle].centres if name != model.frame}
+        return tuple(sorted(own | self.through.get(axle, set())))
+
+    @property
+    def group_names(self) -> list[str]:
+        return sorted({piece.group for piece in self.pieces})
+
+
+def joined(model: Model, draft: Draft, a: str, b: str) -> bool:
+    """Whether a pin goes through links of both groups, which therefore need layers of their own."""
+    ours = {name for name, group in draft.groups.items() if group == a}
+    theirs = {name for name, group in draft.groups.items() if group == b}
+    return any(ours & set(axle.centres) and theirs & set(axle.centres) for axle in model.axles)

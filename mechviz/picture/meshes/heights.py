@@ -1,0 +1,132 @@
+"""At which height marks lie: on the front of the part that they belong to, or so far before it that nothing hides them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from mechcore.joints.parts import build_pairs
+from mechcore.spec.mechanism import Mechanism, Vec2
+from mechviz.picture.meshes.model import Model
+from mechviz.picture.meshes.parts import Part
+
+_NEAR = 0.25  # of half a plate's width: parts this near to a point carry it
+_FLAT = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
+_LIFT = 0.004  # of the mechanism's size: how far marks lie before what they lie on
+
+
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """Heights [m] of marks over a mechanism's solids. Seen at an angle, or in perspective, a mark that lay before all parts instead
+    would stand beside what it marks."""
+
+    size: float  # [m]
+    top: float  # before everything [m]
+    joints: Mapping[str, float]  # front of each joint's pin or block [m]
+    poses: Mapping[str, np.ndarray]  # link -> (F, 3) [m, m, rad]: the frames at which the solids were looked at
+    _parts: tuple[Part, ...]
+    _near: float  # in sizes
+
+    def of_joint(self, joint: str) -> float:
+        """Just before a joint's pin; before everything if it has none (gears, belts)."""
+        return self.joints.get(joint, self.top)
+
+    def of_point(self, link: str, xy: Vec2) -> float:
+        """Just before a link, at a point of its frame [m]; before the whole link where the point lies beside its plate."""
+        return _front(self._parts, {link: (xy[0] / self.size, xy[1] / self.size)}, self._near, self.size, self.top)
+
+    def middle(self, link: str, xy: Vec2) -> float | None:
+        """Half way through a moving link's part at a point of its frame [m]; None where it has none there."""
+        spot = shapely.Point(xy[0] / self.size, xy[1] / self.size)
+        for part in self._parts:
+            if part.link == link and part.kind in _FLAT:
+                for prism in part.space:
+                    if prism.outline.distance(spot) < self._near:
+                        return 0.5 * (prism.low + prism.high) * self.size
+        return None
+
+    def crossed(self, between: tuple[float, float], lines: np.ndarray, frames: np.ndarray) -> bool:
+        """Whether lines (K, n, 2) [m], see `cleared`, meet a part that reaches in between two heights [m]."""
+        lines = np.asarray(lines, float) / self.size
+        known = np.isfinite(lines).all(axis=(1, 2))
+        lines, frames = lines[known], np.asarray(frames)[known]
+        low, high = between[0] / self.size, between[1] / self.size
+        local: dict[str, shapely.Geometry] = {}
+        for part in self._parts if len(lines) else ():
+            for prism in part.space:
+                if prism.low < high and prism.high > low:
+                    if part.link not in local:
+                        local[part.link] = _in_link(lines, self.poses.get(part.link), frames, self.size)
+                    if prism.outline.intersects(local[part.link]):
+                        return True
+        return False
+
+    def cleared(self, height: float, lines: np.ndarray, frames: np.ndarray) -> float:
+        """The lowest height from ``height`` [m] on at which no part lies before lines in the plane.
+
+        ``lines``: (K, n, 2) [m], a line of n points at each of the ``frames`` (K,), which count the frames of `poses`.
+        """
+        lines = np.asarray(lines, float) / self.size
+        known = np.isfinite(lines).all(axis=(1, 2))
+        lines, frames = lines[known], np.asarray(frames)[known]
+        if not len(lines):
+            return height
+        local: dict[str, shapely.Geometry] = {}
+        for front, part in self._fronts:  # from the foremost back: what is met first decides
+            if front <= height:
+                break
+            if part.link not in local:
+                local[part.link] = _in_link(lines, self.poses.get(part.link), frames, self.size)
+            if any(prism.outline.intersects(local[part.link]) for prism in part.space):
+                return min(front, self.top)
+        return min(height, self.top)
+
+    @cached_property
+    def _fronts(self) -> list[tuple[float, Part]]:
+        """Just before each part [m], the foremost first."""
+        return sorted(((_height(part) * self.size + _LIFT * self.size, part) for part in self._parts), key=lambda f: -f[0])
+
+
+def find_heights(
+    mechanism: Mechanism, model: Model, parts: Sequence[Part], poses: Mapping[str, np.ndarray] | None, top: float
+) -> Heights:
+    """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
+    near = _NEAR * model.proportions.r
+    joints = {}
+    for joint in build_pairs(mechanism).joints:
+        spots = {
+            link: (at.real / model.size, at.imag / model.size) for link, at in zip(joint.links, (joint.a, joint.b), strict=True)
+        }
+        for axle in model.axles:
+            if any(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], xy)) < near for link, xy in spots.items()):
+                spots = {**axle.centres, **spots}
+        joints[joint.name] = _front(parts, spots, near, model.size, top)
+    kept = {link: np.asarray(pose, float) for link, pose in (poses or {}).items()}
+    return Heights(model.size, top, joints, kept, tuple(parts), near)
+
+
+def _front(parts: Iterable[Part], spots: Mapping[str, Vec2], near: float, size: float, top: float) -> float:
+    """Just before the parts of some links near a point of each, else just before those links, else the top [m]."""
+    mine = [(part, shapely.Point(spots[part.link])) for part in parts if part.link in spots]
+    at = [prism.high for part, spot in mine for prism in part.space if prism.outline.distance(spot) < near]
+    whole = [_height(part) for part, _ in mine if part.kind not in ("pin", "pedestal")]
+    highs = at or whole
+    return min((max(highs) + _LIFT) * size, top) if highs else top
+
+
+def _height(part: Part) -> float:
+    return max(prism.high for prism in part.space)
+
+
+def _in_link(lines: np.ndarray, pose: np.ndarray | None, frames: np.ndarray, size: float) -> shapely.Geometry:
+    """Lines of the world (K, n, 2) as a link sees them at its poses."""
+    if pose is not None and len(pose):
+        at = pose[frames] / (size, size, 1.0)
+        c, s = np.cos(at[:, 2, None]), np.sin(at[:, 2, None])
+        x, y = lines[..., 0] - at[:, 0, None], lines[..., 1] - at[:, 1, None]
+        lines = np.stack([c * x + s * y, c * y - s * x], axis=-1)
+    return shapely.multilinestrings(shapely.linestrings(lines))

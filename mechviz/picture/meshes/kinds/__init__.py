@@ -1,0 +1,1 @@
+"""Solids of the kinds of joints and of what they bring along."""

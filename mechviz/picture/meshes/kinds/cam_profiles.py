@@ -1,0 +1,121 @@
+"""What is drawn of cam pairs: profiles and places, in units of the mechanism's size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from mechcore.joints.base import Builder, point_of
+from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
+
+if TYPE_CHECKING:
+    from mechcore.cams.placed import PlacedCam
+
+
+_SAMPLES = 1080  # points of a profile
+
+
+@dataclass(frozen=True, eq=False)
+class CamDrawing:
+    """A cam pair as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's ground axes into them (for an
+    oscillating follower at the position ``theta``)."""
+
+    pair: str
+    cam: str
+    follower: str
+    placed: PlacedCam
+    size: float
+    profile: Polygon  # in the axes of the cam's link; of a groove: what is inside of it
+    bore: Vec2
+    tip: Vec2
+    turn: complex
+    theta: float  # cam angle at which `turn` holds
+    guide: str
+    grounded: bool  # a translating follower whose guide stands on the ground
+    bed: bool  # a wedge whose bed stands on the ground
+    mate_of: int | None = None  # the second cam of a conjugate pair: number of the first
+
+    @property
+    def own_guides(self) -> tuple[str, ...]:
+        """Prismatic pairs that are drawn here."""
+        return (*((self.guide,) if self.grounded else ()), *((self.placed.bed,) if self.bed and self.placed.bed else ()))
+
+
+def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> np.ndarray:
+    """Points of the profile (n) in the theory's axes of the cam, complex [m], counter-clockwise; of a wedge from left to right."""
+    contour = placed.contour
+    each = max(count // contour.count, 8)
+    t = (np.arange(contour.count)[:, None] + np.arange(each) / each).ravel()
+    t = t if contour.closed else np.append(t, contour.count)
+    if placed.bed is not None:  # the law goes on level for as long again on either side: a part of that is drawn
+        t = t[(t >= 0.8) & (t <= contour.count - 0.8)]
+    z = np.asarray(contour(t)[0])
+    if placed.bed is not None:
+        z = z[np.argsort(z.real)]
+    return z
+
+
+def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _SAMPLES) -> tuple[CamDrawing, ...]:
+    """All cams of a mechanism; ``samples``: points of each profile."""
+    by_name = {r.name: r.geometry for r in parts.relations}
+    found: list[CamDrawing] = []
+    for p in mechanism.pairs:
+        if isinstance(p, CamPair) and p.spatial is None and not p.inverse:
+            placed = by_name[p.name]
+            found.append(_drawing(mechanism, parts, p, p.point, placed, size, samples))
+            if placed.mate is not None and p.second is not None:
+                second = _drawing(mechanism, parts, p, p.second[0], placed.mate, size, samples)
+                found.append(replace(second, mate_of=len(found) - 1, grounded=False))
+    return tuple(found)
+
+
+def _drawing(
+    mechanism: Mechanism, parts: Builder, pair: CamPair, point: str, placed: PlacedCam, size: float, samples: int
+) -> CamDrawing:
+    from mechcore.cams.followers import Oscillating
+
+    z = profile_points(placed, samples)
+    if placed.bed is not None:
+        deep = -0.25 * float(np.ptp(z.real))
+        z = np.concatenate([[complex(z[0].real, deep), complex(z[-1].real, deep)], z[::-1]])
+    on_link = (placed.own + placed.mount * z) / size
+    tip = point_of(parts.links[pair.links[1]], point)
+    theta = placed.cam.law.start
+    guide = placed.cam.follower.guide
+    if isinstance(guide, Oscillating):
+        _, own = parts.axis_between(pair, pair.links[1], placed.carrier)
+        arm = placed.cam.at([theta]).reference[0][0] - guide.pivot
+        turn = (tip - own) / abs(tip - own) * abs(arm) / arm
+    else:
+        joint = next(j for j in parts.joints if j.name == pair.guide)
+        first = joint.links[0] == placed.carrier
+        turn = placed.axes * np.exp(1j * (-joint.angle if first else joint.angle))
+    at_frame = placed.carrier == mechanism.frame
+    return CamDrawing(
+        pair=pair.name,
+        cam=pair.links[0],
+        follower=pair.links[1],
+        placed=placed,
+        size=size,
+        profile=Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0),
+        bore=(placed.own.real / size, placed.own.imag / size),
+        tip=(tip.real / size, tip.imag / size),
+        turn=complex(turn),
+        theta=theta,
+        guide=pair.guide,
+        grounded=at_frame and not isinstance(guide, Oscillating),
+        bed=at_frame and placed.bed is not None,
+    )
+
+
+def cam_extents(cams: Sequence[CamDrawing]) -> Mapping[str, list[Vec2]]:
+    """Corners of what is drawn of every cam's link, in units of the size."""
+    found: dict[str, list[Vec2]] = {}
+    for cam in cams:
+        x0, y0, x1, y1 = cam.profile.bounds
+        found.setdefault(cam.cam, []).extend([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    return found

@@ -1,0 +1,318 @@
+"""Barrel, end and globoidal cams with their real flanks, on shafts that lie in the plane; their rollers, ribs and bearings.
+
+A cam is a chain of rings around its axis: plain circles where it is turned, edges and floors of the groove where it is milled. In
+between the surface is ruled, as the flank of a cylindrical roller nearly is. Lengths are in units of the mechanism's size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import LineString, Polygon
+from shapely.ops import unary_union
+
+from mechcore.joints.base import Builder, point_of
+from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
+from mechviz.picture.meshes.extrude import Shell, bored, plate, revolve
+from mechviz.picture.meshes.kinds.spatial_cam_edges import around, circle, core_rings, edge, rib
+from mechviz.picture.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
+from mechviz.picture.meshes.shading import PIN
+
+if TYPE_CHECKING:
+    from mechcore.cams.placed_spatial import PlacedSpatial
+    from mechviz.picture.meshes.layers.stack import Levels
+    from mechviz.picture.meshes.model import Model
+    from mechviz.picture.meshes.parts import Part
+
+
+Real = NDArray[np.float64]
+
+_BORE = 48  # sides of bore and shaft
+_FIT = 0.995  # radius of the shaft in its bore
+_CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialDrawing:
+    """A spatial cam as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's plane axes into them at angle 0."""
+
+    pair: str
+    cam: str
+    follower: str
+    placed: PlacedSpatial
+    size: float
+    bore: Vec2
+    tip: Vec2
+    hinge: Vec2 | None  # of an arm, in the follower's axes
+    up: complex  # of a sliding follower: the cam's axis in its own axes
+
+    @property
+    def flat(self) -> bool:
+        """Whether the roller lies in the plane (globoid), else it stands across it, before the cam."""
+        return self.placed.blank.kind == "globoid"
+
+
+@dataclass(frozen=True)
+class Spin:
+    """A solid that turns about an axis in the plane, not across it: a point of it [m] and its direction, in the link's frame."""
+
+    origin: tuple[float, float, float]
+    along: Vec2
+    carrier: str
+
+
+def spin_transforms(spin: Spin, turn: Real) -> tuple[Real, Real]:
+    """Relative angles of the link (F) [rad] -> translations (F, 3) and quaternions x, y, z, w (F, 4) of the solid in its link."""
+    half = 0.5 * np.asarray(turn, float)
+    c, s = np.cos(half), np.sin(half)
+    ux, uy = spin.along
+    # back about z, then about the axis: q = (0, 0, -s; c) (ux s, uy s, 0; c)
+    q = np.stack([c * ux * s + s * uy * s, c * uy * s - s * ux * s, -s * c, c * c], axis=-1)
+    o = np.array(spin.origin)
+    v, w = q[:, :3], q[:, 3:]
+    turned = o + 2.0 * np.cross(v, np.cross(v, o) + w * o)
+    return o - turned, q
+
+
+def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[SpatialDrawing, ...]:
+    """All spatial cams of a mechanism."""
+    by_name = {r.name: r.geometry for r in parts.relations}
+    found = []
+    for pair in mechanism.pairs:
+        if not isinstance(pair, CamPair) or pair.spatial is None:
+            continue
+        placed = by_name[pair.name]
+        tip = point_of(parts.links[pair.links[1]], pair.point)
+        hinge, up = None, 0j
+        if placed.pivot is not None:
+            own = parts.axis_between(pair, pair.links[1], placed.carrier)[1]
+            hinge = (own.real / size, own.imag / size)
+        else:
+            joint = next(j for j in parts.joints if j.name == pair.guide)
+            first = joint.links[0] == placed.carrier
+            up = complex(1j * placed.axes * np.exp(1j * (-joint.angle if first else joint.angle)))
+        found.append(
+            SpatialDrawing(
+                pair.name, pair.links[0], pair.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
+                (tip.real / size, tip.imag / size), hinge, up,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+# -- the cam in its own axes ----------------------------------------------------------------------------------------------
+
+
+def _rings(placed: PlacedSpatial) -> list[Real]:
+    """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the edge of one flat end to that of the other."""
+    blank, r = placed.blank, placed.cam.radius
+    if blank.rollers:
+        return core_rings(placed)
+    if blank.kind == "globoid":
+        return _globoid(placed)
+    wall = 0.9 * r
+    if blank.kind == "rib":
+        reach = 0.5 * blank.thickness + r
+        core = blank.radius - blank.depth
+        low, high = [edge(placed, -1, x, -reach) for x in (core, blank.radius)]
+        up_high, up_low = [edge(placed, 1, x, reach) for x in (blank.radius, core)]
+        a = np.arctan2(low[:, 1], low[:, 0])
+        z0, z1 = low[:, 2].min() - 2.0 * r - wall, up_low[:, 2].max() + 2.0 * r + wall
+        return [circle(a, core, z0), low, high, up_high, up_low, circle(a, core, z1)]
+    near = edge(placed, 1, blank.radius)
+    a = np.arctan2(near[:, 1], near[:, 0])
+    z0 = near[:, 2].min() - wall
+    if blank.kind == "end":
+        hollow = blank.radius - blank.depth
+        inner = edge(placed, 1, hollow)
+        z0 -= wall
+        return [circle(a, blank.radius, z0), near, inner, circle(a, hollow, z0 + wall)]
+    floor = blank.radius - blank.depth
+    lower, upper, far = edge(placed, 1, floor), edge(placed, -1, floor), edge(placed, -1, blank.radius)
+    z1 = far[:, 2].max() + wall
+    return [circle(a, blank.radius, z0), near, lower, upper, far, circle(a, blank.radius, z1)]
+
+
+def _globoid(placed: PlacedSpatial) -> list[Real]:
+    assert placed.pivot is not None
+    distance = abs(placed.pivot - placed.centre)
+    cam = placed.cam
+    near, low, up, far = (edge(placed, *which) for which in ((1, cam.inner), (1, cam.outer), (-1, cam.outer), (-1, cam.inner)))
+    psi = [np.arctan2(p[:, 2], distance - np.hypot(p[:, 0], p[:, 1])) for p in (near, far)]
+    wall = 0.9 * cam.radius / cam.inner
+    ends = (float(psi[0].min()) - wall, float(psi[1].max()) + wall)
+    rings = []
+    for line, angle, end in ((near, psi[0], ends[0]), (far, psi[1], ends[1])):
+        a = np.arctan2(line[:, 1], line[:, 0])
+        steps = [end + (angle - end) * t for t in np.linspace(0.0, 1.0, 7)[:-1]]
+        rings.append([circle(a, distance - cam.inner * np.cos(x), cam.inner * np.sin(x)) for x in steps])
+    return [*rings[0], near, low, up, far, *rings[1][::-1]]
+
+
+# -- parts ----------------------------------------------------------------------------------------------------------------
+
+
+def _solid(rings: list[Real], bore: Polygon) -> Shell:
+    """The solid around an axis through rings of as many points each, with a bore."""
+    x, y = rings[0][:, 0], rings[0][:, 1]
+    clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
+    turned = [ring[::-1] if clockwise else ring for ring in rings]
+    return bored([(ring[:, :2], ring[:, 2]) for ring in turned], bore)
+
+
+def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+    """Points (n, 3) of the cam's axes [m] -> its link's axes, its shaft's axis at a height."""
+    placed = drawing.placed
+    angle = placed.sense * placed.phase
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1], p[:, 2]
+    if drawing.flat:
+        w, out = placed.own + placed.axes * (x + 1j * z), -y
+    else:
+        w, out = placed.own + placed.axes * (y + 1j * z), x
+    return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
+
+
+def spatial_parts(model: Model, levels: Levels) -> tuple[list[Part], dict[str, Spin]]:
+    """Solids of all spatial cams with their shafts, bearings and rollers, and about what the cams' links turn."""
+    parts: list[Part] = []
+    spins: dict[str, Spin] = {}
+    for drawing in model.spatial:
+        height = _height(model, levels, drawing)
+        parts += _cam_parts(model, drawing, height)
+        parts += _rollers(model, levels, drawing, height)
+        u = 1j * drawing.placed.axes
+        origin = (drawing.placed.own.real, drawing.placed.own.imag, height * drawing.size)
+        spins[drawing.cam] = Spin(origin, (u.real, u.imag), drawing.placed.carrier)
+    return parts, spins
+
+
+def _height(model: Model, levels: Levels, drawing: SpatialDrawing) -> float:
+    low, high = levels.plate(levels.of(drawing.follower))
+    if drawing.flat:
+        return 0.5 * (low + high)
+    return low - 0.5 * model.proportions.r - drawing.placed.blank.radius / drawing.size
+
+
+def turrets_reach(model: Model, levels: Levels) -> float:
+    """How far down rollers reach that lie all around their turret's pivot; infinite where there are none."""
+    lying = [drawing for drawing in model.spatial if drawing.flat and drawing.placed.blank.rollers]
+    return min((_height(model, levels, d) - d.placed.cam.radius / d.size for d in lying), default=np.inf)
+
+
+def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Part]:
+    from mechviz.picture.meshes.parts import Part, Prism
+
+    placed, r = drawing.placed, model.proportions.r
+    least = placed.blank.radius - placed.blank.depth
+    if drawing.flat and placed.pivot is not None:
+        least = abs(placed.pivot - placed.centre) - placed.cam.outer
+    shaft = max(0.35 * least, 0.1 * drawing.size * r)
+    rings, axis = _rings(placed), (0.0, 0.0)
+    z0, z1 = (float(f(np.concatenate(rings)[:, 2])) for f in (np.min, np.max))
+    ends = [float(ring[0, 2]) for ring in (rings[0], rings[-1])]
+    radius = _FIT * shaft
+    keyed = keyway_reach(radius) < 0.95 * least
+    bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE) if keyed else disc(axis, shaft, _BORE)
+    mates = frozenset([drawing.pair])
+    spot = disc(drawing.bore, 0.2 * r, 12)
+
+    def part(link: str, kind: str, shell: Shell, color: Any = None) -> Part:
+        points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
+        low, high = float(points[:, 2].min()), float(points[:, 2].max())
+        return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)
+
+    free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
+    long, wide = 1.6 * r * drawing.size, 2.0 * shaft
+    bar = revolve(((0.0, z0 - free), (radius, z0 - free), (radius, z1 + free), (0.0, z1 + free)), segments=_BORE)
+    found = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
+    if placed.blank.rollers:
+        found.append(part(drawing.cam, "wheel", rib(placed)))
+    if keyed:
+        key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
+        found.append(part(drawing.cam, "key", key, PIN))
+    for a, b in ((z0 - free - long, z0 - free), (z1 + free, z1 + free + long)):
+        box = revolve(((0.0, a), (1.414 * wide, a), (1.414 * wide, b), (0.0, b)), segments=4)
+        turned = box.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, 1.414]]) / 1.414
+        found.append(part(placed.carrier, "pedestal", Shell(turned, box.faces)))
+    return found
+
+
+def _still(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+    """Points of the cam's axes [m] -> the carrier's axes."""
+    placed = drawing.placed
+    x, y, z = p.T
+    if drawing.flat:
+        w, out = placed.centre + placed.axes * (x + 1j * z), -y
+    else:
+        w, out = placed.centre + placed.axes * (y + 1j * z), x
+    return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
+
+
+def _outwards(shell: Shell) -> Shell:
+    p, q, r = (shell.vertices[shell.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", p - shell.vertices[0], np.cross(q - shell.vertices[0], r - shell.vertices[0])))
+    return shell if volume > 0.0 else Shell(shell.vertices, shell.faces[:, ::-1])
+
+
+def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
+    from mechviz.picture.meshes.parts import Part, Prism
+
+    placed, size = drawing.placed, drawing.size
+    radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
+    depth = placed.blank.depth / size
+    mates = frozenset([drawing.pair])
+    inner, outer = placed.cam.inner / size, placed.cam.outer / size
+    if drawing.flat:
+        assert drawing.hinge is not None
+        start = model.proportions.r
+        mouth, end = inner - 0.1 * depth, outer - _CLEAR * depth
+        profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
+        upright = revolve(profile, segments=96).vertices
+        found, hinge = [], complex(*drawing.hinge)
+        for tip in around(placed, complex(*drawing.tip), hinge):
+            way = (tip - hinge) / abs(tip - hinge)
+            xy = hinge + way * (upright[:, 2] + 1j * upright[:, 0])
+            vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
+            shell = _outwards(Shell(vertices, revolve(profile, segments=96).faces))
+            prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)
+            found.append(Part(drawing.follower, "roller", shell, PIN, (prism,), mates))
+        return [*found, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
+    top = levels.plate(levels.of(drawing.follower))[0]
+    low = height + inner + _CLEAR * depth
+    edge = min(height + outer + 0.1 * depth, top)
+    profile = ((0.0, low), (radius, low), (radius, edge), (pin, edge), (pin, top), (0.0, top))
+    spots = [complex(*drawing.tip)]
+    if placed.blank.kind == "rib":
+        reach = drawing.up * (0.5 * placed.blank.thickness + placed.cam.radius) / size
+        spots = [spots[0] - reach, spots[0] + reach]
+    elif placed.blank.rollers and drawing.hinge is not None:
+        spots = around(placed, spots[0], complex(*drawing.hinge))
+    found = []
+    for z in spots:
+        at = (z.real, z.imag)
+        shell = revolve(profile, at, segments=96)
+        found.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
+    if drawing.hinge is None:
+        return found
+    spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in spots]
+    star = unary_union(
+        [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in spots), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
+    )
+    return [*found, *_turret(model, levels, drawing, star)]
+
+
+def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
+    """What carries the rollers of a turret: a disc, or a star where they stand on it."""
+    from mechviz.picture.meshes.parts import Part, Prism
+
+    if not drawing.placed.blank.rollers or drawing.hinge is None:
+        return []
+    low, high = levels.plate(levels.of(drawing.follower))
+    low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # the link itself shows on it
+    outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
+    shell = plate(outline, (low, high), 0.0)
+    return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.pair]))]

@@ -1,0 +1,331 @@
+"""Round parts that roll, mesh or carry belts: which a mechanism has, how many teeth they get and how the teeth stand.
+
+Lengths are in units of the mechanism's size. Points of a link are in its own frame; plane vectors inside this module are
+complex numbers.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from mechcore.joints.base import Builder, point_of
+from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling, Vec2
+
+_FEWEST, _MOST = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth
+_USUAL = range(16, 49)  # teeth of the smallest wheel where none are stated
+_RACK_PINION = 20  # teeth of a pinion that meshes with racks only
+_SAME = 1e-6
+
+Poses = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A disc, gear wheel, ring or pulley on a link."""
+
+    link: str
+    centre: Vec2  # in the link's frame
+    radius: float  # of the rolling or pitch circle
+    kind: Literal["gear", "ring", "pulley", "roller"]
+    pairs: tuple[str, ...]  # in which it takes part
+    teeth: int = 0
+    angle: float = 0.0  # pressure angle [rad]
+    phase: float = 0.0  # angle of a tooth in the link's frame [rad]
+    pinion: int = 0  # of a ring: teeth of a pinion that runs in it
+
+    @property
+    def module(self) -> float:
+        return 2.0 * self.radius / self.teeth
+
+
+@dataclass(frozen=True)
+class RackBar:
+    """A toothed bar. Its pitch line passes ``origin`` in the direction ``along``; teeth point to the left of it."""
+
+    link: str
+    pair: str
+    slider: str
+    carrier: str
+    origin: Vec2
+    along: Vec2
+    contact: tuple[float, float]  # where the pinion touches the pitch line over the run, from ``origin``
+    wheel: int  # its pinion
+    phase: float = 0.0  # of a tooth along the line, from ``origin``
+
+
+@dataclass(frozen=True)
+class Track:
+    """The straight edge that a wheel rolls on: through ``origin`` along ``along``, the wheel on its left."""
+
+    link: str
+    pair: str
+    origin: Vec2
+    along: Vec2
+    travel: tuple[float, float]  # of the contact, from ``origin``
+    wheel: int
+
+
+@dataclass(frozen=True)
+class Band:
+    """A belt or chain around two pulleys, in the frame of their carrier."""
+
+    carrier: str
+    pair: str
+    centres: tuple[Vec2, Vec2]
+    wheels: tuple[int, int]
+    crossed: bool
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """All round parts of a mechanism; ``meshes`` are the wheels that roll on each other."""
+
+    wheels: tuple[Wheel, ...] = ()
+    meshes: tuple[tuple[int, int], ...] = ()
+    racks: tuple[RackBar, ...] = ()
+    tracks: tuple[Track, ...] = ()
+    bands: tuple[Band, ...] = ()
+    carriers: frozenset[str] = frozenset()  # links that carry wheels which mesh
+
+    def of(self, link: str) -> list[int]:
+        """Numbers of the wheels of a link."""
+        return [k for k, wheel in enumerate(self.wheels) if wheel.link == link]
+
+
+@dataclass
+class _Finder:
+    mechanism: Mechanism
+    parts: Builder
+    size: float
+    poses: Poses  # in units of the size
+    wheels: list[Wheel] = field(default_factory=list)
+    meshes: list[tuple[int, int, complex, complex]] = field(default_factory=list)  # wheels, world directions to the pitch point
+    racks: list[tuple[RackBar, complex, float]] = field(default_factory=list)  # bar; way to it and its angle in the world
+    tracks: list[Track] = field(default_factory=list)
+    bands: list[Band] = field(default_factory=list)
+
+    def point(self, link: str, name: str) -> complex:
+        return point_of(self.parts.links[link], name) / self.size
+
+    def pose(self, link: str) -> np.ndarray:
+        """Poses (F, 3) of a link; at rest at the origin where the motion is not known."""
+        return self.poses.get(link, np.zeros((1, 3)))
+
+    def turn(self, link: str) -> float:
+        """Angle of a link at the start [rad]."""
+        return float(self.pose(link)[0, 2])
+
+    def axes(self, pair: Gear | Belt) -> tuple[list[complex], list[complex]]:
+        """Axes of both wheels, on the carrier and on the wheels' links."""
+        found = [self.parts.axis_between(pair, link, pair.carrier) for link in pair.links]
+        return [on_carrier / self.size for on_carrier, _ in found], [own / self.size for _, own in found]
+
+    def add(self, wheel: Wheel) -> int:
+        """The number of a wheel; the same toothing in two pairs is one wheel."""
+        for k, old in enumerate(self.wheels):
+            same = (old.link, old.kind) == (wheel.link, wheel.kind) and abs(old.radius - wheel.radius) < _SAME
+            if same and math.dist(old.centre, wheel.centre) < _SAME and (old.teeth == wheel.teeth or 0 in (old.teeth, wheel.teeth)):
+                self.wheels[k] = replace(old, teeth=max(old.teeth, wheel.teeth), pairs=(*old.pairs, *wheel.pairs))
+                return k
+        self.wheels.append(wheel)
+        return len(self.wheels) - 1
+
+    def gear(self, pair: Gear) -> None:
+        (c1, c2), own = self.axes(pair)
+        n1, n2 = pair.sizes
+        total = n2 - n1 if pair.internal else n1 + n2
+        distance = abs(c2 - c1)
+        stated = all(float(n).is_integer() and _FEWEST <= n <= _MOST for n in pair.sizes)
+        kinds: tuple[Literal["gear", "ring"], ...] = ("gear", "ring" if pair.internal else "gear")
+        found = [
+            self.add(
+                Wheel(
+                    link=link,
+                    centre=(at.real, at.imag),
+                    radius=n * distance / total,
+                    kind=kind,
+                    pairs=(pair.name,),
+                    teeth=int(n) if stated else 0,
+                    angle=pair.pressure_angle,
+                )
+            )
+            for link, at, n, kind in zip(pair.links, own, pair.sizes, kinds, strict=True)
+        ]
+        outward = (c2 - c1) / distance * cmath.exp(1j * self.turn(pair.carrier))
+        first = -outward if pair.internal else outward
+        self.meshes.append((found[0], found[1], first, first if pair.internal else -outward))
+
+    def belt(self, pair: Belt) -> None:
+        centres, own = self.axes(pair)
+        first, second = (
+            self.add(Wheel(link, (at.real, at.imag), radius / self.size, "pulley", (pair.name,)))
+            for link, at, radius in zip(pair.links, own, pair.radii, strict=True)
+        )
+        c1, c2 = ((c.real, c.imag) for c in centres)
+        self.bands.append(Band(pair.carrier, pair.name, (c1, c2), (first, second), pair.crossed))
+
+    def rolling(self, pair: Rolling) -> None:
+        edge, wheel = pair.links
+        over, centre = (self.point(link, name) for link, name in zip(pair.links, pair.points, strict=True))
+        radius = pair.radius / self.size
+        number = self.add(Wheel(wheel, (centre.real, centre.imag), radius, "roller", (pair.name,)))
+        sign = 1.0 if pair.side == "left" else -1.0  # the track has the wheel on its left
+        along = sign * complex(*pair.along) / abs(complex(*pair.along))
+        origin = over - 1j * radius * along
+        seen = self.seen(wheel, centre, edge)
+        s = np.real((seen - over) * np.conj(along)) if self.poses else np.zeros(1)
+        travel = (float(s.min()), float(s.max()))
+        self.tracks.append(Track(edge, pair.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
+
+    def seen(self, link: str, point: complex, other: str) -> np.ndarray:
+        """Places (F,) of a point of a link in the frame of another one over the run."""
+        pose, base = self.pose(link), self.pose(other)
+        world = pose[:, 0] + 1j * pose[:, 1] + point * np.exp(1j * pose[:, 2])
+        return np.asarray((world - base[:, 0] - 1j * base[:, 1]) * np.exp(-1j * base[:, 2]))
+
+    def rack(self, pair: Rack) -> None:
+        pinion, bar = pair.links
+        slider = next(p for p in self.mechanism.pairs if p.name == pair.slider)
+        assert isinstance(slider, Prismatic)
+        carrier = slider.links[0] if slider.links[1] == bar else slider.links[1]
+        on_carrier, at = (z / self.size for z in self.parts.axis_between(pair, pinion, carrier))
+        wheel = Wheel(pinion, (at.real, at.imag), pair.radius / self.size, "gear", (pair.name,), angle=pair.pressure_angle)
+        number = self.add(wheel)
+        along = complex(*slider.along) / abs(complex(*slider.along))
+        # direction of the guide in the carrier's and in the rack's frame
+        twist = cmath.exp(1j * (slider.angle if slider.links[1] == bar else -slider.angle))
+        on_bar = along if slider.links[slider.guide] == bar else along / twist
+        guide = on_bar * twist
+        sign = 1.0 if pair.side == "left" else -1.0
+        contact = on_carrier - 1j * sign * guide * wheel.radius
+        touch = self.seen(carrier, contact, bar)
+        along = sign * on_bar  # teeth on its left, towards the pinion
+        origin = complex(touch[0])
+        s = np.real((touch - origin) * np.conj(along))
+        made = RackBar(
+            link=bar,
+            pair=pair.name,
+            slider=pair.slider,
+            carrier=carrier,
+            origin=(origin.real, origin.imag),
+            along=(along.real, along.imag),
+            contact=(float(s.min()), float(s.max())),
+            wheel=number,
+        )
+        towards = -1j * sign * guide * cmath.exp(1j * self.turn(carrier))
+        self.racks.append((made, towards, cmath.phase(sign * guide * cmath.exp(1j * self.turn(carrier)))))
+
+    def number_teeth(self) -> None:
+        """Teeth for every wheel that meshes: as stated, following from a neighbour's module, or chosen."""
+        toothed = [k for k, wheel in enumerate(self.wheels) if wheel.kind in ("gear", "ring")]
+        while True:
+            self._spread()
+            bare = [k for k in toothed if not self.wheels[k].teeth]
+            if not bare:
+                break
+            train = self._train(bare[0])
+            radii = [self.wheels[k].radius for k in train]
+            least = min(radii)
+            if len(train) == 1:
+                teeth = _RACK_PINION
+            else:
+                teeth = min(_USUAL, key=lambda z: max(abs(z * r / least - round(z * r / least)) for r in radii) + 0.002 * z)
+            first = train[radii.index(least)]
+            self.wheels[first] = replace(self.wheels[first], teeth=teeth)
+        for i, j, _, _ in self.meshes:
+            if self.wheels[j].kind == "ring":
+                self.wheels[j] = replace(self.wheels[j], pinion=self.wheels[i].teeth)
+
+    def _train(self, start: int) -> list[int]:
+        """All wheels that mesh with one directly or through others."""
+        train, queue = [start], [start]
+        while queue:
+            k = queue.pop()
+            for i, j, _, _ in self.meshes:
+                for here, there in ((i, j), (j, i)):
+                    if here == k and there not in train:
+                        train.append(there)
+                        queue.append(there)
+        return train
+
+    def _spread(self) -> None:
+        """Meshing wheels have the same module."""
+        grew = True
+        while grew:
+            grew = False
+            for i, j, _, _ in self.meshes:
+                for known, other in ((i, j), (j, i)):
+                    a, b = self.wheels[known], self.wheels[other]
+                    if a.teeth and not b.teeth:
+                        teeth = max(_FEWEST, round(a.teeth * b.radius / a.radius))
+                        self.wheels[other] = replace(b, teeth=teeth)
+                        grew = True
+
+    def set_phases(self) -> None:
+        """Teeth of one wheel stand in the gaps of the other at the start.
+
+        Where wheels mesh in a closed circle (sun, planets, ring) the last mesh comes out right by itself if the train can be
+        assembled with these numbers of teeth at all.
+        """
+        settled: set[int] = set()
+        for start in range(len(self.wheels)):
+            if start in settled or not self.wheels[start].teeth:
+                continue
+            settled.add(start)
+            queue = [start]
+            while queue:
+                known = queue.pop(0)
+                for i, j, at_i, at_j in self.meshes:
+                    if known not in (i, j) or {i, j} <= settled:
+                        continue
+                    other = j if known == i else i
+                    here, there = (at_i, at_j) if known == i else (at_j, at_i)
+                    # both tooth positions count along the direction in which the first wheel's rim turns
+                    way = {i: 1.0, j: 1.0 if self.wheels[j].kind == "ring" else -1.0}
+                    offset = way[known] * self._offset(known, here) + 0.5 * math.pi * self.wheels[i].module
+                    wheel = self.wheels[other]
+                    phase = way[other] * offset / wheel.radius + cmath.phase(there) - self.turn(wheel.link)
+                    self.wheels[other] = replace(wheel, phase=math.remainder(phase, 2.0 * math.pi / wheel.teeth))
+                    settled.add(other)
+                    queue.append(other)
+
+    def _offset(self, k: int, towards: complex) -> float:
+        """How far along the pitch circle a tooth stands from the pitch point at the start, counter-clockwise."""
+        wheel = self.wheels[k]
+        turned = math.remainder(wheel.phase + self.turn(wheel.link) - cmath.phase(towards), 2.0 * math.pi / wheel.teeth)
+        return wheel.radius * turned
+
+    def bars(self) -> tuple[RackBar, ...]:
+        """Racks whose teeth stand in the gaps of their pinions at the start."""
+        out = []
+        for bar, towards, direction in self.racks:
+            wheel = self.wheels[bar.wheel]
+            sign = (1j * towards * cmath.exp(-1j * direction)).real  # the rim's way at the contact, along the bar
+            offset = sign * self._offset(bar.wheel, towards) + 0.5 * math.pi * wheel.module
+            out.append(replace(bar, phase=math.remainder(offset, math.pi * wheel.module)))
+        return tuple(out)
+
+
+def find_wheels(mechanism: Mechanism, parts: Builder, size: float, poses: Poses) -> Wheels:
+    """Wheels, racks, tracks and bands of a mechanism; ``poses`` (F, 3) in units of the size, empty if not known."""
+    finder = _Finder(mechanism, parts, size, poses)
+    for pair in mechanism.pairs:
+        if isinstance(pair, Gear):
+            finder.gear(pair)
+        elif isinstance(pair, Belt):
+            finder.belt(pair)
+        elif isinstance(pair, Rolling):
+            finder.rolling(pair)
+        elif isinstance(pair, Rack):
+            finder.rack(pair)
+    finder.number_teeth()
+    finder.set_phases()
+    meshes = tuple((i, j) for i, j, _, _ in finder.meshes)
+    carriers = frozenset(pair.carrier for pair in mechanism.pairs if isinstance(pair, Gear | Belt))
+    return Wheels(tuple(finder.wheels), meshes, finder.bars(), tuple(finder.tracks), tuple(finder.bands), carriers)

@@ -1,0 +1,348 @@
+"""Gear wheels, rings, racks, pulleys with their belts, and rolling wheels: on which layers they lie and how they are drawn.
+
+Wheels that mesh share a layer. A wheel that is wide enough to hold all pins of its link is the link's plate; other wheels of
+the link lie on layers of their own and hang on its plate by a hub.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely import affinity
+from shapely.geometry import LineString, Point, Polygon
+from shapely.ops import unary_union
+
+from mechcore.spec.mechanism import Vec2
+from mechviz.picture.meshes import outline
+from mechviz.picture.meshes.draft import Draft, Neck, Piece
+from mechviz.picture.meshes.kinds.bands import Loop
+from mechviz.picture.meshes.kinds.teeth import ADDENDUM, DEDENDUM, external_wheel, rack_teeth, ring_teeth
+from mechviz.picture.meshes.kinds.wheels import Band, RackBar, Track, Wheel
+from mechviz.picture.meshes.model import Model, place
+
+_GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
+_FLANGE = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
+_RIM = 2.2  # width of a ring's rim, in half widths of a plate
+
+
+def group_wheels(model: Model, draft: Draft) -> set[str]:
+    """Put wheels that mesh onto one layer -> links that need no plate beside their wheels."""
+    wheels = model.wheels
+    plain: set[str] = set()
+    for link in dict.fromkeys(wheel.link for wheel in wheels.wheels):
+        home = _home(model, link)
+        for k in wheels.of(link):
+            draft.wheels += [""] * (k + 1 - len(draft.wheels))
+            draft.wheels[k] = link if k == home else f"wheel {k} of {link}"
+        if home is not None or _has_web(model, link):
+            plain.add(link)
+    for i, j in (*wheels.meshes, *(band.wheels for band in wheels.bands)):
+        draft.merge(draft.wheels[j], draft.wheels[i])
+    for bar in wheels.racks:
+        if _is_plain(model, bar):
+            plain.add(bar.link)
+            draft.merge(draft.groups[bar.link], draft.wheels[bar.wheel])
+    for k, wheel in enumerate(wheels.wheels):
+        for number, axle in enumerate(model.axles):
+            at = axle.centres.get(wheel.link)
+            if at is not None and np.hypot(at[0] - wheel.centre[0], at[1] - wheel.centre[1]) < 1e-9 and wheel.kind != "ring":
+                draft.through.setdefault(number, set()).add(draft.wheels[k])
+    return plain
+
+
+def draw_wheels(model: Model, draft: Draft) -> None:
+    """Pieces of all wheels, racks, tracks and belts."""
+    for k, wheel in enumerate(model.wheels.wheels):
+        group = draft.wheels[k]
+        mates = frozenset(wheel.pairs) if wheel.kind in ("gear", "ring") else frozenset()
+        kind = "plate" if wheel.kind != "ring" and draft.groups.get(wheel.link) == group else "wheel"
+        groove = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
+        draft.pieces.append(Piece(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
+        _hold(model, draft, k)
+    for bar in model.wheels.racks:
+        _draw_rack(model, draft, bar)
+    for track in model.wheels.tracks:
+        _draw_track(model, draft, track)
+    for band in model.wheels.bands:
+        _draw_band(model, draft, band)
+
+
+def webs(model: Model, draft: Draft) -> list[str]:
+    """Groups of the spoked discs that carry turning rings."""
+    rings = [(wheel, group) for wheel, group in zip(model.wheels.wheels, draft.wheels, strict=True) if wheel.kind == "ring"]
+    own = [(draft.groups[wheel.link], group) for wheel, group in rings if wheel.link != model.frame]
+    return [plate for plate, group in own if plate != group]
+
+
+def rail_ends(model: Model, link: str) -> list[outline.Disc]:
+    """Discs by which the plate of a moving link reaches the rails and racks that it carries on another layer."""
+    r = model.proportions.r
+    if link == model.frame:
+        return []
+    discs = []
+    for track in model.wheels.tracks:
+        if track.link == link:
+            low, high = _track_span(model, track)
+            discs += [(_at(track.origin, track.along, s, -0.5 * r), 0.8 * r) for s in (low, high)]
+    for bar in model.wheels.racks:
+        if bar.link == link:
+            discs.append((_bar_hold(model, bar), 0.8 * r))
+    return discs
+
+
+# --- wheels -------------------------------------------------------------------------------------------------------------
+
+
+def _root(model: Model, wheel: Wheel) -> float:
+    """Radius of the solid body of a wheel: below its teeth, its groove or its tread; outside a ring's teeth."""
+    if wheel.kind == "ring":
+        return wheel.radius + DEDENDUM * wheel.module
+    if wheel.kind == "gear":
+        return wheel.radius - DEDENDUM * wheel.module
+    if wheel.kind == "pulley":
+        return wheel.radius - (0.5 + _GAP) * _belt(model)
+    return wheel.radius - _GAP * model.proportions.r
+
+
+def _belt(model: Model) -> float:
+    """Thickness of belts."""
+    smallest = min((wheel.radius for wheel in model.wheels.wheels if wheel.kind == "pulley"), default=1.0)
+    return min(0.4 * model.proportions.r, 0.2 * smallest)
+
+
+def _home(model: Model, link: str) -> int | None:
+    """The wheel that serves as a link's plate: the widest one, if it holds all pins and marks of the link."""
+    r = model.proportions.r
+    if link == model.frame or _guided(model, link):
+        return None
+    wheels = model.wheels.wheels
+    for k in sorted(model.wheels.of(link), key=lambda k: -wheels[k].radius):
+        wheel = wheels[k]
+        if wheel.kind == "ring":
+            if _still(model, link) and all(_away(at, wheel) < 0.5 * r for at in model.pins(link)):
+                return k  # the ground holds its rim
+            continue
+        room = _root(model, wheel)
+        if all(_away(at, wheel) < room - 0.75 * r or _away(at, wheel) < 0.1 * r for at in model.pins(link)) and all(
+            _away(at, wheel) < 1.001 * wheel.radius + ADDENDUM * (wheel.module if wheel.teeth else 0.0) for at in model.marks[link]
+        ):
+            return k
+    return None
+
+
+def _guided(model: Model, link: str) -> bool:
+    """Whether a link needs a plate for a guide or a slot."""
+    return any(link in (guide.rail, guide.block) for guide in model.guides) or any(link == slot.link for slot in model.slots)
+
+
+def _has_web(model: Model, link: str) -> bool:
+    """Whether a link is a ring that turns: a spoked disc beside its teeth is its plate."""
+    rings = any(model.wheels.wheels[k].kind == "ring" for k in model.wheels.of(link))
+    return rings and not _still(model, link) and not _guided(model, link)
+
+
+def _away(at: Vec2, wheel: Wheel) -> float:
+    return float(np.hypot(at[0] - wheel.centre[0], at[1] - wheel.centre[1]))
+
+
+def _still(model: Model, link: str) -> bool:
+    """Whether a weld holds a link to the ground."""
+    return link == model.frame or any(set(weld.links) == {link, model.frame} for weld in model.welds)
+
+
+def _body(model: Model, wheel: Wheel) -> Polygon:
+    """Outline of a wheel with its teeth and windows, in the link's frame."""
+    size = model.proportions
+    if wheel.kind == "ring":
+        rim = (_root(model, wheel) + _RIM * size.r) / wheel.module
+        return _set_up(ring_teeth(wheel.teeth, wheel.pinion, wheel.angle, rim), wheel)
+    if wheel.kind == "gear":
+        whole = _set_up(external_wheel(wheel.teeth, wheel.angle), wheel)
+    else:
+        flange = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
+        whole = Point(wheel.centre).buffer(_root(model, wheel) + flange, quad_segs=max(16, model.segments // 2))
+    holes = _windows(model, wheel)
+    return outline.polygons(whole.difference(unary_union(holes)))[0] if holes else whole
+
+
+def _set_up(shape: Polygon, wheel: Wheel) -> Polygon:
+    """A toothed outline in modules about its axis -> in the link's frame, a tooth at the wheel's phase."""
+    turned = affinity.rotate(shape, wheel.phase, origin=(0.0, 0.0), use_radians=True)
+    m = wheel.module
+    return affinity.affine_transform(turned, [m, 0.0, 0.0, m, *wheel.centre])
+
+
+def _windows(model: Model, wheel: Wheel) -> list[Polygon]:
+    """Round holes or openings between spokes, which also show that the wheel turns; clear of all pins."""
+    size = model.proportions
+    root = _root(model, wheel)
+    outer = root - max(0.13 * root, 0.4 * size.r)
+    inner = max(0.25 * root, 1.25 * size.r)
+    keep = [outline.disc(at, size.r * 1.15, 24) for at in model.pins(wheel.link) if _away(at, wheel) > 1e-9]
+    keep += [outline.disc(at, 0.6 * size.r, 24) for at in model.marks[wheel.link]]
+    if outer - inner < 0.3 * size.r:
+        return []
+    if outer - inner < 3.0 * size.r:
+        middle, radius = 0.5 * (outer + inner), 0.4 * (outer - inner)
+        count = int(np.clip(2.0 * np.pi * middle / (3.2 * radius), 3, 6))
+        spots = [wheel.phase + 2.0 * np.pi * (k + 0.5) / count for k in range(count)]
+        holes = [
+            outline.disc((wheel.centre[0] + middle * np.cos(a), wheel.centre[1] + middle * np.sin(a)), radius, model.segments)
+            for a in spots
+        ]
+        return [hole for hole in holes if not any(hole.intersects(region) for region in keep)]
+    count = 5 if outer < 9.0 * size.r else 6
+    spokes = []
+    for k in range(count):
+        a = wheel.phase + 2.0 * np.pi * k / count
+        far = (wheel.centre[0] + root * np.cos(a), wheel.centre[1] + root * np.sin(a))
+        spokes.append(LineString([wheel.centre, far]).buffer(max(0.055 * root, 0.35 * size.r), cap_style="flat"))
+    ring = Point(wheel.centre).buffer(outer, quad_segs=24).difference(Point(wheel.centre).buffer(inner, quad_segs=16))
+    fillet = min(0.08 * root, 0.6 * size.r)
+    opened = ring.difference(unary_union([*spokes, *keep])).buffer(-fillet, quad_segs=6).buffer(fillet, quad_segs=6)
+    return [part for part in outline.polygons(opened) if part.area > 1.5 * size.r**2 and not part.interiors]
+
+
+def _hold(model: Model, draft: Draft, k: int) -> None:
+    """What a wheel hangs on: its link's plate, by a hub or a web, or the ground."""
+    wheel, size = model.wheels.wheels[k], model.proportions
+    if wheel.kind == "ring" and _still(model, wheel.link):
+        pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)
+        (x, y) = place(np.array([wheel.centre]), pose[None])[0, 0]
+        for side in (-0.62, 0.62):  # two feet
+            reach = _root(model, wheel) + 0.5 * _RIM * size.r
+            foot = (float(x + reach * np.sin(side)), float(y - reach * np.cos(side)))
+            draft.fixed_blocks.append((foot, draft.wheels[k]))
+        return
+    if wheel.link == model.frame:
+        if not any(_away(axle.centres[model.frame], wheel) < 1e-9 for axle in model.axles if model.frame in axle.centres):
+            draft.fixed_blocks.append((wheel.centre, draft.wheels[k]))
+        return
+    own = draft.groups[wheel.link]
+    if own == draft.wheels[k]:
+        return
+    if wheel.kind == "ring" and _has_web(model, wheel.link):
+        _web(model, draft, wheel, draft.wheels[k])
+        return
+    hub = outline.disc(wheel.centre, min(1.1 * size.r, 0.8 * _root(model, wheel)), model.segments)
+    draft.necks.append(Neck(wheel.link, hub, (own, draft.wheels[k])))
+
+
+def _web(model: Model, draft: Draft, wheel: Wheel, group: str) -> None:
+    """A spoked disc behind a ring that turns, joined to its rim."""
+    size = model.proportions
+    low, high = _root(model, wheel), _root(model, wheel) + _RIM * size.r
+    rim = Point(wheel.centre).buffer(high, quad_segs=24).difference(Point(wheel.centre).buffer(low + 0.2 * size.r, quad_segs=24))
+    arms = [
+        LineString([wheel.centre, _polar(wheel, high - 0.9 * size.r, wheel.phase + 2.0 * np.pi * j / 3)]).buffer(0.7 * size.r)
+        for j in range(3)
+    ]
+    held = [*model.pins(wheel.link), *model.marks[wheel.link]]
+    arms += [outline.hull([(wheel.centre, size.r), (at, size.r)], model.segments) for at in held]
+    hub = Point(wheel.centre).buffer(1.3 * size.r, quad_segs=12)
+    draft.pieces.append(Piece(wheel.link, outline.polygons(unary_union([rim, hub, *arms]))[0], draft.groups[wheel.link], "plate"))
+    draft.necks.append(Neck(wheel.link, rim, (draft.groups[wheel.link], group)))
+
+
+def _polar(wheel: Wheel, radius: float, angle: float) -> Vec2:
+    return (wheel.centre[0] + radius * float(np.cos(angle)), wheel.centre[1] + radius * float(np.sin(angle)))
+
+
+# --- racks, tracks, belts -----------------------------------------------------------------------------------------------
+
+
+def _at(origin: Vec2, along: Vec2, s: float, left: float = 0.0) -> Vec2:
+    return (origin[0] + s * along[0] - left * along[1], origin[1] + s * along[1] + left * along[0])
+
+
+def _in_bar(bar: RackBar, at: Vec2) -> tuple[float, float]:
+    """Coordinates along and to the left of a rack's pitch line."""
+    dx, dy = at[0] - bar.origin[0], at[1] - bar.origin[1]
+    return dx * bar.along[0] + dy * bar.along[1], dy * bar.along[0] - dx * bar.along[1]
+
+
+def _bar_extent(model: Model, bar: RackBar) -> tuple[float, float, float]:
+    """From where to where a rack reaches along its pitch line, and its depth below it."""
+    r, module = model.proportions.r, model.wheels.wheels[bar.wheel].module
+    margin = 2.0 * np.pi * module
+    low, high = bar.contact[0] - margin, bar.contact[1] + margin
+    depth = DEDENDUM * module + 1.4 * r
+    for at in model.pins(bar.link):
+        s, left = _in_bar(bar, at)
+        if left < -DEDENDUM * module:
+            low, high, depth = min(low, s - r), max(high, s + r), max(depth, r - left)
+    for at in model.marks[bar.link]:
+        s, left = _in_bar(bar, at)
+        if -depth < left < ADDENDUM * module:
+            low, high = min(low, s), max(high, s)
+    return low, high, depth
+
+
+def _is_plain(model: Model, bar: RackBar) -> bool:
+    """Whether a rack's bar holds all pins of its link, so that it is the plate."""
+    module, r = model.wheels.wheels[bar.wheel].module, model.proportions.r
+    if _guided(model, bar.link):
+        return False
+    return all(_in_bar(bar, at)[1] < -DEDENDUM * module - 0.8 * r for at in model.pins(bar.link))
+
+
+def _bar_hold(model: Model, bar: RackBar) -> Vec2:
+    """A point in the middle of a rack's body."""
+    low, high, depth = _bar_extent(model, bar)
+    return _at(bar.origin, bar.along, 0.5 * (low + high), -depth + 0.7 * model.proportions.r)
+
+
+def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
+    """The toothed bar and, on the ground, the rail on which its back slides."""
+    wheel, r = model.wheels.wheels[bar.wheel], model.proportions.r
+    m, group = wheel.module, draft.wheels[bar.wheel]
+    low, high, depth = _bar_extent(model, bar)
+    shape = rack_teeth(low / m, high / m, bar.phase / m, wheel.angle, depth / m)
+    a, b = bar.along
+    shape = affinity.affine_transform(shape, [m * a, -m * b, m * b, m * a, *bar.origin])
+    plain = draft.groups[bar.link] == group
+    draft.pieces.append(Piece(bar.link, shape, group, "plate" if plain else "wheel", frozenset([bar.pair])))
+    if not plain:
+        neck = outline.disc(_bar_hold(model, bar), 0.6 * r, model.segments)
+        draft.necks.append(Neck(bar.link, neck, (draft.groups[bar.link], group)))
+    if bar.carrier == model.frame and model.frames:
+        half = 0.3 * (high - low)
+        ends = [_at(bar.origin, bar.along, s, -depth - _GAP * r) for s in (-half, half)]
+        start, end = place(np.array(ends), model.poses[bar.link][:1])[0]
+        rail = outline.hatched_bar(tuple(start), tuple(end), r, thickness=0.42 * r)
+        draft.pieces.append(Piece(model.frame, rail, group, "rail"))
+
+
+def _track_span(model: Model, track: Track) -> tuple[float, float]:
+    margin = 0.6 * model.wheels.wheels[track.wheel].radius + model.proportions.r
+    return track.travel[0] - margin, track.travel[1] + margin
+
+
+def _draw_track(model: Model, draft: Draft, track: Track) -> None:
+    """The rail that a wheel rolls on."""
+    r, group = model.proportions.r, draft.wheels[track.wheel]
+    low, high = _track_span(model, track)
+    start, end = (_at(track.origin, track.along, s) for s in (low, high))
+    if track.link == model.frame:
+        draft.pieces.append(Piece(model.frame, outline.hatched_bar(start, end, r, thickness=0.5 * r), group, "rail"))
+        return
+    middle = _at(track.origin, track.along, 0.5 * (low + high), -0.5 * r)
+    shape = outline.rectangle(middle, track.along, high - low, r)
+    draft.pieces.append(Piece(track.link, shape, group, "wheel"))
+    draft.necks.append(Neck(track.link, shape.buffer(-0.2 * r), (draft.groups[track.link], group)))
+
+
+def find_loop(model: Model, band: Band) -> Loop:
+    """Where a belt runs, in sizes of the mechanism."""
+    first, second = (model.wheels.wheels[k] for k in band.wheels)
+    c1, c2 = (complex(*c) for c in band.centres)
+    return Loop(band.pair, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
+
+
+def _draw_band(model: Model, draft: Draft, band: Band) -> None:
+    """A closed belt around two pulleys, fixed to their carrier."""
+    loop = find_loop(model, band)
+    first, span, second = loop.pieces
+    around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))
+    path = LineString([(z.real, z.imag) for z in [*around, around[0]]])
+    shape = outline.polygons(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))[0]
+    draft.pieces.append(Piece(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))

@@ -1,0 +1,332 @@
+"""Solid parts from flat pieces: plates with bosses and holes, pins with heads, columns and pedestals of the ground.
+
+Lengths are in units of the size; every part is given in the frame of its link, with its height along z in the vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from shapely.geometry import Point, Polygon
+from shapely.ops import unary_union
+
+from mechcore.spec.mechanism import Vec2
+from mechviz.picture.meshes.draft import Draft, Piece
+from mechviz.picture.meshes.extrude import Groove, Profile, Shell, Turned, plate, revolve
+from mechviz.picture.meshes.kinds.spatial_cams import turrets_reach
+from mechviz.picture.meshes.layers.stack import Levels
+from mechviz.picture.meshes.model import Axle, Model
+from mechviz.picture.meshes.outline import (
+    clean,
+    disc,
+    key_outline,
+    keyed_bore,
+    keyway_corner,
+    keyway_reach,
+    pedestal,
+    polygons,
+)
+from mechviz.picture.meshes.shading import BELT, PIN, Color
+
+_HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
+_GROOVE = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
+_OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """A space that a part keeps for itself: an outline in its link's frame between two heights."""
+
+    outline: Polygon
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One watertight part of a link."""
+
+    link: str
+    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin", "key" or "pedestal"
+    shell: Shell
+    color: Color | None  # None: the colour of the link
+    space: tuple[Prism, ...]
+    mates: frozenset[str] = frozenset()  # pairs in which it meshes: it does not clash with what is in the same pair
+
+
+def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """All parts of a mechanism."""
+    parts: list[Part] = []
+    for piece in draft.pieces:
+        parts += [_round_part(levels, piece, model)] if piece.profile else _flat_parts(model, draft, levels, piece)
+    parts += _necks(model, draft, levels)
+    parts += [_pin(model, draft, levels, k) for k in range(len(model.axles))]
+    parts += _pedestals(model, draft, levels)
+    if not any(part.link == model.frame for part in parts):  # nothing stands on the ground: show at least where it is
+        low, high = levels.plate(-1)
+        foot = pedestal((0.0, 0.0), model.proportions.r, model.segments)
+        shell = plate(foot, (low, high), model.proportions.bevel)
+        parts.append(Part(model.frame, "pedestal", shell, None, (Prism(foot, low, high),)))
+    return parts
+
+
+def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> list[Part]:
+    """A plate, block or rail with its holes and bosses, and the keys in them."""
+    size = model.proportions
+    layer = levels.layer[piece.group]
+    low, high = levels.plate(layer)
+    if piece.kind in ("block", "rail"):  # they stand a little above the plate that they guide
+        low, high = low - 0.3 * size.boss, high + 0.3 * size.boss
+    low, high = (low + part * (high - low) for part in piece.height)
+    turned: list[Turned] = []
+    holes: list[Polygon] = []
+    bosses: list[Prism] = []
+    keys: list[Part] = []
+    shape = clean(piece.outline)
+    for k, axle in enumerate(model.axles):
+        if piece.link not in axle.centres or piece.link == model.frame:
+            continue
+        centre, radius = axle.centres[piece.link], axle.hole_in(piece.link)
+        # Beside the bevel and a margin, what is left around the axis is there for the boss.
+        room = shape.exterior.distance(Point(centre)) if shape.contains(Point(centre)) else 0.0
+        room = min([room, *(ring.distance(Point(centre)) for ring in shape.interiors)]) - 1.3 * size.bevel
+        if room <= 1.02 * radius:
+            continue
+        hole = disc(centre, radius, model.segments)
+        boss = min(axle.boss, room)
+        bore = None
+        if axle.key is not None and axle.owner == piece.link and boss > keyway_reach(axle.pin):
+            bore = hole = keyed_bore(centre, axle.pin, axle.hole, axle.key, model.segments)
+        holes.append(hole)
+        if piece.kind not in ("plate", "wheel") or boss < 1.1 * radius:
+            turned.append(Turned(centre, ((radius, high),), ((radius, low),), bore))
+            keys += [_key(axle, (low, high), model)] if bore else []
+            continue
+        above, below = _boss_heights(model, levels, k, layer)
+        hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
+        above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
+        chamfer = size.bevel
+        if bore is not None:  # even the middles of the sides of a boss's end face stay clear of the corners of its keyway
+            chamfer = min(chamfer, 0.4 * (boss * float(np.cos(np.pi / model.segments)) - keyway_corner(axle.pin)))
+        upper = _boss(boss, radius, high, above, chamfer)
+        lower = _boss(boss, radius, low, -below, chamfer)
+        turned.append(Turned(centre, upper, lower, bore))
+        bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
+        keys += [_key(axle, (low - below, high + above), model)] if bore else []
+    marks = _drilled_marks(model, piece, shape, turned, low, high)
+    turned += marks
+    flat = shape.difference(unary_union([*holes, *(disc(mark.centre, mark.rim, model.segments) for mark in marks)]))
+    space = (Prism(flat, low, high), *bosses)
+    groove = None
+    if piece.groove:
+        bottom, top = (low + part * (high - low) for part in _GROOVE)
+        groove = Groove(piece.groove, bottom, top)
+        core = flat.intersection(shape.buffer(-piece.groove))
+        space = (Prism(flat, low, bottom), Prism(polygons(core)[0], bottom, top), Prism(flat, top, high), *bosses)
+    bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
+    shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
+    color = BELT if piece.kind == "belt" else None
+    return [Part(piece.link, piece.kind, shell, color, space, piece.mates), *keys]
+
+
+def _key(axle: Axle, z: tuple[float, float], model: Model) -> Part:
+    """The key of a shaft between two heights."""
+    assert axle.key is not None
+    shape = key_outline(axle.centres[axle.owner], axle.pin, axle.key, model.segments)
+    return Part(axle.owner, "key", plate(shape, z, 0.0), PIN, (Prism(shape, *z),))
+
+
+def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
+    """A barrel or rod along its line, in the middle of its layer."""
+    low, high = levels.plate(levels.layer[piece.group])
+    middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
+    upright = revolve(piece.profile, segments=model.segments)
+    (x, y), (c, s) = piece.line
+    # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
+    vertices = upright.vertices @ np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]]) + (x, y, middle)
+    space = (Prism(piece.outline, middle - radius, middle + radius),)
+    return Part(piece.link, piece.kind, Shell(vertices, upright.faces), PIN if piece.kind == "rod" else None, space, piece.mates)
+
+
+def _hubs(draft: Draft, levels: Levels, piece: Piece, centre: Point) -> set[int]:
+    """On which sides, 1 above and -1 below, a hub about an axis joins a piece to another one of its link."""
+    sides = set()
+    for neck in draft.necks:
+        if neck.link == piece.link and piece.group in neck.groups and neck.outline.contains(centre):
+            other = neck.groups[0] if neck.groups[1] == piece.group else neck.groups[1]
+            sides.add(1 if levels.layer[other] > levels.layer[piece.group] else -1)
+    return sides
+
+
+def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
+    """Heights of the bosses above and below a plate: full towards another link of the axle, low under a pin head."""
+    axle, boss = model.axles[axle_number], model.proportions.boss
+    reached = levels.axle_layers[axle_number]
+    ground = model.frame in axle.centres
+    front = levels.axle_front[axle_number]
+    on_above = max(reached) > layer or (ground and front)
+    on_below = min(reached) < layer or (ground and not front)
+    if axle.key is not None:  # the shaft ends in the hub, without a head before it
+        on_above, on_below = on_above or max(reached) == layer, on_below or min(reached) == layer
+    return boss * (1.0 if on_above else _OUTER_BOSS), boss * (1.0 if on_below else _OUTER_BOSS)
+
+
+def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> Profile:
+    """Profile of a boss from the face of a plate to the edge of its hole; height < 0 on the underside."""
+    if height == 0.0:
+        return ((hole, face),)
+    chamfer = min(bevel, 0.4 * (radius - hole), 0.5 * abs(height))
+    sign = 1.0 if height > 0.0 else -1.0
+    end = face + height
+    return ((radius, face), (radius, end - sign * chamfer), (radius - chamfer, end), (hole, end))
+
+
+def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float) -> list[Turned]:
+    """Small holes that show named points which carry no pin."""
+    if piece.kind != "plate" or piece.link == model.frame:
+        return []
+    radius = 0.2 * model.proportions.r
+    marks: list[Turned] = []
+    for xy in model.marks[piece.link]:
+        spot = Point(xy)
+        free = shape.contains(spot) and shape.boundary.distance(spot) > radius + 2.0 * model.proportions.bevel
+        if free and all(spot.distance(Point(other.centre)) > other.rim + 1.5 * radius for other in [*turned, *marks]):
+            marks.append(Turned(xy, ((radius, high),), ((radius, low),)))
+    return marks
+
+
+def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """What joins plates to blocks on other layers, from face to face."""
+    parts = []
+    size = model.proportions
+    for neck in draft.necks:
+        lower, upper = sorted(levels.layer[group] for group in neck.groups)
+        if lower == upper:
+            continue
+        plate_is_lower = levels.layer[neck.groups[0]] == lower
+        low = levels.plate(lower)[1] + (0.0 if plate_is_lower else 0.3 * size.boss)
+        high = levels.plate(upper)[0] - (0.3 * size.boss if plate_is_lower else 0.0)
+        holes = [  # a little wider than those of the plates: no two parts share a corner
+            disc(axle.centres[neck.link], 1.03 * axle.hole_in(neck.link), model.segments)
+            for axle in model.axles
+            if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole_in(neck.link)
+        ]
+        for shape in polygons(neck.outline.difference(unary_union(holes))):
+            parts.append(Part(neck.link, "neck", plate(shape, (low, high), 0.0), None, (Prism(shape, low, high),)))
+    return parts
+
+
+def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int) -> Part:
+    """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends."""
+    axle, size = model.axles[axle_number], model.proportions
+    reached = levels.axle_layers[axle_number] or (0,)
+    ground, front = model.frame in axle.centres, levels.axle_front[axle_number]
+    steps: list[tuple[float, float, float]] = []  # radius, from, to
+    bottom, top = levels.slab(reached[0])[0], levels.slab(reached[-1])[1]
+    head = 0.65 * size.boss
+    if ground and not front:
+        steps.append((axle.pin, bottom - size.clearance, bottom + size.boss))
+    else:
+        steps.append((axle.pin if axle.key else axle.sleeve, bottom, bottom + head))
+    for a, b in pairwise(reached):
+        if b > a + 1 and not _bushed(draft, levels, axle, a, b):
+            gap = 0.5 * size.clearance
+            steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
+    free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
+    tall = _HEAD * size.t if free else 0.0
+    if ground and front:
+        steps.append((axle.pin, top - size.boss, top + size.clearance))
+    elif axle.key is not None:  # the end of a shaft, so that bore and key are seen
+        steps.append((axle.pin, top - size.boss, top + 0.5 * tall))
+    else:
+        steps.append((axle.sleeve, top - head, top + tall))
+    centre = axle.centres[axle.owner]
+    shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)
+    space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
+    space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
+    return Part(axle.owner, "pin", shell, PIN, space)
+
+
+def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:
+    """Whether a hub of a link on the axle reaches around its pin from one layer to another: there is no room for a spacer."""
+    for neck in draft.necks:
+        at = axle.centres.get(neck.link)
+        if at is not None and neck.outline.contains(Point(at)):
+            ends = sorted(levels.layer[group] for group in neck.groups)
+            if ends[0] <= low and high <= ends[1]:
+                return True
+    return False
+
+
+def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> Profile:
+    """Profile of a stepped shaft whose wide steps are joined by the pin's own radius; its ends are chamfered."""
+    first, last = steps[0], steps[-1]
+    chamfer = min(bevel, 0.3 * axle.pin, 0.45 * (first[2] - first[1]), 0.45 * (last[2] - last[1]))
+    profile = [(0.0, first[1]), (first[0] - chamfer, first[1]), (first[0], first[1] + chamfer)]
+    for k, (radius, low, high) in enumerate(steps):
+        if radius > axle.pin:
+            profile += [] if k == 0 else [(axle.pin, low), (radius, low)]
+            profile += [] if k == len(steps) - 1 else [(radius, high), (axle.pin, high)]
+    profile += [(last[0], last[2] - chamfer), (last[0] - chamfer, last[2]), (0.0, last[2])]
+    return tuple(profile)
+
+
+@dataclass(frozen=True)
+class _Stand:
+    """What holds a ground pivot or a fixed block: a column from a pedestal to the nearest layer of its links."""
+
+    centre: Vec2
+    radius: float
+    layers: tuple[int, ...]
+    front: bool
+
+    def column(self, levels: Levels, low: float, high: float) -> Turned:
+        """The column on a pedestal between the heights low and high."""
+        chamfer, radius = levels.size.bevel, self.radius
+        if self.front:
+            end = levels.slab(max(self.layers))[1] + levels.size.clearance
+            return Turned(self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
+        end = levels.slab(min(self.layers))[0] - levels.size.clearance
+        return Turned(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
+
+
+def _stands(model: Model, draft: Draft, levels: Levels) -> list[_Stand]:
+    stands = []
+    for axle, layers, front in zip(model.axles, levels.axle_layers, levels.axle_front, strict=True):
+        if model.frame in axle.centres:
+            layers = layers or (0,)
+            stands.append(_Stand(axle.centres[model.frame], axle.sleeve, layers, front))
+    for (centre, group), front in zip(draft.fixed_blocks, levels.block_front, strict=True):
+        stands.append(_Stand(centre, 0.6 * model.proportions.r, (levels.layer[group],), front))
+    return stands
+
+
+def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+    """Feet of the ground pivots with their columns: behind all layers, or in front where a column would be hit."""
+    size = model.proportions
+    stands = _stands(model, draft, levels)
+    parts = []
+    for front in (False, True):
+        side = [stand for stand in stands if stand.front == front]
+        low, high = levels.plate(levels.top + 1 if front else -1)
+        if not front:  # below the rollers that pass over the foot of their turret
+            sunk = max(0.0, high + levels.size.clearance - turrets_reach(model, levels))
+            low, high = low - sunk, high - sunk
+        feet = unary_union([pedestal(stand.centre, size.r, model.segments) for stand in side])
+        for foot in polygons(feet):
+            columns: list[Turned] = []
+            for stand in side:
+                column, spot = stand.column(levels, low, high), Point(stand.centre)
+                # Stands that all but coincide share one column.
+                if foot.contains(spot) and all(spot.distance(Point(c.centre)) > column.rim + c.rim for c in columns):
+                    columns.append(column)
+            space = [Prism(foot, low, high)]
+            for column in columns:
+                ends = [z for _, z in (column.top or column.bottom)]
+                space.append(Prism(disc(column.centre, column.rim, model.segments), min(ends), max(ends)))
+            shell = plate(foot, (low, high), size.bevel, columns, model.segments)
+            parts.append(Part(model.frame, "pedestal", shell, None, tuple(space)))
+    return parts

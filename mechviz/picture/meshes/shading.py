@@ -1,0 +1,96 @@
+"""Colours of parts: one calm colour per link, neutral greys for the frame and for pins."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
+
+FRAME: Color = (112, 119, 128, 255)
+PIN: Color = (196, 200, 206, 255)
+BELT: Color = (62, 64, 69, 255)
+
+# Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that they stay apart for colour-blind
+# viewers and in print; none is a saturated red or green, which force arrows use.
+_LINKS: tuple[Color, ...] = (
+    (68, 114, 166, 255),  # blue
+    (232, 163, 82, 255),  # amber
+    (86, 160, 140, 255),  # teal
+    (190, 99, 96, 255),  # brick
+    (139, 121, 180, 255),  # violet
+    (221, 196, 98, 255),  # straw
+    (122, 177, 212, 255),  # sky
+    (150, 112, 84, 255),  # brown
+    (214, 156, 184, 255),  # rose
+    (122, 140, 78, 255),  # olive
+)
+
+
+def link_colors(names: tuple[str, ...], frame: str) -> dict[str, Color]:
+    """Colour of every link, by its place in the scene; the frame is grey and uses up no colour."""
+    moving = [name for name in names if name != frame]
+    colors = {name: _LINKS[k % len(_LINKS)] for k, name in enumerate(moving)}
+    colors[frame] = FRAME
+    return colors
+
+
+_CREASE = np.cos(np.radians(30.0))
+
+
+def crisp(
+    vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, area: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Split closed meshes along their creases.
+
+    vertices (V, 3), faces (N, 3) and what `face_normals` says of them -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of
+    the split mesh, and which of the vertices (W,) each of its own was. Faces around a vertex that are connected over smooth edges
+    form a fan; a vertex is repeated for every fan around it, in the order of the vertices.
+    """
+    fans = _fans(faces, normal)
+    count = int(fans.max(initial=-1)) + 1
+    vertex_of = np.empty(count, np.int64)
+    vertex_of[fans] = faces.ravel()  # a fan lies about one vertex
+    order = np.argsort(vertex_of, kind="stable")
+    place = np.empty(count, np.int64)
+    place[order] = np.arange(count)
+    corner, shares = place[fans], normal * area[:, None]
+    total = np.stack([np.bincount(corner, np.repeat(share, 3), count) for share in shares.T], axis=1)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # A needle of a triangle may have no area of its own: such a corner takes the normal of one of its faces.
+    fallback = np.zeros_like(total)
+    fallback[corner] = np.repeat(normal, 3, axis=0)
+    unit = np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), fallback)
+    source = vertex_of[order]
+    return vertices[source], corner.reshape(-1, 3), unit, source
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (N, 3) and twice the areas (N,) of the faces; a face without area gets the normal (0, 0, 1)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.linalg.norm(cross, axis=1)
+    flat = length == 0.0
+    normal = cross / np.where(flat, 1.0, length)[:, None]
+    normal[flat] = (0.0, 0.0, 1.0)
+    return normal, length
+
+
+def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The number of the smooth fan that each corner of each face belongs to (3 N,), corners in the order of the faces."""
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()  # of the edge at each corner
+    corner = np.arange(faces.size)
+    after = corner.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    forward = start <= end
+    low, high = np.where(forward, corner, after), np.where(forward, after, corner)  # corners of the face at the edge's two vertices
+    vertices = int(faces.max(initial=0)) + 1
+    number = start[low].astype(np.int64) * vertices + start[high]  # of the edge, the same for both of its faces
+    order = np.argsort(number, kind="stable")
+    same = np.flatnonzero(number[order[1:]] == number[order[:-1]])
+    a, b = order[same], order[same + 1]
+    smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE
+    a, b = a[smooth], b[smooth]  # both ends of an edge join a corner of one face to a corner of the other
+    first, second = np.concatenate([low[a], high[a]]), np.concatenate([low[b], high[b]])
+    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(faces.size, faces.size))
+    return connected_components(graph, directed=False)[1]

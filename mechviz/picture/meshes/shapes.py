@@ -1,0 +1,269 @@
+"""The flat pieces that links are made of, before layers are known: plates, blocks, rails and necks between layers.
+
+Pieces of one group lie on one layer. A small block that slides in a slot lies on the layer of the slotted link and
+belongs to its group; the rails of the frame belong to the group of the block between them. All outlines are in the
+frame of their link, in units of the mechanism's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from shapely.geometry import Point, Polygon
+from shapely.ops import unary_union
+
+from mechcore.spec.mechanism import Vec2
+from mechviz.picture.meshes import outline
+from mechviz.picture.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.picture.meshes.kinds.cams import draw_cams, group_cams
+from mechviz.picture.meshes.kinds.fittings import (
+    draw_slots,
+    draw_telescopes,
+    group_slots,
+    group_telescopes,
+    join_welds,
+    lug,
+    slot_of,
+)
+from mechviz.picture.meshes.kinds.inverse_cams import draw_inverse
+from mechviz.picture.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
+from mechviz.picture.meshes.model import Guide, Model
+
+
+def draft_pieces(model: Model) -> Draft:
+    """Choose the form of every guide and draw all pieces."""
+    model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
+    draft = Draft(groups={name: name for name in model.links if name != model.frame})
+    plain = group_cams(model, draft, group_wheels(model, draft))
+    group_telescopes(model, draft)
+    group_slots(model, draft)
+    forms = {guide.pair: _form(model, guide) for guide in model.guides}
+    homes = _homes(model, draft, forms)
+    plates = {
+        name: _plate(model, name, forms) for name in model.links if name != model.frame and name not in homes and name not in plain
+    }
+    join_welds(model, draft, plates)
+    for guide in model.guides:
+        _draw_guide(model, draft, guide, forms[guide.pair], at_home=homes.get(guide.block) == guide.pair)
+    draw_wheels(model, draft)
+    draw_cams(model, draft)
+    draw_inverse(model, draft)
+    draw_telescopes(model, draft)
+    draw_slots(model, draft)
+    for name, shape in plates.items():
+        draft.pieces.append(Piece(name, shape, draft.groups[name], "plate"))
+    return draft
+
+
+def _form(model: Model, guide: Guide) -> str:
+    """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar."""
+    if guide.rail == model.frame:
+        return "rails"
+    if guide.block == model.frame and _straight(model, guide.rail, guide.origin, guide.along):
+        return "saddle"
+    slot = _slot(model, guide)
+    for axle in model.axles:
+        margin = axle.boss + 0.15 * model.proportions.r
+        if guide.rail in axle.centres and slot.distance(Point(axle.centres[guide.rail])) < margin:
+            return "saddle"  # the block passes over a pin of its rail
+    return "slot"
+
+
+def _on_material(model: Model, guide: Guide) -> Guide:
+    """The guide with its block moved along the guide line, off the slots of its own link.
+
+    A block may sit anywhere along its line. The middle of a yoke's slot is a handy point for equations, but there is
+    nothing to hold on to: the nearest pin or mark on the line takes its place, else a spot just beside the slot.
+    """
+    r = model.proportions.r
+    slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
+
+    def free(s: float) -> bool:
+        spot = Point(_along(guide.block_point, guide.block_along, s))
+        return all(slot.distance(spot) > 1.1 * r for slot in slots)
+
+    if guide.block == model.frame or free(0.0):
+        return guide
+    points = [*model.pins(guide.block), *model.marks[guide.block]]
+    along, across = _coordinates(points, guide.block_point, guide.block_along)
+    on_line = [float(s) for s, lateral in zip(along, across, strict=True) if abs(lateral) < r]
+    steps = [sign * k * r for k in range(1, 60) for sign in (1.0, -1.0)]
+    for s in [*sorted(on_line, key=abs), *steps]:
+        if free(s):
+            low, high = guide.travel
+            point = _along(guide.block_point, guide.block_along, s)
+            return replace(guide, block_point=point, travel=(low + s, high + s))
+    return guide
+
+
+def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, str]:
+    """Blocks without a plate of their own -> the pair in whose rail they lie; merges their groups with the rail's."""
+    homes: dict[str, str] = {}
+    for guide in model.guides:
+        block, rail = guide.block, guide.rail
+        if block == model.frame or block in homes or forms[guide.pair] == "saddle" or not _compact(model, guide):
+            continue
+        if rail == model.frame:
+            homes[block] = guide.pair
+            continue
+        old, new = draft.groups[block], draft.groups[rail]
+        if old != new and not joined(model, draft, old, new):
+            homes[block] = guide.pair
+            draft.merge(old, new)
+    return homes
+
+
+def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home: bool) -> None:
+    """The block (or jaws) of a guide and, on the frame, its rails."""
+    r = model.proportions.r
+    if form == "rails":
+        group = draft.groups[guide.block] if at_home else f"rails of {guide.pair}"
+        block = _block(model, guide, half_width=1.25 * r, whole=at_home)
+        draft.pieces.append(Piece(guide.block, block, group, "block"))
+        low, high = _span(model, guide, whole=at_home)
+        strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
+        draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
+    elif guide.block == model.frame:
+        group = draft.groups[guide.rail]
+        if form == "saddle":
+            strips = outline.guide_rails(guide.block_point, guide.block_along, -1.6 * r, 1.6 * r, r, r)
+            draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
+        else:
+            draft.pieces.append(Piece(model.frame, _block(model, guide, _die(model), whole=False), group, "block"))
+            draft.fixed_blocks.append((guide.block_point, group))
+        return
+    elif form == "slot":
+        group = draft.groups[guide.rail]
+        draft.pieces.append(Piece(guide.block, _block(model, guide, _die(model), whole=at_home), group, "block"))
+    else:
+        group = draft.groups[guide.rail]
+        if not _straight(model, guide.rail, guide.origin, guide.along):
+            return  # jaws would run into the plate: the block only lies on it
+        for side in (1.0, -1.0):
+            jaw = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 2.0 * model.proportions.block, 0.5 * r)
+            draft.pieces.append(Piece(guide.block, jaw, group, "block"))
+            draft.necks.append(Neck(guide.block, jaw, (draft.groups[guide.block], group)))
+        return
+    if not at_home:
+        neck = outline.rectangle(guide.block_point, guide.block_along, 1.3 * r, 1.1 * r, 0.2 * r)
+        draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
+
+
+def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
+    """The plate of a link: around its pins, marks and guides, with slots, and lightened where it is wide."""
+    size = model.proportions
+    discs: list[outline.Disc] = [(xy, size.r) for xy in model.pins(link)]
+    discs += [(xy, 0.6 * size.r) for xy in model.marks[link]]
+    extra: list[Polygon] = []
+    slots: list[Polygon] = []
+    for guide in model.guides:
+        form = forms[guide.pair]
+        if guide.rail == link:
+            low, high = _span(model, guide, whole=form == "slot")
+            radius = size.slotted if form == "slot" else size.r
+            discs += [(_along(guide.origin, guide.along, s), radius) for s in (low, high)]
+            if form == "slot":
+                slots.append(_slot(model, guide))
+        elif guide.block == link:
+            discs.append((guide.block_point, size.r))
+            if form == "saddle":
+                length, width = 2.0 * size.block, 3.2 * size.r
+                extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.r))
+    for slot in model.slots:
+        if slot.link == link:
+            low, high = slot.travel
+            discs += [(_along(slot.origin, slot.along, s), size.r) for s in (low, high)]
+            slots.append(slot_of(model, slot))
+    discs += [(weld.points[weld.links.index(link)], size.r) for weld in model.welds if link in weld.links]
+    discs += rail_ends(model, link) + lug(model, link)
+    discs += [(end, 0.7 * size.r) for drawing in model.inverse if drawing.driven == link for end in drawing.ends]
+    if not discs:
+        discs = [((0.0, 0.0), size.r)]
+    whole = unary_union([outline.hull(discs, model.segments), *extra])
+    axles = [axle for axle in model.axles if link in axle.centres]
+    keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.r, model.segments) for axle in axles]
+    keep += [outline.disc(xy, 0.6 * size.r, model.segments) for xy in model.marks[link]]
+    keep += [slot.buffer(0.6 * size.r) for slot in slots] + [shape.buffer(0.3 * size.r) for shape in extra]
+    keep += [outline.disc(g.block_point, size.r, model.segments) for g in model.guides if g.block == link]
+    holes = outline.cutouts(whole, keep, 1.35 * size.r, 0.45 * size.r, 7.0 * size.r**2)
+    cut = whole.difference(unary_union([*slots, *holes])) if slots or holes else whole
+    return outline.polygons(cut)[0]
+
+
+def _compact(model: Model, guide: Guide) -> bool:
+    """Whether a block needs no plate.
+
+    It belongs to no other guide, and its pins and marks lie close together on its middle line.
+    """
+    if any(drawing.driven == guide.block for drawing in model.inverse):
+        return False
+    if any(guide.block in (other.rail, other.block) and other.pair != guide.pair for other in model.guides):
+        return False
+    r = model.proportions.r
+    points = [*model.pins(guide.block), *model.marks[guide.block]]
+    s, lateral = _coordinates(points, guide.block_point, guide.block_along)
+    wide = 0.5 * r if guide.rail == model.frame else 0.1 * r
+    long = 14.0 * r if guide.rail == model.frame else 5.0 * r
+    return bool(np.all(np.abs(lateral) <= wide)) and float(np.ptp([0.0, *s])) <= long
+
+
+def _straight(model: Model, link: str, origin: Vec2, along: Vec2) -> bool:
+    """Whether a link is a plain bar along a line, so that jaws can slide along its sides."""
+    _, lateral = _coordinates([*model.pins(link), *model.marks[link]], origin, along)
+    rails = [g for g in model.guides if link in (g.rail, g.block)]
+    return bool(np.all(np.abs(lateral) <= 0.02 * model.proportions.r)) and len(rails) == 1
+
+
+def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[np.ndarray, np.ndarray]:
+    """Distances along and across a line, of points in the same frame."""
+    d = np.array(points, float).reshape(-1, 2) - origin
+    return d @ np.array(along), d @ np.array([-along[1], along[0]])
+
+
+def _extent(model: Model, guide: Guide, *, whole: bool) -> tuple[float, float]:
+    """How far a block reaches along its guide, from its own point; `whole` if it carries all pins of its link."""
+    half = model.proportions.block
+    points = [*model.pins(guide.block), *model.marks[guide.block]] if whole and guide.block != model.frame else []
+    s, _ = _coordinates(points, guide.block_point, guide.block_along)
+    if len(s) == 0:
+        s = np.zeros(1)
+    return float(s.min()) - half, float(s.max()) + half
+
+
+def _span(model: Model, guide: Guide, *, whole: bool) -> tuple[float, float]:
+    """The part of the guide line that the block covers over the run, with a margin; from the guide's origin."""
+    low, high = _extent(model, guide, whole=whole and _compact(model, guide))
+    margin = 0.45 * model.proportions.r
+    return guide.travel[0] + low - margin, guide.travel[1] + high + margin
+
+
+def _slot(model: Model, guide: Guide) -> Polygon:
+    low, high = _span(model, guide, whole=True)
+    middle = _along(guide.origin, guide.along, 0.5 * (low + high))
+    return outline.rectangle(middle, guide.along, high - low, 2.0 * model.proportions.slot, 0.35 * model.proportions.r)
+
+
+def _die(model: Model) -> float:
+    """Half the width of a block in a slot."""
+    return model.proportions.slot - 0.05 * model.proportions.r
+
+
+def _block(model: Model, guide: Guide, half_width: float, *, whole: bool) -> Polygon:
+    low, high = _extent(model, guide, whole=whole)
+    middle = _along(guide.block_point, guide.block_along, 0.5 * (low + high))
+    width = 2.0 * half_width - 0.1 * model.proportions.r if guide.rail == model.frame else 2.0 * half_width
+    return outline.rectangle(middle, guide.block_along, high - low, width, 0.2 * model.proportions.r)
+
+
+def _beside(point: Vec2, along: Vec2, lateral: float, length: float, width: float) -> Polygon:
+    return outline.rectangle(_offset(point, along, lateral), along, length, width, 0.1 * width)
+
+
+def _along(origin: Vec2, along: Vec2, s: float) -> Vec2:
+    return (origin[0] + s * along[0], origin[1] + s * along[1])
+
+
+def _offset(point: Vec2, along: Vec2, lateral: float) -> Vec2:
+    return (point[0] - lateral * along[1], point[1] + lateral * along[0])

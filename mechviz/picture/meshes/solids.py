@@ -1,0 +1,229 @@
+"""Solids of a whole mechanism: the result of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from mechcore.spec.mechanism import Mechanism
+from mechviz.picture.meshes.extrude import Shell, joined_shells
+from mechviz.picture.meshes.heights import Heights, find_heights
+from mechviz.picture.meshes.kinds.bands import Loop
+from mechviz.picture.meshes.kinds.spatial_cams import Spin, spatial_parts
+from mechviz.picture.meshes.kinds.wheels_drawn import find_loop
+from mechviz.picture.meshes.layers.stack import Levels, poses_of, stack_pieces
+from mechviz.picture.meshes.layers.sweep import Sweeps
+from mechviz.picture.meshes.model import Model, build_model, largest_circle
+from mechviz.picture.meshes.parts import Part, make_parts
+from mechviz.picture.meshes.shading import Color, crisp, face_normals, link_colors
+from mechviz.picture.meshes.shapes import draft_pieces
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+DEEPEST = 0.12  # all layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses move it in the plane."""
+
+    name: str
+    shells: tuple[Shell, ...]  # its watertight parts, vertices shared
+    kinds: tuple[str, ...]  # of the parts, see `parts.Part`
+    vertices: np.ndarray  # (V, 3) float32 [m], repeated along sharp edges
+    faces: np.ndarray  # (N, 3) uint32
+    normals: np.ndarray  # (V, 3) float32, unit, outward
+    colors: np.ndarray  # (V, 4) uint8: the link's colour, pins in steel
+    color: Color  # of the link
+    layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
+    spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
+
+    @cached_property
+    def parts(self) -> tuple[trimesh.Trimesh, ...]:
+        """The watertight parts that `mesh` consists of."""
+        return tuple(_mesh(shell) for shell in self.shells)
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """All parts together, watertight, vertices shared."""
+        return _mesh(joined_shells(self.shells))
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """All solids of a mechanism."""
+
+    links: Mapping[str, Solid]  # every link, the frame included
+    size: float  # the larger side of the box around the mechanism's points over the run [m]
+    z_top: float  # just above everything: force arrows are drawn here [m]
+    bounds: np.ndarray  # (2, 3) lowest and highest corner over the run [m]
+    clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
+    heights: Heights  # where marks lie in z
+    chord: float  # largest distance of a facet from the circle that it stands for [m]
+    loops: tuple[Loop, ...] = ()  # where belts run
+
+
+def build_solids(
+    mechanism: Mechanism,
+    poses: Mapping[str, np.ndarray] | None = None,
+    *,
+    tolerance: float = 0.005,
+    chord: float | None = None,
+    profile: int = 1080,
+) -> Solids:
+    """Solid parts for every link of a mechanism.
+
+    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
+    these frames. Without them layers follow from the pairs alone. `tolerance` is the largest distance between a circle
+    and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
+    needs, at most 2048. `profile`: points of a cam's profile.
+    """
+    model = build_model(mechanism, poses, _sides(tolerance, 128), profile)
+    if chord is not None:
+        model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
+    draft = draft_pieces(model)
+    levels = stack_pieces(model, draft)
+    if (levels.top + 1) * model.proportions.pitch > DEEPEST and not model.telescopes:  # thin barrels would look like wires
+        model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))
+        draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
+    parts = make_parts(model, draft, levels)
+    spins: dict[str, Spin] = {}
+    if model.spatial:
+        more, spins = spatial_parts(model, levels)
+        parts += more
+    colors = link_colors(model.links, model.frame)
+    layers = _layers_of_links(model, levels, parts)
+    links = _solids(model, parts, colors, layers, spins)
+    bounds = _bounds(model, links)
+    top = float(bounds[1, 2]) + 0.01 * model.size
+    heights = find_heights(mechanism, model, parts, poses, top)
+    return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights, _sagitta(model), _loops(model, parts))
+
+
+def _loops(model: Model, parts: list[Part]) -> tuple[Loop, ...]:
+    """Where the belts run [m]: as high as the parts that they are drawn as, which stand in the same order."""
+    spaces = [part.space[0] for part in parts if part.kind == "belt"]
+    bands = model.wheels.bands
+    return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(bands, spaces, strict=True))
+
+
+def _sagitta(model: Model) -> float:
+    """Distance between the largest circle and the middles of its chords [m]."""
+    return float(model.size * largest_circle(model) * (1.0 - np.cos(np.pi / model.segments)))
+
+
+def _sides(tolerance: float, most: int) -> int:
+    """Sides of a circle, a multiple of four up to four times ``most``, for a distance of chords in radii."""
+    return 4 * int(
+        np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.5)) / 4.0), 3 if tolerance > 0.1 else 6, most)
+    )
+
+
+def stl_bytes(solid: Solid) -> bytes:
+    """A binary STL file of a solid, in millimetres."""
+    mesh = solid.mesh.copy()
+    mesh.apply_scale(1000.0)
+    data = mesh.export(file_type="stl")
+    assert isinstance(data, bytes)
+    return data
+
+
+def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]:
+    """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
+    if not model.frames:
+        return ()
+    owners = [(part, prism) for part in parts for prism in part.space]
+    rank = {name: k for k, name in enumerate(model.links)}
+    link = np.array([rank[part.link] for part, _ in owners], np.int64)
+    low, high = np.array([(prism.low, prism.high) for _, prism in owners], float).T
+    i, j = np.tril_indices(len(owners), -1)
+    apart = (link[i] != link[j]) & (np.minimum(high[i], high[j]) > np.maximum(low[i], low[j]))
+    i, j = i[apart], j[apart]
+    meshing = [bool(owners[a][0].mates & owners[b][0].mates) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+    i, j = (k[~np.array(meshing, bool)] for k in (i, j))
+    both = np.sort(np.stack([link[i], link[j]], axis=1), axis=1)
+    questions, asked = np.unique(both, axis=0, return_inverse=True)
+    sweeps = Sweeps([prism.outline for _, prism in owners], [part.link for part, _ in owners], model.poses)
+    met = questions[sweeps.meet(np.stack([i, j], axis=1), asked.reshape(-1))]
+    return tuple(sorted((model.links[a], model.links[b]) for a, b in met.tolist()))
+
+
+def _solids(
+    model: Model,
+    parts: list[Part],
+    colors: Mapping[str, Color],
+    layers: Mapping[str, int | tuple[int, ...]],
+    spins: Mapping[str, Spin],
+) -> dict[str, Solid]:
+    """The parts of each link put together and scaled to metres; creases of all of them at once."""
+    own = {name: [part for part in parts if part.link == name] for name in model.links}
+    ordered = [part for some in own.values() for part in some]
+    whole = joined_shells([part.shell for part in ordered])
+    vertices, faces, normals, source = crisp(whole.vertices, whole.faces, *face_normals(whole.vertices, whole.faces))
+    # where the parts begin: among vertices as they were, as they are now, and faces
+    first = np.cumsum([0, *(len(part.shell.vertices) for part in ordered)])
+    begin = np.searchsorted(source, first)
+    face = np.cumsum([0, *(len(part.shell.faces) for part in ordered)])
+    paint = np.array([part.color or colors[part.link] for part in ordered], np.uint8)
+    found, done = {}, 0
+    for name, some in own.items():
+        a, b = done, done + len(some)
+        done = b
+        found[name] = Solid(
+            name=name,
+            shells=tuple(Shell(part.shell.vertices * model.size, part.shell.faces) for part in some),
+            kinds=tuple(part.kind for part in some),
+            vertices=(vertices[begin[a] : begin[b]] * model.size).astype(np.float32),
+            faces=(faces[face[a] : face[b]] - begin[a]).astype(np.uint32),
+            normals=normals[begin[a] : begin[b]].astype(np.float32),
+            colors=np.repeat(paint[a:b], np.diff(begin[a : b + 1]), axis=0),
+            color=colors[name],
+            layer=layers[name],
+            spin=spins.get(name),
+        )
+    return found
+
+
+def _mesh(shell: Shell) -> trimesh.Trimesh:
+    import trimesh  # here: it takes longer to load than the rest of a recording takes to make, which has no use for it
+
+    # No processing: vertices are shared by construction, and merging by an absolute distance ruins tiny mechanisms.
+    normals = face_normals(shell.vertices, shell.faces)[0]
+    return trimesh.Trimesh(vertices=shell.vertices, faces=shell.faces, face_normals=normals, process=False)
+
+
+def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
+    layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
+    heights = [part.space[0].low for part in parts if part.link == model.frame and part.kind != "pin"]
+    layers[model.frame] = tuple(sorted({round(low / model.proportions.pitch) for low in heights}))
+    return layers
+
+
+def _bounds(model: Model, links: Mapping[str, Solid]) -> np.ndarray:
+    """The box around all solids over the run (2, 3) [m]."""
+    lows, highs = [], []
+    for name, solid in links.items():
+        pose = poses_of(model, name) * (model.size, model.size, 1.0)
+        pose = pose[:1] if (pose == pose[0]).all() else pose
+        if solid.spin is not None:
+            pose = pose * (1.0, 1.0, 0.0)
+        c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
+        x, y = _rim(solid).T
+        at = pose[:, 0, None] + c * x - s * y, pose[:, 1, None] + s * x + c * y
+        z = np.concatenate([shell.vertices[:, 2] for shell in solid.shells])
+        lows.append([at[0].min(), at[1].min(), z.min()])
+        highs.append([at[0].max(), at[1].max(), z.max()])
+    return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
+
+
+def _rim(solid: Solid) -> np.ndarray:
+    """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
+    xy = np.concatenate([shell.vertices[:, :2] for shell in solid.shells])
+    return shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy)))

@@ -1,0 +1,162 @@
+"""Constructions that are drawn on the mechanism: strings of funicular polygons, their resultants, polodes, substitute masses.
+
+Pure functions of a `Run`; the recorder and the viewer draw what they find here. Places of the plane are complex numbers [m].
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.picture.strut_glyphs import linker_ends
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
+
+
+Array = NDArray[np.complex128]
+
+
+class Extent(Protocol):
+    """Where the mechanism is: the box around it over the run (2, 3) [m], and its size [m]."""
+
+    @property
+    def bounds(self) -> NDArray[np.float64]: ...
+    @property
+    def size(self) -> float: ...
+
+
+FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
+CHAIN = (120, 255, 190)  # equivalent linkages
+FAR = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
+BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
+REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
+
+
+def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
+    """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, polodes, substitute masses."""
+    low, high = (np.array(b, float) for b in solids.bounds)
+    size = solids.size
+    spots: list[NDArray[np.float64]] = [*linker_ends(run)]
+    for body in run.studies.substitutes.values():
+        spots.append(body.places.reshape(-1, 2))
+        spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
+    for _, chain in chain_strips(run, size):
+        spots += [np.column_stack([strip.real.reshape(-1), strip.imag.reshape(-1)]) for strip in chain]
+    if run.studies.systems:
+        z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
+        spots.append(np.column_stack([z.real, z.imag]))
+        spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
+    for polodes in run.studies.polodes.values():
+        spots += [p[:, :2].astype(float) for p in polode_pieces(polodes.fixed, polodes.fixed, solids, z=0.0)]
+    for xy in spots:
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        if len(xy):
+            near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a knot that runs far out in a few frames may leave the picture
+            low[:2] = np.minimum(low[:2], np.maximum(near, low[:2] - 0.5 * size))
+            high[:2] = np.maximum(high[:2], np.minimum(far, high[:2] + 0.5 * size))
+    return np.array([low, high])
+
+
+def strings(run: Run, size: float) -> list[Array]:
+    """Strings between the knots, the outer ones out to where they meet, and the lines of the forces."""
+    out: list[Array] = []
+    for s in run.studies.systems.values():
+        d = s.drawing
+        n = d.forces.shape[1]
+        rays = d.rays / np.maximum(np.abs(d.rays), 1e-300)
+        first, last = (_outer(d.knots[:, i], rays[:, j], d.meeting, size) for i, j in ((0, 0), (n - 1, n)))
+        out.append(first)
+        out += [np.stack([d.knots[:, i], d.knots[:, i + 1]], axis=1) for i in range(n - 1)]
+        out.append(last)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = np.nan_to_num(d.forces / np.abs(d.forces))
+        for i in range(n):
+            reach = np.real((d.knots[:, i] - d.points[:, i]) * np.conj(along[:, i]))
+            low, high = np.minimum(reach, 0.0) - 0.08 * size, np.maximum(reach, 0.0) + 0.08 * size
+            out.append(np.stack([d.points[:, i] + low * along[:, i], d.points[:, i] + high * along[:, i]], axis=1))
+    return out
+
+
+def _outer(knot: Array, ray: Array, meeting: Array, size: float) -> Array:
+    """An outer string: through its knot, and out to where the outer strings meet if that is near enough to be drawn."""
+    away = np.where(np.isfinite(meeting), np.real((meeting - knot) * np.conj(ray)), 0.0)
+    away = np.clip(np.nan_to_num(away), -2.0 * size, 2.0 * size)
+    low, high = np.minimum(away, 0.0) - 0.15 * size, np.maximum(away, 0.0) + 0.15 * size
+    return np.stack([knot + low * ray, knot + high * ray], axis=1)
+
+
+def resultants(run: Run, size: float) -> list[tuple[Array, Array]]:
+    """Arrows of the resultants through the places where the outer strings meet, the largest 0.4 of the mechanism long; nothing
+    where there is no single force, or far outside the picture."""
+    drawings = [s.drawing for s in run.studies.systems.values()]
+    largest = max(float(np.abs(d.resultant).max(initial=0.0)) for d in drawings) or 1.0
+    out = []
+    for d in drawings:
+        near = np.isfinite(d.meeting) & (np.abs(d.meeting - d.points[:, 0]) < 4.0 * size)
+        out.append((np.where(near, d.meeting, np.nan), np.where(near, d.resultant * (0.4 * size / largest), 0.0)))
+    return out
+
+
+def chain_strips(run: Run, size: float) -> list[tuple[str, list[Array]]]:
+    """Equivalent linkages by pair: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
+    out = []
+    half, width = BLOCK[0] * size, BLOCK[1] * size
+    corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
+    for name, chain in run.studies.equivalents.items():
+        strips = [_within(np.stack([chain.pins[a], chain.pins[b]], axis=1), size) for a, b in chain.bars]
+        strips += [_within(block.place[:, None] + np.nan_to_num(block.along)[:, None] * corners, size) for block in chain.blocks]
+        out.append((name, strips))
+    return out
+
+
+def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Array]]]]:
+    """Pins of equivalent linkages by pair, each with its label (F,), NaN beyond any picture. Only those that are no pins anyway."""
+    shown = ("K", "N1", "N2")
+    found = []
+    for name, chain in run.studies.equivalents.items():
+        last = list(chain.pins.values())[-1]
+        with np.errstate(invalid="ignore"):
+            pins = [
+                (label, np.where(np.abs(z - last) < FAR * size, z, np.nan)) for label, z in chain.pins.items() if label in shown
+            ]
+        found.append((name, pins))
+    return found
+
+
+def _within(z: Array, size: float) -> Array:
+    """Strips (F, points), shrunk to one of their finite points in the frames in which they run beyond any picture."""
+    finite = np.isfinite(z)
+    inner = np.where(finite, z, 0.0)
+    home = np.take_along_axis(inner, np.argmax(finite, axis=1)[:, None], axis=1)
+    far = ~finite.all(axis=1) | (np.abs(inner - home).max(axis=1) > FAR * size)
+    return np.where(far[:, None], home, inner)
+
+
+def substitute_scale(run: Run, size: float) -> float:
+    """Newtons per metre of the arrows at substitute masses: the largest is a third of the mechanism."""
+    largest = max(float(np.abs(f.forces @ np.array([1.0, 1.0j])).max(initial=0.0)) for f in run.studies.substitutes.values())
+    return largest / (size / 3.0) if largest > 0.0 else 1.0
+
+
+def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: Extent, *, z: float) -> list[NDArray[np.float32]]:
+    """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
+
+    ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
+    """
+    low, high = np.asarray(solids.bounds)[:, :2]
+    room = REACH * solids.size
+    inside = np.isfinite(place).all(axis=1) & (place > low - room).all(axis=1) & (place < high + room).all(axis=1)
+    step = np.hypot(*np.diff(np.where(inside[:, None], place, 0.0), axis=0).T)
+    joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)
+    pieces: list[NDArray[np.float32]] = []
+    start = 0
+    for k in range(len(way)):
+        if k + 1 == len(way) or not joined[k]:
+            if k > start:
+                pieces.append(np.column_stack([way[start : k + 1], np.full(k + 1 - start, z)]).astype(np.float32))
+            start = k + 1
+    return pieces

@@ -1,0 +1,119 @@
+"""Proportions of arrows, moments, springs and marks, heights along z, and turns about it: the same in all outputs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.heights import Heights
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+LOOKS = 24  # frames at which is looked what lies before an arrow
+
+
+def path_height(run: Run, heights: Heights, link: str, point: str) -> float:
+    """Height [m] of a traced point's path: on its link's front, or further before it so that no part passes over the point."""
+    places = run.motion.point(link, point)
+    spot = {spec.name: spec for spec in run.motion.mechanism.links}[link].points[point]
+    frames, known = looks(run, heights)
+    dots = np.stack([places[frames], places[frames] + 1e-6 * heights.size], axis=1)
+    return heights.cleared(heights.of_point(link, spot), dots, known)
+
+
+def arrow_height(run: Run, heights: Heights, vector: Vector, per_metre: float) -> float:
+    """Height [m] of an arrow: on the front of the pin or link where it starts, or as far before it as is needed to be seen."""
+    frames, known = looks(run, heights)
+    start = vector.origin[frames]
+    lines = np.stack([start, start + vector.value[frames] / per_metre], axis=1)
+    return heights.cleared(_own_height(run, heights, vector), lines, known)
+
+
+def arc_height(run: Run, heights: Heights, moment: Moment, radius: float) -> float:
+    """Height [m] of an arc of a radius [m] about a pin or link, as far before it as is needed to be seen."""
+    frames, known = looks(run, heights)
+    angles = np.linspace(0.0, 2.0 * np.pi, 17)
+    circle = radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return heights.cleared(_own_height(run, heights, moment), moment.origin[frames][:, None] + circle, known)
+
+
+def looks(run: Run, heights: Heights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Some frames of the run, and their numbers among the frames whose poses are known to the solids."""
+    count = max((len(pose) for pose in heights.poses.values()), default=1)
+    known = np.unique(np.linspace(0, count - 1, min(count, LOOKS)).round().astype(int))
+    # the solids were looked at at frames that are spread evenly over the run
+    frames = np.round(known * (run.motion.frames - 1) / max(count - 1, 1)).astype(int)
+    return frames, known
+
+
+def _own_height(run: Run, heights: Heights, item: Vector | Moment) -> float:
+    """The front of what an arrow or arc belongs to: a joint, a traced point, a centre of mass, a link."""
+    if item.item in heights.joints:
+        return heights.joints[item.item]
+    mechanism = run.motion.mechanism
+    traced = {point_name(*key): key for key in mechanism.traced}
+    links = {spec.name: spec for spec in mechanism.links}
+    if item.item in traced:
+        link, point = traced[item.item]
+        return heights.of_point(link, links[link].points[point])
+    for name, spec in links.items():
+        if item.item in (name, centre_name(name)):
+            return heights.of_point(name, spec.centre)
+    return 0.0  # a load: from the back on, whatever is in the way of it is cleared
+
+
+Real = NDArray[np.float64]
+
+SHAFT, HEAD_RADIUS, HEAD = 0.0042, 0.0115, 0.03  # of an arrow: radii of its shaft and its head, length of its head
+LEAST_ARROW = 1.3 * HEAD  # a shorter arrow is left out, or drawn smaller
+ARC_RADIUS, ARC_WIDTH = 0.085, 0.0085  # of the arc of a moment
+ARC_TIP = 0.42  # of its head [rad]
+POT = 0.028  # half width of dampers and gas springs
+SPIRAL = 0.09  # radius of torsion springs
+TURNS = 2.5  # of a torsion spring
+LINKER = (58, 66, 78)  # colour of dampers, gas springs and torsion springs
+
+
+def pot_length(least: float, most: float) -> float:
+    """Length of the pot of a damper whose ends come as near as ``least`` and go as far as ``most``."""
+    return min(max((most - least) / 0.8, 0.5 * most), 0.95 * least)
+
+
+def spiral_radius(part: Any, size: float) -> Any:
+    """Radius [m] of a torsion spring at a part of its length from the inside, in a mechanism of a size [m]."""
+    return SPIRAL * size * (0.25 + 0.75 * part)
+
+
+def arc_corners(turn: float, radius: float, width: float, steps: int) -> NDArray[np.complex128]:
+    """Corners of a flat arc with a head, for `arc_faces`: through ``turn`` [rad] about the origin, from the right on."""
+    sign = np.sign(turn)
+    along = np.linspace(0.0, sign * (abs(turn) - min(ARC_TIP, abs(turn))), steps + 1)
+    body = (np.array([radius + 0.5 * width, radius - 0.5 * width]) * np.exp(1j * along)[:, None]).ravel()
+    base = np.array([radius + 1.7 * width, radius - 1.7 * width]) * np.exp(1j * along[-1])
+    return np.concatenate([body, base, [radius * np.exp(1j * turn)]])
+
+
+def arc_faces(steps: int) -> NDArray[np.uint32]:
+    """Faces of such an arc, counter-clockwise where it turns so."""
+    n = 2 * (steps + 1)
+    return np.vstack([ribbon_faces(steps + 1), [[n, n + 2, n + 1]]]).astype(np.uint32)
+
+
+def ribbon_faces(places: int) -> NDArray[np.int64]:
+    """Faces of a ribbon whose corners stand as outer, inner, outer, inner ..., counter-clockwise."""
+    k = 2 * np.arange(places - 1)
+    return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])
+
+
+def about_z(angle: Any) -> NDArray[np.float64]:
+    """Unit quaternions (..., 4) of turns by ``angle`` (...) [rad]; continuous where the angle is."""
+    half = 0.5 * np.asarray(angle, float)
+    nothing = np.zeros_like(half)
+    return np.stack([nothing, nothing, np.sin(half), np.cos(half)], axis=-1)

@@ -1,0 +1,29 @@
+"""The solids of a solved scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechviz.accuracy.kept import PROFILE
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
+
+
+LOOKS = 721
+"""Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
+
+
+def solids_of(run: Run) -> Solids:
+    """Meshes of all links, in layers that do not collide during the run."""
+    from mechviz.picture.meshes.solids import build_solids
+    from mechviz.quantities.tables import links_of
+
+    motion = run.motion
+    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
+    dials = run.kept
+    poses = {link: motion.pose(link)[frames] for link in links_of(motion)}
+    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile or PROFILE)

@@ -1,0 +1,267 @@
+"""Surface marks: what moves on a body by itself, so that one sees it: rollers that roll, belts that run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.picture.proportions import about_z
+
+if TYPE_CHECKING:
+    from mechcore.cams.placed_spatial import PlacedSpatial
+    from mechviz.picture.meshes.kinds.bands import Loop
+    from mechviz.picture.meshes.solids import Solids
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+Kind = Literal["roller", "belt"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+COLORS: dict[Kind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236, 196, 64)}
+
+
+@dataclass(frozen=True, eq=False)
+class Rider:
+    """A mark below a link: the mesh about ``centre`` (x, y, z) [m] in the link's axes, or about the places ``path`` (F, 3) [m] that
+    it goes to; turned by ``angle`` (F) [rad] against the link, about z or about the direction ``axis`` in the plane."""
+
+    kind: Kind
+    name: str
+    link: str
+    centre: tuple[float, float, float]
+    angle: Real
+    vertices: NDArray[np.float32]  # (V, 3) [m]
+    faces: NDArray[np.uint32]  # (N, 3)
+    normals: NDArray[np.float32]  # (V, 3)
+    axis: tuple[float, float] | None = None
+    path: Real | None = None
+
+    @property
+    def title(self) -> str:
+        """Kind and name: what it is called below its link."""
+        return f"{self.kind} {self.name}"
+
+    @property
+    def color(self) -> tuple[int, int, int]:
+        return COLORS[self.kind]
+
+    def turns(self) -> Real:
+        """Quaternions x, y, z, w (F, 4)."""
+        if self.axis is None:
+            return about_z(self.angle)
+        c, s = np.cos(0.5 * self.angle), np.sin(0.5 * self.angle)
+        return np.column_stack([self.axis[0] * s, self.axis[1] * s, np.zeros_like(s), c])
+
+    def places(self) -> Real:
+        """Where it is in the link's axes (F, 3) [m]."""
+        return np.tile(np.array(self.centre, float), (len(self.angle), 1)) if self.path is None else self.path
+
+
+def find_riders(run: Run, solids: Solids) -> list[Rider]:
+    """All that rides on the links of a run."""
+
+    return [*find_rollers(run, solids), *find_belt_marks(run, solids)]
+
+
+Real = NDArray[np.float64]
+
+INNER, OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
+SECTORS, SIDES = 3, 16
+THICK = 0.012  # of a mark, in radii
+
+
+def find_rollers(run: Run, solids: Solids) -> list[Rider]:
+    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
+
+    Those of turrets have none: they take turns.
+    """
+    if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
+        return []
+    from mechcore.cams.followers import Roller
+    from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
+    from mechcore.forces.cam_events import contact_force, placed_cams
+    from mechcore.spec.mechanism import CamPair
+
+    pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
+    links = {link.name: link for link in run.motion.mechanism.links}
+    found: list[Rider] = []
+    for cam in placed_cams(run.motion):
+        if not isinstance(cam.face, Roller):
+            continue
+        force = 1.0 if run.forces is None else np.nan_to_num(contact_force(run.forces, cam), nan=1.0)
+        pair = pairs[cam.name]
+        link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
+        at = links[link].points.get(pair.point, (0.0, 0.0))
+        if isinstance(cam, PlacedSpatial):
+            if not cam.blank.rollers:
+                found += (_along if cam.blank.kind == "globoid" else _beside)(run, solids, cam, link, at, force)
+            continue
+        wanted = [(cam.name, cam, at, force)]
+        if isinstance(cam, PlacedCam) and cam.mate is not None and pair.second is not None:
+            wanted.append((f"{cam.name} second", cam.mate, links[link].points[pair.second[0]], 1.0))
+        for name, rolling, (x, y), pressed in wanted:
+            assert isinstance(rolling.face, Roller)
+            radius = rolling.face.radius
+            top = _face(solids, link, (x, y), radius)
+            if top is not None:
+                turned = roller_angle(run.motion, rolling, pressed)
+                found.append(Rider("roller", name, link, (x, y, top), turned, *_sectors(radius)))
+    return found
+
+
+def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
+    """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
+    from mechcore.cams.placed_spatial import roller_angle
+
+    solid, radius = solids.links[link], cam.face.radius
+    for kind, part in zip(solid.kinds, solid.shells, strict=True):
+        x, y = part.bounds[:, :2].mean(axis=0)
+        if kind != "roller":
+            continue
+        above = 0
+        if cam.blank.kind == "rib":
+            along = run.motion.pose(link)[0, 2] - run.motion.pose(cam.carrier)[0, 2]
+            above = 1 if ((x - at[0] + 1j * (y - at[1])) * np.exp(1j * along) * np.conj(1j * cam.axes)).real > 0.0 else -1
+        wide = np.hypot(part.vertices[:, 0] - x, part.vertices[:, 1] - y) > 0.99 * radius
+        low, high = (float(f(part.vertices[wide, 2])) for f in (np.min, np.max))
+        name = {0: cam.name, 1: f"{cam.name} upper", -1: f"{cam.name} lower"}[above]
+        turned = roller_angle(run.motion, cam, force, above)
+        yield Rider("roller", name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
+
+
+def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
+    """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
+    from mechcore.cams.placed_spatial import roller_angle
+
+    assert cam.pivot is not None
+    solid, radius = solids.links[link], cam.face.radius
+    part = next(p for k, p in zip(solid.kinds, solid.shells, strict=True) if k == "roller")
+    base, arm = run.motion.pose(cam.carrier)[0], run.motion.pose(link)[0]
+    place = complex(base[0], base[1]) + cam.pivot * np.exp(1j * base[2]) - complex(arm[0], arm[1])
+    hinge = place * np.exp(-1j * arm[2])
+    way = (complex(*at) - hinge) / abs(complex(*at) - hinge)
+    axis = np.array([way.real, way.imag, 0.0])
+    start = np.array([hinge.real, hinge.imag, 0.5 * (part.vertices[:, 2].min() + part.vertices[:, 2].max())])
+    own = (part.vertices - start) @ axis
+    wide = np.linalg.norm(part.vertices - start - own[:, None] * axis, axis=1) > 0.99 * radius
+    low, high = float(own[wide].min()), float(own[wide].max())
+    vertices, faces, normals = _stripes(radius, high - low)
+    frame = np.array([[-way.imag, way.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
+    x, y, z = (start + low * axis).tolist()
+    shape = (vertices @ frame).astype(np.float32), faces, (normals @ frame).astype(np.float32)
+    yield Rider("roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
+
+
+def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
+    """Height of the front of the part of a link that is a roller about a point [m]."""
+    for part in solids.links[link].shells:
+        low, high = part.bounds
+        round_it = np.allclose(0.5 * (low + high)[:2], at, atol=0.02 * radius)
+        if round_it and np.allclose((high - low)[:2], 2.0 * radius, rtol=0.02):
+            return float(high[2])
+    return None
+
+
+def _sectors(radius: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """Flat ring sectors just before the roller's face, seen from the front."""
+    vertices: list[Real] = []
+    faces: list[NDArray[np.int64]] = []
+    for k in range(SECTORS):
+        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
+        start = len(vertices) * 2 * (SIDES + 1)
+        ring = np.exp(1j * turn)
+        points = radius * np.concatenate([INNER * ring, OUTER * ring])
+        vertices.append(np.column_stack([points.real, points.imag, np.full(len(points), THICK * radius)]))
+        a = start + np.arange(SIDES)
+        b = a + SIDES + 1
+        faces += [np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])]
+    flat = np.vstack(vertices).astype(np.float32)
+    return flat, np.vstack(faces).astype(np.uint32), np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(flat), 1))
+
+
+def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """Stripes on a mantle that stands on the plane, from end to end, and sectors on the face at its upper end."""
+    vertices: list[Real] = []
+    normals: list[Real] = []
+    faces: list[NDArray[np.int64]] = []
+    for k in range(SECTORS):
+        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
+        ring = np.column_stack([np.cos(turn), np.sin(turn)])
+        start = len(vertices) * 2 * (SIDES + 1)
+        rows = [np.column_stack([(1.0 + THICK) * radius * ring, np.full(len(ring), z)]) for z in (0.04 * height, 0.96 * height)]
+        vertices.append(np.concatenate(rows))
+        normals.append(np.tile(np.column_stack([ring, np.zeros(len(ring))]), (2, 1)))
+        a = start + np.arange(SIDES)
+        b = a + SIDES + 1
+        faces += [np.column_stack([a, a + 1, b + 1]), np.column_stack([a, b + 1, b])]
+    flat, own, up = _sectors(radius)
+    count = sum(map(len, vertices))
+    return (
+        np.vstack([*vertices, flat + np.array([0.0, 0.0, height])]).astype(np.float32),
+        np.vstack([*faces, own + count]).astype(np.uint32),
+        np.vstack([*normals, up]).astype(np.float32),
+    )
+
+
+Real = NDArray[np.float64]
+
+
+def held(values: Real, known: NDArray[np.bool_]) -> Real:
+    """Values (F,) with those that are not known taken from the nearest one before, at the start from the first known; zero where
+    none is."""
+    if known.all():
+        return np.asarray(values, float)
+    if not known.any():
+        return np.zeros(len(values))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
+
+
+Real = NDArray[np.float64]
+
+MARKS = 8  # on a belt
+LONG = 1.1  # of a mark, in thicknesses of the belt
+OVER = 0.09  # how far it stands out, in thicknesses
+
+
+def find_belt_marks(run: Run, solids: Solids) -> Iterator[Rider]:
+    """The marks of all belts of a run, below the links that carry the pulleys."""
+    for loop in solids.loops:
+        way = way_of(run, loop)
+        over = OVER * loop.thick
+        box = _box(LONG * loop.thick, loop.thick + 2.0 * over, loop.high - loop.low + 2.0 * over)
+        height = 0.5 * (loop.low + loop.high)
+        for k in range(MARKS):
+            at, direction = loop.at(way + k * loop.length / MARKS)
+            path = np.column_stack([at.real, at.imag, np.full(len(at), height)])
+            first = (float(path[0, 0]), float(path[0, 1]), height)
+            yield Rider("belt", f"{loop.pair} {k + 1}", loop.carrier, first, direction, *box, path=path)
+
+
+def way_of(run: Run, loop: Loop) -> Real:
+    """How far a belt has run at every frame (F,) [m]: as far as the rim of its first pulley has turned against the carrier. It
+    stands still at frames that could not be assembled."""
+    turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]
+    turned = held(turned, np.isfinite(turned))
+    return loop.radii[0] * (turned - turned[0])
+
+
+def _box(*sides: float) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
+    """A box about the origin: vertices (24, 3), four to a face, faces (12, 3), normals (24, 3)."""
+    vertices, normals = [], []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            normal = sign * np.eye(3)[axis]
+            across = np.roll(normal, 1)
+            for u, v in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+                corner = normal + u * across + v * np.cross(normal, across)
+                vertices.append(0.5 * corner * sides)
+                normals.append(normal)
+    faces = (4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return np.array(vertices, np.float32), faces.astype(np.uint32), np.array(normals, np.float32)

@@ -1,0 +1,116 @@
+"""The power table in words: for a terminal, as Markdown, as CSV."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.forces.flywheel import Flywheel
+from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.powers import PowerTable, drive_shares, power_table
+from mechviz.files import replacing
+
+if TYPE_CHECKING:
+    from mechcore.dynamics.rest.steady import SizedFlywheel, SteadyRun
+
+
+_HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
+
+
+def _rows(table: PowerTable) -> list[tuple[str, ...]]:
+    nothing = 1e-12 * max(table.supplied, table.absorbed, 1e-300)
+
+    def number(value: float, least: float = 0.0) -> str:
+        return "0" if abs(value) <= least else f"{value:.5g}"
+
+    span = float(np.ptp(table.time)) or 1.0
+    found = [
+        (
+            i.label,
+            i.cause,
+            i.place,
+            i.role,
+            i.use or "-",
+            number(i.mean, nothing / span),
+            number(i.peak, 0.0 if i.role != "idle" else np.inf),
+            number(i.supplied, nothing),
+            number(i.absorbed, nothing),
+        )
+        for i in table.items
+    ]
+    mean = (table.supplied - table.absorbed) / span
+    return [
+        *found,
+        ("sum", "", "", "", "", number(mean, 1e-9 * table.supplied / span), "", number(table.supplied), number(table.absorbed)),
+    ]
+
+
+def force_lines(forces: Forces) -> list[str]:
+    """Every force with its classes and works over the run, and which drive delivers power when."""
+    table = power_table(forces)
+    rows = [_HEADS, *_rows(table)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(_HEADS))]
+    lines = [
+        "  ".join(cell.ljust(w) if k < 5 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))).rstrip()
+        for row in rows
+    ]
+    lines.insert(len(lines) - 1, "-" * len(lines[0]))
+    lines += ["", f"What is supplied is absorbed: the works close to {table.closure:.1e} of what is supplied.", ""]
+    for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
+        when = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
+        more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
+        lines.append(
+            f"drive {share.pair} delivers power {when}{more}: {share.supplied:.5g} J in all; it takes {share.absorbed:.5g} J back"
+        )
+    return lines
+
+
+def flywheel_lines(wheel: Flywheel) -> list[str]:
+    """The flywheel in words."""
+    return [
+        f"flywheel: {wheel.inertia:.5g} kg m^2 keeps the speed within {100 * wheel.fluctuation:g} % of its mean",
+        f"  mean torque {wheel.mean:.5g} N m; excess work {wheel.excess:.5g} J between the slowest place, "
+        f"{np.degrees(wheel.slowest):.5g}°, and the fastest, {np.degrees(wheel.fastest):.5g}°",
+    ]
+
+
+def steady_lines(run: SteadyRun) -> list[str]:
+    """A steady run in words."""
+    turns = f"{run.turns} turn{'s' * (run.turns > 1)}"
+    multiplier = abs(run.multiplier)
+    fate = (
+        "stays" if abs(multiplier - 1.0) < 1e-9 else f"{'shrinks' if multiplier < 1 else 'grows'} to {multiplier:.3g} of it a cycle"
+    )
+    mean, least, greatest = (x * 30.0 / np.pi for x in (run.sense * run.mean, run.least, run.greatest))
+    return [
+        f"steady run over {turns}: mean speed {mean:.6g} rpm, from {least:.6g} to {greatest:.6g} rpm, coefficient of fluctuation "
+        f"{run.fluctuation:.4g}",
+        f"a cycle takes {run.period:.6g} s; a disturbance of the energy {fate}",
+    ]
+
+
+def sized_lines(wheel: SizedFlywheel) -> list[str]:
+    """The flywheel that the steady run needs."""
+    if wheel.inertia == 0.0:
+        return [f"flywheel: none needed, {wheel.link} keeps the speed within {100 * wheel.run.fluctuation:.4g} % of its mean"]
+    return [f"flywheel: {wheel.inertia:.5g} kg m^2 more on {wheel.link}; with it: {steady_lines(wheel.run)[0]}"]
+
+
+def power_markdown(table: PowerTable) -> list[str]:
+    """The table for notes."""
+    lines = ["## Powers", "", f"| {' | '.join(_HEADS)} |", f"|{'---|' * len(_HEADS)}"]
+    lines += [f"| {' | '.join(row)} |" for row in _rows(table)]
+    return [*lines, "", f"The works close to {table.closure:.1e} of what is supplied."]
+
+
+def power_csv(forces: Forces, path: Path) -> Path:
+    """Write the table, numbers in full."""
+    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(["force", "kind", "cause", "place", "role", "use", "mean [W]", "peak [W]", "supplied [J]", "absorbed [J]"])
+        for i in power_table(forces).items:
+            out.writerow([i.name, i.kind, i.cause, i.place, i.role, i.use, *map(repr, (i.mean, i.peak, i.supplied, i.absorbed))])
+    return path

@@ -1,0 +1,104 @@
+"""The numbers of a run's studies as tables: force systems, reduction, shaking, substitute masses, closing errors of polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechviz.quantities.tables import Columns, Table
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+_FORCE: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
+
+
+def study_tables(run: Run) -> Iterator[Table]:
+    """All tables of what the scene asks for; nothing where it asks for nothing."""
+    studies = run.studies
+    for name, plans in studies.plans.items():
+        closing = np.max([plan.closing for plan in plans], axis=0)
+        yield Table(("polygons", name, "closing"), f"{name} plan", (("closing", "1"),), closing[:, None])
+    for name, system in studies.systems.items():
+        line = np.column_stack([system.force, system.moment, system.resultant.point])
+        columns: Columns = (*_FORCE, ("line x", "m"), ("line y", "m"))
+        yield Table(("data", "systems", name, "resultant"), f"{name}.resultant", columns, line)
+    if studies.systems:
+        closing = np.max([s.drawing.closing for s in studies.systems.values()], axis=0)
+        yield Table(("polygons", "funicular", "closing"), "funicular polygon", (("closing", "1"),), closing[:, None])
+    for name, polode in studies.polodes.items():
+        for kind, way in (("fixed", polode.fixed), ("moving", polode.moving)):
+            yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), way)
+    for name, found in studies.equivalents.items():
+        for pin, place in found.pins.items():
+            columns = (("x", "m"), ("y", "m"))
+            values = np.column_stack([place.real, place.imag])
+            yield Table(("data", "equivalent", name, pin or "block"), f"{name}.{pin or 'block'}", columns, values)
+    for name, r in studies.reduced.items():
+        turning = r.point is None
+        columns = (
+            ("reduced inertia", "kg m^2") if turning else ("reduced mass", "kg"),
+            ("slope", "kg m^2/rad") if turning else ("slope", "kg/m"),
+            ("reduced moment", "N m") if turning else ("reduced force", "N"),
+            ("kinetic energy", "J"),
+        )
+        values = np.column_stack([r.mass, r.slope, r.force, r.energy])
+        yield Table(("data", "reduced", name), f"{name}.reduced", columns, values)
+    for name, s in (("", studies.shaking), ("balanced", studies.balanced)):
+        if s is not None:
+            path = ("data", "shaking", name) if name else ("data", "shaking")
+            yield Table(path, f"shaking {name}".strip(), _FORCE, np.column_stack([s.force, s.moment]))
+    for name, body in studies.substitutes.items():
+        path = ("data", "substitutes", name)
+        yield Table((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([body.force, body.moment]))
+        if body.correction is not None:
+            columns = (("couple", "N m"),)
+            yield Table((*path, "correction"), f"{name}.correction", columns, body.correction[:, None])
+        for k in range(len(body.masses)):
+            columns = (("x", "m"), ("y", "m"), ("Fx", "N"), ("Fy", "N"), ("mass", "kg"))
+            mass = np.full(len(body.places), body.masses[k])
+            values = np.column_stack([body.places[:, k], body.forces[:, k], mass])
+            yield Table((*path, str(k + 1)), f"{name}.mass {k + 1}", columns, values)
+
+
+def study_lines(run: Run) -> list[str]:
+    """One line for each result; none where nothing was asked for."""
+    return list(_lines(run))
+
+
+def _lines(run: Run) -> Iterator[str]:
+    studies = run.studies
+    for name, plans in studies.plans.items():
+        worst = max(float(np.nanmax(plan.closing, initial=0.0)) for plan in plans)
+        if not any(plan.edges for plan in plans):
+            yield f"{name} plan: empty, no pin and no traced point moves"
+            continue
+        yield f"{name} plan: closes to {worst:.1e} of its longest side"
+    for name, chain in studies.equivalents.items():
+        bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
+        sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
+        yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the pair, up to accelerations"
+    for name, system in studies.systems.items():
+        kinds = sorted(set(map(str, system.drawing.kind)))
+        worst = float(np.nanmax(system.drawing.closing, initial=0.0))
+        yield f"force system {name}: {' or '.join(kinds)}; the drawing agrees with the algebra to {worst:.1e}"
+    for name, r in studies.reduced.items():
+        good = r.mass[np.isfinite(r.mass)]
+        unit = "kg m²" if r.point is None else "kg"
+        if len(good):
+            yield f"reduced to {name}: {good.min():.5g} to {good.max():.5g} {unit}"
+    for what, s in (("shaking force", studies.shaking), ("with counterweights", studies.balanced)):
+        if s is not None:
+            yield f"{what}: peak {s.peak:.5g} N, rms {s.rms:.5g} N; moment peak {s.peak_moment:.5g} N m, rms {s.rms_moment:.5g} N m"
+    for w in studies.weights:
+        yield f"counterweight on {w.link}: {w.mass:.5g} kg at ({w.at[0]:.5g}, {w.at[1]:.5g}) m of its frame"
+    for name, body in studies.substitutes.items():
+        masses = ", ".join(f"{m:.5g} kg" for m in body.masses)
+        if body.correction is not None:
+            most = float(np.abs(body.correction).max(initial=0.0))
+            yield f"static replacement of {name}: {masses}, with a correction couple of up to {most:.5g} N m"
+            continue
+        yield f"substitute masses of {name}: {body.found.message}; shown is solution {body.chosen + 1}: {masses}"

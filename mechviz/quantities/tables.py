@@ -1,0 +1,373 @@
+"""The numbers of a run as named tables in SI units: what a recording holds as float64 and what CSV and Parquet export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.powers import power_labels, power_table
+from mechcore.motion import metrics
+from mechcore.motion.motion import Motion
+from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.spec.loads import Servo
+from mechviz.quantities.exactness import onto_centres, without_noise
+from mechviz.quantities.vectors import centre_name, point_name
+
+if TYPE_CHECKING:
+    from mechcore.forces.cam_events import AnyCam
+    from mechcore.forces.kinetostatics import LoadResult
+    from mechcore.spec.mechanism import CamRating
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+Columns = tuple[tuple[str, str], ...]
+
+_POSE: Columns = (("x", "m"), ("y", "m"), ("angle", "rad"))
+_VELOCITY: Columns = (("vx", "m/s"), ("vy", "m/s"), ("omega", "rad/s"))
+_ACCELERATION: Columns = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s^2"))
+_WRENCH: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
+
+
+ROUND_OFF = 1e-12  # of the largest reaction
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
+
+    ``source`` is the values, or a function that computes them when they are asked for.
+    """
+
+    path: tuple[str, ...]
+    item: str
+    columns: Columns
+    source: Real | Callable[[], Real]
+
+    @cached_property
+    def values(self) -> Real:
+        return self.source() if callable(self.source) else self.source
+
+    def headers(self) -> list[str]:
+        """Column names with units, such as ``crank.x [m]``."""
+        return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
+
+
+def links_with_mass(run: Run) -> list[str]:
+    """Moving links whose mass counts: those with a mass or a moment of inertia, where inertia or gravity is computed."""
+    mechanism = run.motion.mechanism
+    if run.forces is None or not {"inertia", "gravity"} & set(mechanism.effects):
+        return []
+    return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]
+
+
+@dataclass(frozen=True)
+class JointInfo:
+    """A joint that transmits forces: a pair of the mechanism, or one that a pair brings along (the pins of a cylinder)."""
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    unit: str  # of its coordinate: ``m`` where it slides, else ``rad``
+
+
+def joints_of(motion: Motion) -> list[JointInfo]:
+    """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
+    model = motion.model
+    journals = journals_of(model.mechanism)
+    bearing = {name: load.links[::2] for name, load in journals.items()}
+    made = made_pairs(model.mechanism)
+    found = [
+        JointInfo(
+            j.name,
+            "revolute with clearance" if j.name in bearing else j.kind,
+            bearing.get(j.name, j.links),
+            "m" if j.coordinate == "slide" else "rad",
+        )
+        for j in model.joints
+        if j.name not in made
+    ]
+    known = {j.name for j in found}
+    return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
+
+
+def links_of(motion: Motion) -> list[str]:
+    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar pairs."""
+    made = made_pairs(motion.model.mechanism)
+    return [name for name in motion.model.links if name not in made]
+
+
+def pair_unit(motion: Motion, pair: str) -> str:
+    """Unit of a joint's coordinate."""
+    return next(j.unit for j in joints_of(motion) if j.name == pair)
+
+
+def rounding_of_efforts(run: Run, unit: str) -> float:
+    """Driving forces [N] (``unit`` "m") or torques [N m] below this are rounding beside the reactions of the run."""
+    if run.forces is None:
+        return 0.0
+    largest = max(
+        (float(np.nanmax(np.abs(run.forces.reaction(j.name)[:, :2]), initial=0.0)) for j in joints_of(run.motion)), default=0.0
+    )
+    return ROUND_OFF * largest * (1.0 if unit == "m" else run.motion.model.size)
+
+
+def tables(run: Run) -> list[Table]:
+    """All tables of a run; what the scene does not call for is not there."""
+    from mechviz.quantities.study_tables import study_tables
+
+    return [
+        *_links(run),
+        *_points(run),
+        *_joints(run),
+        *_cams(run),
+        *_drives(run),
+        *_loads(run),
+        *_answers(run),
+        *_health(run),
+        *study_tables(run),
+    ]
+
+
+def _links(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    inertia = run.forces is not None and "inertia" in motion.mechanism.effects
+    heavy = links_with_mass(run)
+    for name in links_of(motion):
+        path = ("data", "links", name)
+        yield Table((*path, "pose"), name, _POSE, partial(motion.pose, name))
+        yield Table((*path, "velocity"), name, _VELOCITY, partial(motion.velocity, name))
+        yield Table((*path, "acceleration"), name, _ACCELERATION, partial(motion.acceleration, name))
+        if inertia and name in heavy and run.forces is not None:
+            yield Table((*path, "inertia"), f"{name}.inertia", _WRENCH, partial(run.forces.inertia, name))
+
+
+def _points(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    found: list[tuple[str, Callable[[int], Real]]] = [
+        (point_name(*traced), partial(motion.point, *traced)) for traced in motion.mechanism.traced
+    ]
+    found += [(centre_name(link), partial(motion.centre_of_mass, link)) for link in links_with_mass(run)]
+    kinds = (("position", _POSE), ("velocity", _VELOCITY), ("acceleration", _ACCELERATION))
+    for name, place in found:
+        for order, (kind, columns) in enumerate(kinds):
+            yield Table(("data", "points", name, kind), name, columns[:2], partial(place, order))
+
+
+def _joints(run: Run) -> Iterator[Table]:
+    motion, forces = run.motion, run.forces
+    onto = onto_centres(run, links_with_mass(run))
+    for joint in joints_of(motion):
+        path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
+        what = "slide" if unit == "m" else "angle"
+        rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
+        yield Table((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
+        place = motion.pair_position if forces is None else forces.position
+        yield Table((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
+        if forces is not None:
+            columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
+            reaction = partial(_reaction, forces, name)
+            yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
+            if name in journals_of(motion.model.mechanism):
+                yield _journal(run, name)
+            if forces.friction is not None and name in forces.friction.pairs:
+                yield Table((*path, "friction"), f"{name}.friction", columns, partial(forces.friction.wrench, name))
+                loss = partial(_column, forces.friction.losses, name)
+                yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
+
+
+def _placed(onto: Any, joint: JointInfo, place: Callable[[str], Real]) -> Real:
+    found: Real = onto(joint.links, place(joint.name))
+    return found
+
+
+def _reaction(forces: Forces, joint: str) -> Real:
+    return without_noise(forces.reaction(joint), forces.motion.model.size)
+
+
+def _column(values: Callable[[str], Real], name: str) -> Real:
+    """Values (F,) of an item as a column (F, 1)."""
+    return values(name)[:, None]
+
+
+def _as_column(values: Callable[[], Real]) -> Real:
+    return np.reshape(values(), (-1, 1))
+
+
+def _journal(run: Run, pair: str) -> Table:
+    """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
+    load = journals_of(run.motion.model.mechanism)[pair]
+    x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
+    columns: Columns = (("x", "m"), ("y", "m"), ("gap", "m"))
+    values = np.column_stack([x, y, load.radial - np.hypot(x, y)])
+    return Table(("data", "joints", pair, "journal"), f"{pair}.journal", columns, values)
+
+
+def _cams(run: Run) -> Iterator[Table]:
+    motion = run.motion
+    if not any(r.geometry is not None for r in motion.model.relations):
+        return
+    from mechcore.forces.cam_events import placed_cams
+
+    for cam in placed_cams(motion):
+        columns: Columns = (
+            ("x", "m"), ("y", "m"), ("force", "N"), ("pressure_angle", "rad"), ("curvature_radius", "m"), ("eccentricity", "m")
+        )  # fmt: skip
+        rows = cache(partial(_contact, run, cam))
+        contact = partial(_some_columns, rows, slice(0, 6))
+        yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
+        unit = "m" if cam.arm == 0.0 else "rad"
+        per = "m" if cam.bed else "rad"
+        lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
+        if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.liftoffs):
+            joined: Any = motion  # of a motion under forces
+            gap = run.simulation.gap(cam.name, joined)
+            yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
+        yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, partial(_some_columns, rows, slice(6, 9)))
+        yield from _rated(run, cam, lifts)
+
+
+def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
+    return rows()[:, columns]
+
+
+def _contact(run: Run, cam: AnyCam) -> Real:
+    """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
+    from mechcore.forces.cam_events import contact_force
+
+    force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
+    rows = cam.rows(run.motion, np.where(np.isnan(force), 1.0, force))
+    law = cam.law(rows.angle)
+    values = (rows.place.real, rows.place.imag, np.abs(force), rows.pressure_angle, rows.radius, rows.eccentricity)
+    return np.column_stack([*values, rows.lift, law[1], law[2]])
+
+
+def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
+    """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
+    from mechcore.forces.cam_events import pair_of
+    from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows
+
+    pair = pair_of(run.motion, cam)
+    if pair.rating is not None and pair.rating.width is not None and run.forces is not None:
+        columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
+
+        def stress(forces: Forces = run.forces, rating: CamRating = pair.rating) -> Real:
+            found = contact_stress(forces, cam, rating)
+            return np.column_stack([found.pressure, found.half_width])
+
+        yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
+    if pair.drawn is not None:
+        names = (*((f"drawn_{name}", unit) for name, unit in lifts), *((f"{name}_error", unit) for name, unit in lifts))
+
+        def drawn(lift: Any = pair.drawn) -> Real:
+            return drawn_rows(run.motion, cam, drawn_lift(cam, lift))
+
+        yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, drawn)
+
+
+def _drives(run: Run) -> Iterator[Table]:
+    motion, forces = run.motion, run.forces
+    units = {joint.name: joint.unit for joint in joints_of(motion)}
+    for drive in motion.mechanism.drives:
+        unit = units[drive.pair]
+        effort = ("force", "N") if unit == "m" else ("torque", "N m")
+        columns: Columns = (
+            ("coordinate", unit),
+            ("speed", f"{unit}/s"),
+            ("acceleration", f"{unit}/s^2"),
+            effort,
+            ("power", "W"),
+        )
+        yield Table(("data", "drive", drive.pair), f"{drive.pair}.drive", columns, partial(_driven, run, drive.pair))
+        if forces is not None:
+            wrench = partial(forces.wrench, drive.pair)
+            yield Table(("data", "drive", drive.pair, "wrench"), f"{drive.pair}.drive_wrench", _WRENCH, wrench)
+
+
+def _driven(run: Run, pair: str) -> Real:
+    """Coordinate, speed, acceleration, effort and power of a drive (F, 5); no effort was computed of pure kinematics."""
+    nothing = np.full(run.motion.frames, np.nan)
+    efforts = (nothing, nothing) if run.forces is None else (run.forces.effort(pair), run.forces.power(pair))
+    return np.column_stack([run.motion.coordinate(pair), *efforts])
+
+
+def _answers(run: Run) -> Iterator[Table]:
+    """What the scene asks for beyond motion and forces, under ``/data/answers``."""
+    motion = run.motion
+    computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
+        "transmission_angle": (("angle", "rad"), cache(partial(metrics.transmission_angles, motion))),
+        "velocity_ratio": (("ratio", "1"), cache(partial(metrics.velocity_ratios, motion))),
+        "mechanical_advantage": (("advantage", "1"), cache(partial(metrics.mechanical_advantage, motion))),
+        "instant_centre": (("", ""), cache(partial(metrics.instant_centres, motion))),
+        "curvature": (("curvature", "1/m"), lambda: {key: metrics.curvature(motion, *key) for key in motion.mechanism.traced}),
+    }
+    for name, (column, compute) in computed.items():
+        for key in metrics.answered(name, motion.model) if name in motion.mechanism.answers else ():
+            item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
+            columns = _POSE[:2] if name == "instant_centre" else (column,)
+            label = "instant centre" if name == "instant_centre" else name
+            yield Table(("data", "answers", name, item), f"{label} {item}", columns, partial(_answer, compute, key))
+
+
+def _answer(compute: Callable[[], Any], key: Any) -> Real:
+    values = np.asarray(compute()[key])
+    return values if values.ndim > 1 else values[:, None]
+
+
+def _led(motion: Motion, servo: Servo, chosen: slice) -> Real:
+    """Chosen columns of target, coordinate, and how far it is behind (F, n) [rad or m]."""
+    target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
+    reached = motion.coordinate(servo.pair)[:, 0]
+    return np.column_stack([target, reached, target - reached])[:, chosen]
+
+
+def _loads(run: Run) -> Iterator[Table]:
+    if run.forces is None:
+        return
+    columns: Columns = (*_WRENCH, *_POSE[:2])
+    onto = onto_centres(run, links_with_mass(run))
+    for name, load in run.forces.loads.items():
+        parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
+        yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
+    for servo in run.motion.mechanism.loads:
+        if isinstance(servo, Servo):
+            path, unit = ("data", "servos", servo.name), pair_unit(run.motion, servo.pair)
+            both: Columns = (("target", unit), ("reached", unit))
+            yield Table((*path, "position"), servo.name, both, partial(_led, run.motion, servo, slice(0, 2)))
+            yield Table((*path, "error"), servo.name, (("error", unit),), partial(_led, run.motion, servo, slice(2, 3)))
+    forces = run.forces
+    labels = power_labels(forces)
+    if labels:
+        names: Columns = tuple((label, "W") for label in labels)
+        yield Table(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
+    energies: Columns = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
+    yield Table(("data", "energy"), "energy", energies, lambda: forces.energy)
+
+
+def _load(onto: Any, load: LoadResult) -> Real:
+    return np.column_stack([load.values[:, :3], onto(load.links, load.values[:, 3:])])
+
+
+def _health(run: Run) -> Iterator[Table]:
+    motion, forces, simulation = run.motion, run.forces, run.simulation
+    values: dict[tuple[str, str], Callable[[], Real]] = {
+        ("closure", "m"): lambda: motion.closure,
+        ("velocity_closure", "m/s"): lambda: motion.velocity_closure,
+        ("acceleration_closure", "m/s^2"): lambda: motion.acceleration_closure,
+        ("condition", "1"): lambda: motion.condition,
+    }
+    if forces is not None:
+        values["power_balance", "1"] = lambda: forces.power_balance
+    if simulation is not None:
+        values["energy_drift", "1"] = lambda: simulation.drift(motion.time)
+    from mechviz.accuracy.estimate import COLUMNS
+
+    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in COLUMNS), lambda: run.errors.table())
+    for column, value in values.items():
+        yield Table(("health", column[0]), "health", (column,), partial(_as_column, value))

@@ -1,0 +1,171 @@
+"""Families of vectors and moments over all frames, and the scales at which they are drawn; see also `picture.arrows`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.laws.timed import Piecewise
+
+if TYPE_CHECKING:
+    from mechviz.run import Run
+
+
+Real = NDArray[np.float64]
+
+LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
+CALM = 0.2  # stability of friction above which forces count for the scale of arrows
+LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of vector: its name, what it means, its unit and its colour (red, green, blue)."""
+
+    name: str
+    label: str
+    meaning: str
+    unit: str
+    color: tuple[int, int, int]
+
+
+FAMILIES: Mapping[str, Family] = {
+    f.name: f
+    for f in (
+        Family("reaction", "Reactions", "force of a joint on the second link of its pair", "N", (206, 32, 58)),
+        Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0)),
+        Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38)),
+        Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178)),
+        Family("friction", "Friction", "dry friction on the second link of its pair", "N", (190, 150, 0)),
+        Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70)),
+        Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220)),
+        Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170)),
+    )
+}
+FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "drive")
+
+
+@dataclass(frozen=True, eq=False)
+class Vector:
+    """One vector over all frames: ``origin`` (F, 2) [m] and ``value`` (F, 2) in the family's unit."""
+
+    family: str
+    item: str
+    origin: Real
+    value: Real
+
+    @property
+    def magnitude(self) -> Real:
+        return np.hypot(self.value[:, 0], self.value[:, 1])
+
+    @property
+    def entity(self) -> tuple[str, ...]:
+        """Parts of the path of what draws it in a recording."""
+        return "vectors", self.family, self.item
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One moment over all frames: ``origin`` (F, 2) [m] and ``value`` (F,) [N m], counter-clockwise positive. ``shown`` (F,): where
+    it is drawn; None: at all frames."""
+
+    family: str
+    item: str
+    origin: Real
+    value: Real
+    shown: NDArray[np.bool_] | None = None
+
+    @property
+    def entity(self) -> tuple[str, ...]:
+        """Parts of the path of what draws it in a recording: beside the force, where there may be one."""
+        beside = {"drive": (), "applied": (), "inertia": ("moment",)}.get(self.family, ("couple",))
+        return ("vectors", self.family, self.item, *beside)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How large a value is drawn as one metre. Forces of all families share a scale, so that arrows can be compared."""
+
+    newtons_per_metre: float
+    newton_metres_per_metre: float  # along the arc
+    mps_per_metre: float
+    mps2_per_metre: float
+
+    def per_metre(self, family: str) -> float:
+        """The scale of a family's arrows."""
+        return {"velocity": self.mps_per_metre, "acceleration": self.mps2_per_metre}.get(family, self.newtons_per_metre)
+
+
+def round_value(value: float) -> float:
+    """The largest 1, 2 or 5 times a power of ten that is not above a positive value."""
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value * (1.0 + 1e-9)))
+
+
+def point_name(link: str, point: str) -> str:
+    """Name of a link's point among all points."""
+    return f"{link}.{point}"
+
+
+def centre_name(link: str) -> str:
+    """Name of a link's centre of mass among all points."""
+    return f"{link} centre of mass"
+
+
+def plotted_against(run: Run) -> str | None:
+    """The drive whose coordinate a run is plotted against instead of time: the first one, if it has zones (starts and stops, each
+    over a stated range) and runs one way only."""
+    for drive in run.motion.mechanism.drives[:1]:
+        if not isinstance(drive.law, Piecewise) or any(len(c) > 3 for c in drive.law.coefficients):
+            continue
+        position, rate, _ = drive.law(np.array([drive.law.knots[0], drive.law.knots[-1]]))
+        steps = np.diff(run.motion.coordinate(drive.pair)[:, 0])
+        rests = np.abs(rate).max() <= 1e-9 * abs(position[1] - position[0]) / drive.law.duration
+        if rests and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+            return drive.pair
+    return None
+
+
+def calm_frames(run: Run) -> NDArray[np.bool_] | None:
+    """Frames (F,) by which forces are scaled: near a jam they grow beyond all bounds. None where that is all of them."""
+    if run.forces is None or run.forces.friction is None or not run.forces.friction.jammed.any():
+        return None
+    calm = np.nan_to_num(run.forces.friction.stability) > CALM
+    return calm if calm.any() else None
+
+
+def find_scales(
+    vectors: Mapping[str, Mapping[str, Vector]],
+    moments: Mapping[str, Mapping[str, Moment]],
+    size: float,
+    calm: NDArray[np.bool_] | None = None,
+) -> Scales:
+    """Scales by which the largest force, velocity and acceleration is drawn as a third of ``size`` [m].
+
+    Where nothing is to be drawn a scale is 1. ``calm``: the frames that count, all of them where it is None.
+    """
+
+    def peak(values: Real) -> float:
+        return _largest(values if calm is None else values[calm])
+
+    def largest(families: Iterable[str]) -> float:
+        return max((peak(v.magnitude) for f in families for v in vectors.get(f, {}).values()), default=0.0)
+
+    def scale(value: float, length: float) -> float:
+        return value / (length * size) if value > 0.0 else 1.0
+
+    turning = max((peak(m.value) for items in moments.values() for m in items.values()), default=0.0)
+    return Scales(
+        newtons_per_metre=scale(largest(FORCE_FAMILIES), LARGEST_ARROW),
+        newton_metres_per_metre=scale(turning, LARGEST_ARC),
+        mps_per_metre=scale(largest(["velocity"]), LARGEST_ARROW),
+        mps2_per_metre=scale(largest(["acceleration"]), LARGEST_ARROW),
+    )
+
+
+def _largest(values: Real) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))

@@ -1,0 +1,1 @@
+"""Bodies of links: masses that follow from shapes."""

@@ -1,0 +1,1 @@
+"""Cams of a scene: profiles, followers, files, ratings."""

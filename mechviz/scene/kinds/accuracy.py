@@ -1,0 +1,124 @@
+"""The part of the scene document that says how exact a run is to be: one wanted error, or single dials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, PlainValidator, Tag, WithJsonSchema
+
+from mechcore.accuracy import DEFAULT, LOOSEST, TIGHTEST, Accuracy, accuracy_for
+from mechcore.errors import Fault
+from mechviz.scene.fields import Duration, Size, Table, describe, fault, is_whole
+
+if TYPE_CHECKING:
+    from mechviz.scene.convert import Converter
+    from mechviz.scene.document import SceneDocument
+
+
+def _target(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not TIGHTEST <= value <= LOOSEST:
+        why = f"{describe(value)} is no accuracy."
+        raise fault(why, f"Give the wanted relative error, a number from {TIGHTEST:g} to {LOOSEST:g}, such as 1e-6.")
+    return float(value)
+
+
+Target = Annotated[
+    float, PlainValidator(_target), WithJsonSchema({"type": "number", "minimum": TIGHTEST, "maximum": LOOSEST, "examples": [1e-6]})
+]
+
+
+def _within(low: float, high: float) -> PlainValidator:
+    """A plain number between two bounds."""
+
+    def check(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise fault(f"{describe(value)} is out of range.", f"Give a number from {low:g} to {high:g}.")
+        return float(value)
+
+    return PlainValidator(check)
+
+
+Residual = Annotated[float, _within(1e-15, 1e-2), WithJsonSchema({"type": "number", "minimum": 1e-15, "maximum": 1e-2})]
+Resolution = Annotated[float, _within(0.0, 0.1), WithJsonSchema({"type": "number", "minimum": 0, "maximum": 0.1})]
+EventShare = Annotated[float, _within(1e-14, 1.0), WithJsonSchema({"type": "number", "minimum": 1e-14, "maximum": 1})]
+
+
+class AccuracyDocument(Table):
+    """How exact the run is: a wanted error from which all dials follow, single dials that override it, or both."""
+
+    target: Target | None = None
+    """Wanted error, relative to the mechanism's size and the peak of each quantity; all dials follow from it."""
+    position: Residual | None = None
+    """Residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism. Default 2e-15."""
+    interpolation: Literal["hold", "linear", "cubic", "quintic"] | None = None
+    """How values between frames are read, and are to be read. Default "cubic", with the rates as slopes."""
+    differentiation: Literal["exact", "differences", "graphical"] | None = None
+    """How rates are found: from linear equations (default), by differences of frames, or drawn, as in the lecture."""
+    differences: Literal[2, 4, 6] | None = None
+    """Order of the differences. Default 4."""
+    resolution: Resolution | None = None
+    """Graphical: what can be read off the drawing, of its size. Default 5e-4."""
+    nodes: Annotated[int, Field(strict=True, ge=2, le=20)] | None = None
+    """Free coordinates: nodes of a window of the integrator, whose order is twice that."""
+    window: Duration | None = None
+    """Free coordinates: longest window of the integrator."""
+    friction: Residual | None = None
+    """Residual at which Newton's method for normal loads stops, of the largest load of the frame. Default 1e-13."""
+    event: EventShare | None = None
+    """Times of events, in distances of two frames. Default 1e-9."""
+    chord: Size | None = None
+    """Largest distance between a round shape and its facets. Default: 0.5 % of the radius, or by the target."""
+    profile: Annotated[int, Field(strict=True, ge=36, le=100_000)] | None = None
+    """Points of a cam's profile in meshes. Default 1080, or by the target."""
+    numbers: Literal["float64", "float32"] | None = None
+    """Digits that recorded data keep. Default "float64", or by the target where nothing has to balance."""
+    decimation: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
+    """Every so many frames are recorded. Default 1."""
+    pictures: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
+    """Every so many of the recorded frames arrows are drawn. Default: up to 720 a cycle, or by the target."""
+
+
+def _is_table(value: Any) -> str:
+    return "<table>" if isinstance(value, dict | AccuracyDocument) else "<value>"
+
+
+AccuracyEntry = Annotated[Annotated[Target, Tag("<value>")] | Annotated[AccuracyDocument, Tag("<table>")], Discriminator(_is_table)]
+
+ORDERS = {"hold": 0, "linear": 1, "cubic": 3, "quintic": 5}
+
+
+def accuracy_of(entry: float | AccuracyDocument | None, convert: Converter) -> Accuracy:
+    """The dials that a scene sets, in SI units; the defaults where it sets none."""
+    if entry is None:
+        return DEFAULT
+    if not isinstance(entry, AccuracyDocument):
+        return accuracy_for(entry)
+    dials = {key: getattr(entry, key) for key in AccuracyDocument.model_fields if getattr(entry, key) is not None}
+    target = dials.pop("target", None)
+    if "interpolation" in dials:
+        dials["interpolation"] = ORDERS[dials["interpolation"]]
+    for key, kind in (("chord", "length"), ("window", "time")):
+        if key in dials:
+            dials[key] = convert.si(dials[key], kind, f"accuracy.{key}")
+    return Accuracy(**dials) if target is None else accuracy_for(target, **dials)
+
+
+def accuracy_faults(document: SceneDocument, free: Mapping[str, Any], convert: Converter) -> Iterator[Fault]:
+    """Dials that the scene has no use for, or that contradict it; values out of range are noted by ``convert``."""
+    entry = document.accuracy
+    if not isinstance(entry, AccuracyDocument) or not is_whole(entry):
+        return
+    for key, kind, low, high in (("chord", "length", 1e-9, 1.0), ("window", "time", 1e-12, 1e12)):
+        value = getattr(entry, key)
+        if value is not None and not low <= convert.si(value, kind, f"accuracy.{key}") <= high:
+            yield Fault(
+                f"accuracy.{key}", f"{describe(value)} is out of range.", f"Give a value from {low:g} to {high:g} in SI units."
+            )
+    if free and entry.differentiation not in (None, "exact"):
+        why = f"{next(iter(free))} is free: its rates are what is solved for."
+        yield Fault("accuracy.differentiation", why, "Leave it out, or prescribe a drive.")
+    if not free:
+        for key in ("nodes", "window"):
+            if getattr(entry, key) is not None:
+                yield Fault(f"accuracy.{key}", "nothing is free: there is nothing to integrate.", "Leave it out.")

@@ -1,0 +1,247 @@
+"""Drives of a scene -> laws of motion in SI units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import accumulate, pairwise
+
+from mechcore.errors import Fault
+from mechcore.laws.signals import SignalSpeed, Step
+from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Piecewise, Rest, TableLaw, polynomial_through, zones
+from mechviz.scene.convert import SMALLEST, Converter
+from mechviz.scene.kinds.drives import DriveDocument
+from mechviz.scene.kinds.programs import program_law
+from mechviz.scene.kinds.signals import signal_of
+from mechviz.scene.units import magnitude
+
+
+class _Coordinate:
+    """Positions, speeds and accelerations of a driven pair: angles of a revolute one, lengths of a prismatic one."""
+
+    def __init__(self, convert: Converter, sort: str, path: str):
+        self.convert, self.path = convert, path
+        self.kinds = (
+            (sort, "angular speed", "angular acceleration") if sort == "angle" else (sort, "linear speed", "linear acceleration")
+        )
+
+    def position(self, value: float | str, key: str) -> float:
+        return self.convert.si(value, self.kinds[0], f"{self.path}.{key}")
+
+    def distance(self, value: float | str, key: str) -> float:
+        """A range of positions, which speeds are divided by."""
+        number = self.position(value, key)
+        if number < SMALLEST and magnitude(value) != 0.0:
+            self.convert.note(f"{self.path}.{key}", f"{number:g} is too short a way.", "Check the number and its unit.")
+        return number
+
+    def speed(self, value: float | str, key: str) -> float:
+        return self.convert.si(value, self.kinds[1], f"{self.path}.{key}")
+
+    def state(self, value: float | str | list[float | str], key: str) -> tuple[float, float, float]:
+        """A position, or [position, velocity, acceleration]; what is left out is zero."""
+        if not isinstance(value, list):
+            return self.position(value, key), 0.0, 0.0
+        given = [
+            self.convert.si(v, kind, f"{self.path}.{key}[{k}]") for k, (v, kind) in enumerate(zip(value, self.kinds, strict=False))
+        ]
+        position, velocity, acceleration = (*given, 0.0, 0.0, 0.0)[:3]
+        return position, velocity, acceleration
+
+
+def law_of(
+    drive: DriveDocument,
+    sort: str,
+    convert: Converter,
+    path: str,
+    *,
+    drawn: float = 0.0,
+    cycles: int = 1,
+    lasts: float | None = None,
+    masters: Mapping[str, Law | None] | None = None,
+) -> Law | None:
+    """The law of a drive, None where a fault was noted.
+
+    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``lasts`` is
+    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute pairs that a program may follow.
+    """
+    coordinate = _Coordinate(convert, sort, path)
+    before = len(convert.faults)
+    make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}
+    signals = drive.signals if drive.laws == ["speed"] else []
+    made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program" and not signals]
+    made += [_signalled(drive, key, coordinate, drawn, cycles, lasts) for key in signals]
+    if drive.program is not None:
+        start = _start(drive, coordinate, drawn)
+        made.append(program_law(drive.program, start, coordinate.position, convert, path, masters or {}))
+    return made[0] if len(made) == 1 and len(convert.faults) == before else None
+
+
+def _start(drive: DriveDocument, coordinate: _Coordinate, drawn: float) -> float:
+    return drawn if drive.start is None else coordinate.state(drive.start, "start")[0]
+
+
+def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
+    assert drive.speed is not None
+    speed = coordinate.speed(drive.speed, "speed")
+    if isinstance(drive.range, list):
+        if drive.start is not None:  # said twice, which is noted already: its unit may be wrong all the same
+            _start(drive, coordinate, drawn)
+        if drive.travel is not None:
+            coordinate.distance(drive.travel, "travel")
+        least, greatest = (coordinate.position(value, f"range[{k}]") for k, value in enumerate(drive.range))
+        if least >= greatest:
+            coordinate.convert.note(
+                f"{coordinate.path}.range",
+                "the first value is not the smaller one.",
+                "Write [least, greatest]; the sign of the speed is the direction.",
+            )
+        if cycles > 1:
+            coordinate.convert.note(
+                "run.cycles", f"{cycles} cycles of a motion that ends at the end of its range.", "Write cycles = 1."
+            )
+        if any(map(math.isnan, (speed, least, greatest))):
+            return None
+        return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least)
+    start = _start(drive, coordinate, drawn)
+    if drive.travel is not None:
+        travel = coordinate.distance(drive.travel, "travel")
+        if any(map(math.isnan, (start, speed, travel))):
+            return None
+        return ConstantSpeed(start=start, speed=speed, travel=travel) if speed * travel else Rest(start)
+    if speed == 0.0 and not math.isnan(start):
+        return Rest(start)
+    if coordinate.kinds[0] == "length" and drive.range is None:
+        coordinate.convert.note(
+            coordinate.path,
+            "constant speed along a guide without saying how far.",
+            'Add travel = ... (a length), range = [least, greatest] or range = "reachable".',
+        )
+        return None
+    return None if math.isnan(start) or math.isnan(speed) else ConstantSpeed(start=start, speed=speed)
+
+
+def _signalled(
+    drive: DriveDocument, key: str, coordinate: _Coordinate, drawn: float, cycles: int, lasts: float | None
+) -> Law | None:
+    """A speed that a signal multiplies."""
+    assert drive.speed is not None
+    convert, path = coordinate.convert, coordinate.path
+    speed, start = coordinate.speed(drive.speed, "speed"), _start(drive, coordinate, drawn)
+    signal = signal_of(key, getattr(drive, key), convert, f"{path}.{key}")
+    stated = None if drive.duration is None else convert.si(drive.duration, "time", f"{path}.duration")
+    if signal is None or any(map(math.isnan, (speed, start, 0.0 if stated is None else stated))):
+        return None
+    own = {"sine": lambda s: 1.0 / s.frequency, "chirp": lambda s: s.duration}.get(key)
+    duration = stated if stated is not None else lasts if lasts is not None or own is None else own(signal)
+    if duration is None:
+        why = f"a speed with a {key}, without saying how long a cycle lasts."
+        convert.note(path, why, "Add duration = ... (a time).")
+        return None
+    if cycles > 1 and key != "sine":
+        convert.note("run.cycles", f"{cycles} cycles of a {key}, which does not repeat.", f"Write cycles = 1, and {path}.duration.")
+    if speed == 0.0:
+        return Rest(start, lasts=duration)
+    return SignalSpeed(start=start, speed=speed, signal=signal, duration=max(duration, lasts or 0.0))
+
+
+def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
+    assert drive.zones is not None
+    run_up, steady, braking = (
+        coordinate.distance(value, f"zones.{key}")
+        for key, value in (
+            ("run_up", drive.zones.run_up),
+            ("steady", drive.zones.steady),
+            ("braking", drive.zones.braking),
+        )
+    )
+    start = _start(drive, coordinate, drawn)
+    speed = math.nan if drive.speed is None else coordinate.speed(drive.speed, "speed")
+    if any(map(math.isnan, (run_up, steady, braking, start, speed))) or not any((run_up, steady, braking)):
+        return None
+    if speed == 0.0:
+        return Rest(start)
+    if cycles > 1 and (run_up > 0.0) != (braking > 0.0):
+        coordinate.convert.note(
+            "run.cycles",
+            f"{cycles} cycles would make the speed jump between them.",
+            "Write cycles = 1, or give both run_up and braking.",
+        )
+    return zones(start=start, speed=speed, run_up=run_up, steady=steady, braking=braking)
+
+
+def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
+    given = drive.oscillation
+    assert given is not None
+    convert, path = coordinate.convert, coordinate.path
+    frequency = math.nan
+    if given.period is not None:
+        frequency = 1.0 / convert.si(given.period, "time", f"{path}.oscillation.period")
+    if given.frequency is not None:
+        frequency = convert.si(given.frequency, "frequency", f"{path}.oscillation.frequency")
+    centre = coordinate.position(given.centre, "oscillation.centre")
+    amplitude = coordinate.position(given.amplitude, "oscillation.amplitude")
+    phase = convert.si(given.phase, "angle", f"{path}.oscillation.phase")
+    if any(map(math.isnan, (frequency, centre, amplitude, phase))):
+        return None
+    if amplitude == 0.0:
+        return Rest(centre, lasts=1.0 / frequency)
+    return Oscillation(centre=centre, amplitude=amplitude, frequency=frequency, phase=phase)
+
+
+def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
+    assert drive.segments is not None
+    convert, path = coordinate.convert, coordinate.path
+    start = (drawn, 0.0, 0.0) if drive.start is None else coordinate.state(drive.start, "start")
+    ends = [coordinate.state(segment.to, f"segments[{k}].to") for k, segment in enumerate(drive.segments)]
+    durations = [convert.si(segment.duration, "time", f"{path}.segments[{k}].duration") for k, segment in enumerate(drive.segments)]
+    states = [start, *ends]
+    if any(math.isnan(value) for state in states for value in state) or any(map(math.isnan, durations)):
+        return None
+    if not drive.sound("segments"):
+        return None
+    if cycles > 1 and ends[-1][1] != start[1]:
+        convert.note(
+            "run.cycles",
+            f"{cycles} cycles would make the speed jump between them.",
+            f"Write cycles = 1, or end {path} with the speed that it starts with.",
+        )
+    if all(state == start for state in states) and start[1:] == (0.0, 0.0):
+        return Rest(start[0], lasts=sum(durations))
+    knots = tuple(accumulate(durations, initial=0.0))
+    pieces = tuple(polynomial_through(t0, q0, t1, q1) for (t0, t1), (q0, q1) in zip(pairwise(knots), pairwise(states), strict=True))
+    return Piecewise(knots=knots, coefficients=pieces, advance=ends[-1][0] - start[0])
+
+
+def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
+    given = drive.table
+    assert given is not None
+    convert, path = coordinate.convert, coordinate.path
+    times = convert.row(given.time, "time", f"{path}.table.time")
+    positions = tuple(coordinate.position(value, f"table.position[{k}]") for k, value in enumerate(given.position))
+    if cycles > 1 and not given.periodic:
+        convert.note(
+            "run.cycles",
+            f"{cycles} cycles of a table that does not repeat.",
+            "Write cycles = 1, or periodic = true in the table.",
+        )
+    increasing = convert.increasing(times, f"{path}.table.time")
+    if not given.sound("time", "position") or any(map(math.isnan, positions)):
+        return None
+    if not increasing or len(times) != len(positions) or (given.periodic and len(times) < 4):
+        return None
+    if len(set(positions)) == 1:
+        return Rest(positions[0], lasts=times[-1] - times[0])
+    try:
+        return TableLaw(t=times, q=positions, periodic=given.periodic)
+    except ValueError:  # the spline's equations are singular
+        convert.note(f"{path}.table.time", "the rows are too close to each other.", "Leave out some of them.")
+        return None
+
+
+def jumping_speeds(laws: Mapping[str, Law], *, free: bool) -> Iterator[Fault]:
+    """Drives whose speed jumps beside joints that are ``free``: the jump would be an impact on them."""
+    for name, law in laws.items():
+        if free and isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
+            why = "the speed jumps: beside free joints it would be an impact."
+            yield Fault(f"pairs.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")

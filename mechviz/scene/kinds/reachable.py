@@ -1,0 +1,110 @@
+"""Drives that run to the limits of the mechanism and back: ``range = "reachable"``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.model import build_model
+from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, moves
+from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.solve import Compiled, compile_mechanism
+from mechcore.spec.mechanism import Drive, Mechanism
+from mechviz.scene.document import SceneDocument
+from mechviz.scene.units import magnitude
+
+if TYPE_CHECKING:
+    from mechviz.scene.scene import Scene
+
+
+REACHABLE = "reachable"
+MARGIN = 0.01
+"""Part of the reach that is left before each limit: a dead point, where efforts grow beyond all bounds."""
+STEPS = 36
+"""Places of a drive that are tried where it cannot start."""
+TURN = 2.0 * math.pi
+
+
+def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
+    """The changes that let the drive of a document swing within its reach: none where no drive could."""
+    led = [name for name, pair in document.pairs.items() if pair.led]
+    drive = document.pairs[led[0]].drive if len(led) == 1 else None
+    if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
+        return {}
+    return {("pairs", led[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
+
+
+def swings(scene: Scene) -> tuple[str, ...]:
+    """The drives of a scene that run to their limits and back; not those that may, but can turn fully."""
+    asked = {name for name, pair in scene.document.pairs.items() if pair.drive is not None and pair.drive.range == REACHABLE}
+    return tuple(d.pair for d in scene.mechanism.drives if d.pair in asked and isinstance(d.law, Oscillation))
+
+
+def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list[Fault]]:
+    """The mechanism in which the drives of these pairs, at constant speeds so far, run to their limits and back."""
+    faults: list[Fault] = []
+    for pair in pairs:
+        path = f"pairs.{pair}.drive.range"
+        if any(moves(d.law) for d in mechanism.drives if d.pair != pair):
+            why = "how far it can go is told beside drives that stand still, and another one moves."
+            faults.append(Fault(path, why, "Give it a range = [least, greatest]."))
+            continue
+        try:
+            laws = {pair: _swing(mechanism, pair)}
+        except MechanismError as error:
+            faults += [Fault(path, f.message, f.remedy) for f in error.faults if f.path == path]
+            continue  # what else is wrong is found out, and said, when it is run
+        drives = tuple(replace(d, law=laws.get(d.pair, d.law)) for d in mechanism.drives)
+        mechanism = replace(mechanism, drives=drives)
+    return mechanism, faults
+
+
+def _put_together(mechanism: Mechanism) -> Compiled:
+    """The mechanism with its first drive held at its start, or as near to it as it can be put together (in steps; not where groups
+    have to be followed). Raises `MechanismError`."""
+    try:
+        return compile_mechanism(mechanism)
+    except MechanismError as error:
+        first, *others = mechanism.drives
+        model = build_model(mechanism)
+        if any(block.kind == "general" for block in model.blocks):
+            raise
+        step = TURN / STEPS if model.rotary(first.pair) else 10.0 * model.size / STEPS
+        for k in range(2, STEPS + 2):
+            law = Rest(float(first.law(0.0)[0]) + step * (k // 2) * (-1.0) ** k)
+            with suppress(MechanismError):
+                return compile_mechanism(replace(mechanism, drives=(replace(first, law=law), *others)))
+        raise error
+
+
+def _swing(mechanism: Mechanism, pair: str) -> Law:
+    """The law of one drive: a harmonic oscillation whose largest speed is the stated one, or that speed where it can turn fully.
+    Raises `MechanismError`."""
+    law = next(d.law for d in mechanism.drives if d.pair == pair)
+    assert isinstance(law, ConstantSpeed)
+    others = tuple(d for d in mechanism.drives if d.pair != pair)
+    held = (Drive(pair=pair, law=Rest(law.start)), *others)
+    compiled = _put_together(replace(mechanism, drives=held, loads=(), effects=()))
+    rotary, size = compiled.model.rotary(pair), compiled.model.size
+    ranges = reachable_ranges(compiled)
+    low, high = ranges[0] if ranges else (law.start, law.start)
+    inside = low <= law.start <= high
+    path = f"pairs.{pair}.drive.range"
+    if rotary and high - low > TURN - 1e-9:
+        return law
+    if not rotary and high - low > 9.0 * size:
+        raise MechanismError(Fault(path, "nothing limits how far it can go.", "Give a range = [least, greatest]."))
+    if high - low < 1e-6 * (TURN if rotary else size):
+        raise MechanismError(Fault(path, "it cannot move from its start.", "Let it start elsewhere, or change a length."))
+    margin = MARGIN * (high - low)
+    low, high = low + margin, high - margin
+    if inside:
+        low, high = min(low, law.start), max(high, law.start)
+    centre, amplitude = 0.5 * (low + high), 0.5 * (high - low)
+    phase = math.asin(min(max((law.start - centre) / amplitude, -1.0), 1.0))
+    frequency = abs(law.speed) / (TURN * amplitude)
+    return Oscillation(centre, amplitude, frequency, phase if law.speed > 0.0 else math.pi - phase)

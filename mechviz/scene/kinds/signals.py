@@ -1,0 +1,267 @@
+"""Signals of a scene: sine, step, ramp and chirp of time, by which loads and the speeds of drives are multiplied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
+
+from mechcore.laws.signals import Chirp, Ramp, Signal, Sine, Step
+from mechcore.laws.timed import Smoothness
+from mechviz.scene.convert import LARGEST, Converter
+from mechviz.scene.fields import (
+    Angle,
+    Argument,
+    Coordinate,
+    Duration,
+    Frequency,
+    Length,
+    Number,
+    Period,
+    Rate,
+    Speed,
+    Table,
+    Text,
+    Time,
+    describe,
+    fault,
+    is_whole,
+    one_of,
+    refuse,
+)
+
+
+class SineDocument(Table):
+    """A factor mean + amplitude sin(2 pi frequency t + phase)."""
+
+    frequency: Frequency | None = None
+    """Cycles per time. Give this or period."""
+    period: Duration | None = None
+    """Time of one cycle. Give this or frequency."""
+    amplitude: Number = 1.0
+    """Largest distance of the factor from its mean."""
+    mean: Number = 0.0
+    """Mean of the factor."""
+    phase: Angle = 0.0
+    """Phase angle at time zero."""
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> SineDocument:
+        refuse(one_of(self, ("frequency", "period"), "the sine"))
+        return self
+
+
+class StepDocument(Table):
+    """A factor that jumps."""
+
+    at: Time
+    """Time of the jump."""
+    before: Number = 0.0
+    """Factor until then."""
+    after: Number = 1.0
+    """Factor from then on."""
+
+
+class RampDocument(Table):
+    """A factor that changes evenly from one value to another."""
+
+    begin: Time = 0.0
+    """Time at which the change begins."""
+    end: Time
+    """Time at which it ends."""
+    before: Number = 0.0
+    """Factor until it begins."""
+    after: Number = 1.0
+    """Factor once it has ended."""
+
+
+class ChirpDocument(Table):
+    """A factor mean + amplitude sin(x) whose frequency sweeps from one value to another, from time zero on."""
+
+    frequencies: Annotated[list[Frequency], Field(min_length=2, max_length=2)]
+    """Frequencies [at time zero, at the end of the sweep], at which it stays."""
+    duration: Duration
+    """Time of the sweep."""
+    sweep: Literal["linear", "exponential"] = "linear"
+    """"linear": the frequency grows evenly; "exponential": by the same factor in the same time."""
+    amplitude: Number = 1.0
+    """Largest distance of the factor from its mean."""
+    mean: Number = 0.0
+    """Mean of the factor."""
+    phase: Angle = 0.0
+    """Phase angle at time zero."""
+
+
+class _Numbers:
+    """The values of one signal in SI; a fault is noted for each that is not sound."""
+
+    def __init__(self, given: Table, convert: Converter, path: str):
+        self.given, self.convert, self.path = given, convert, path
+
+    def si(self, key: str, kind: str) -> float:
+        return self.convert.si(getattr(self.given, key), kind, f"{self.path}.{key}")
+
+    def plain(self, *keys: str) -> dict[str, float]:
+        """Numbers without a unit, by their keys."""
+        for key in keys:
+            value = getattr(self.given, key)
+            if abs(value) > LARGEST:
+                self.convert.note(f"{self.path}.{key}", f"{value:g} is beyond {LARGEST:g}.", "Check the number.")
+        return {key: getattr(self.given, key) for key in keys}
+
+    def sine(self) -> Signal:
+        given, waves = self.given, self.plain("amplitude", "mean")
+        assert isinstance(given, SineDocument)
+        frequency = math.nan  # neither is a fault that is noted where the sine was read
+        if given.period is not None:
+            frequency = 1.0 / self.si("period", "time")
+        elif given.frequency is not None:
+            frequency = self.si("frequency", "frequency")
+        return Sine(frequency=frequency, **waves, phase=self.si("phase", "angle"))
+
+    def step(self) -> Signal:
+        return Step(at=self.si("at", "time"), **self.plain("before", "after"))
+
+    def ramp(self) -> Signal:
+        begin, end = self.si("begin", "time"), self.si("end", "time")
+        if end <= begin and self.convert.certain("time"):
+            why = "ends before it begins." if end < begin else "ends where it begins: it jumps."
+            remedy = "Give a later end." if end < begin else "Give a later end, or write step = { at = ... }."
+            self.convert.note(f"{self.path}.end", why, remedy)
+        return Ramp(begin=begin, end=end, **self.plain("before", "after"))
+
+    def chirp(self) -> Signal:
+        given, waves = self.given, self.plain("amplitude", "mean")
+        assert isinstance(given, ChirpDocument)
+        first, last = self.convert.row(given.frequencies, "frequency", f"{self.path}.frequencies")
+        if abs(last - first) <= ALIKE * first:
+            remedy = "Write sine = { frequency = ... }, or give two that differ."
+            self.convert.note(f"{self.path}.frequencies", "are the same: nothing sweeps.", remedy)
+        phase, duration = self.si("phase", "angle"), self.si("duration", "time")
+        return Chirp(frequencies=(first, last), duration=duration, sweep=given.sweep, phase=phase, **waves)
+
+
+ALIKE = 1e-6
+"""Relative difference of two frequencies that counts as none."""
+
+SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
+    "sine": _Numbers.sine,
+    "step": _Numbers.step,
+    "ramp": _Numbers.ramp,
+    "chirp": _Numbers.chirp,
+}
+"""The keys of the signals, and how each becomes one of the core."""
+
+
+def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal | None:
+    """The signal that stands under one of the keys of `SIGNALS`; None where a fault of it was noted."""
+    before = len(convert.faults)
+    sound = is_whole(given)
+    signal = SIGNALS[key](_Numbers(given, convert, path)) if sound else None
+    unknown = isinstance(signal, Sine) and math.isnan(signal.frequency)
+    return None if unknown or len(convert.faults) > before else signal
+
+
+ARGUMENTS = ("position", "velocity", "time", "x", "y", "vx", "vy", "speed")
+"""What a factor can depend on: coordinate or rate of a pair, the time, place or velocity of a point."""
+
+_OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed")
+
+
+def _smooth(value: Any) -> Smoothness:
+    if value is True or value is False or value == "spline":
+        return value
+    raise fault(f"{describe(value)} does not say how the points are joined.", 'Write true, false (straight lines) or "spline".')
+
+
+Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"const": "spline"}]})]
+
+
+def _names(of: str, pair: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
+    """Faults where the name of a pair or point does not go with what the factor depends on."""
+    found = []
+    if pair is not None and drive is not None:
+        found.append(("drive", "pair and drive at once.", "Keep one of them."))
+    for key, value in (("pair", pair), ("drive", drive)):
+        if value is not None and of not in _OF_PAIRS:
+            found.append((key, f"{key} does not go with {of}.", f"Leave out {key}."))
+    if of in _OF_POINTS and point is None:
+        found.append(("", f"depends on {of}, but of which point?", 'Add point = "link.point".'))
+    if of not in _OF_POINTS and point is not None:
+        found.append(("point", f"point does not go with {of}.", "Leave out point."))
+    return found
+
+
+class FactorTable(Table):
+    """A factor as a function of one of position, velocity, time, x, y, vx, vy, speed."""
+
+    position: Annotated[list[Coordinate], Field(min_length=2)] | None = None
+    """Increasing coordinates of a pair, by default of the first drive."""
+    velocity: Annotated[list[Rate], Field(min_length=2)] | None = None
+    """Increasing rates of the coordinate of a pair."""
+    time: Annotated[list[Time], Field(min_length=2)] | None = None
+    """Increasing times."""
+    x: Annotated[list[Length], Field(min_length=2)] | None = None
+    """Increasing x coordinates of a point in the world."""
+    y: Annotated[list[Length], Field(min_length=2)] | None = None
+    """Increasing y coordinates of a point in the world."""
+    vx: Annotated[list[Speed], Field(min_length=2)] | None = None
+    """Increasing velocities of a point along x."""
+    vy: Annotated[list[Speed], Field(min_length=2)] | None = None
+    """Increasing velocities of a point along y."""
+    speed: Annotated[list[Speed], Field(min_length=2)] | None = None
+    """Increasing speeds of a point, whatever their direction."""
+    factor: Annotated[list[Number], Field(min_length=2)]
+    """Factors there."""
+    period: Period | None = None
+    """Position, time: the table repeats after this much; without it the end values hold outside the table."""
+    smooth: Smooth = True
+    """true: a cubic between any two points that stays between them (monotone, PCHIP); "spline": a cubic spline with continuous
+    second derivatives, which may overshoot; false: straight lines."""
+    drive: Text | None = None
+    """Position, velocity: the driven pair. Default: the first one."""
+    pair: Text | None = None
+    """Position, velocity: any pair, driven or not."""
+    point: Text | None = None
+    """x, y, vx, vy, speed: the point, as "link.point"."""
+
+    @property
+    def of(self) -> str:
+        return next((key for key in ARGUMENTS if getattr(self, key) is not None), "position")
+
+    @model_validator(mode="after")
+    def _same_length(self) -> FactorTable:
+        refuse(one_of(self, ARGUMENTS, "the table"))
+        rows = getattr(self, self.of)
+        found = _names(self.of, self.pair, self.drive, self.point)
+        if self.sound(self.of, "factor") and len(rows) != len(self.factor):
+            plural = f"{self.of}s" if self.of in ("position", "time", "speed") else f"values of {self.of}"
+            found.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
+        if self.period is not None and self.of not in ("position", "time"):
+            found.append(("period", f"period does not go with {self.of}.", "Leave out period."))
+        refuse(found)
+        return self
+
+
+class FactorPolynomial(Table):
+    """A factor as a polynomial: the sum of coefficients[k] (argument / per)^k."""
+
+    of: Literal["position", "velocity", "time", "x", "y", "vx", "vy", "speed"]
+    """What it depends on: coordinate or rate of a pair, the time, place or velocity of a point."""
+    coefficients: Annotated[list[Number], Field(min_length=1)]
+    """Coefficients, the constant one first."""
+    per: Argument | None = None
+    """What the argument is divided by. Default: one of the scene's units."""
+    drive: Text | None = None
+    """Position, velocity: the driven pair. Default: the first one."""
+    pair: Text | None = None
+    """Position, velocity: any pair, driven or not."""
+    point: Text | None = None
+    """x, y, vx, vy, speed: the point, as "link.point"."""
+
+    @model_validator(mode="after")
+    def _named(self) -> FactorPolynomial:
+        refuse(_names(self.of, self.pair, self.drive, self.point))
+        return self

@@ -1,0 +1,234 @@
+"""What a scene can ask for beside motion, forces and answers: plans, polodes, force systems, reduction, shaking, substitute
+masses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from mechcore.errors import Fault
+from mechcore.spec.mechanism import PLANS, ShakingStudy, Studies, SubstituteStudy, SystemStudy
+from mechviz.scene.faults import did_you_mean, listing
+from mechviz.scene.fields import (
+    Flag,
+    ForceVector,
+    Length,
+    Number,
+    Point,
+    SignedMass,
+    Size,
+    Table,
+    Text,
+    is_whole,
+    refuse,
+)
+
+if TYPE_CHECKING:
+    from mechviz.scene.convert import Converter
+    from mechviz.scene.document import SceneDocument
+    from mechviz.scene.placement import Placement
+
+
+PlanName = Literal["velocity", "acceleration", "force"]
+if set(get_args(PlanName)) != set(PLANS):
+    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.mechanism.PLANS name different plans")
+
+
+_HIGHER = ("cam", "gear", "rack", "pin_slot")  # pairs that have an equivalent linkage
+
+
+class SystemDocument(Table):
+    """The loads on one link as a force system: reduced to a point, to its resultant, and drawn with its funicular polygon."""
+
+    on: Text
+    """The link."""
+    loads: list[Text] = Field(default=[])
+    """Which loads. None named: all that act on the link, weight and inertia force too where effects names them."""
+    at: Text | None = None
+    """The point of the link to which they are reduced. Default: the origin of its frame."""
+    pole: ForceVector | None = None
+    """Pole of the funicular polygon, from the start of the force polygon. Default: a good one."""
+
+
+class CounterweightsDocument(Table):
+    """Counterweights against the shaking force: of a four-bar on crank and rocker, of a slider-crank on the crank."""
+
+    radius: Size
+    """Their distance from the fixed pivot (of the crank, where the rocker's is given too)."""
+    rocker_radius: Size | None = None
+    """Distance of the rocker's counterweight from its pivot. Default: as `radius`."""
+    fraction: Number = 1.0
+    """Four-bar: how much of the shaking force is balanced. Slider-crank: how much of the masses that go to and fro."""
+
+    @model_validator(mode="after")
+    def _a_fraction(self) -> CounterweightsDocument:
+        if not 0.0 <= self.fraction <= 1.0:
+            refuse([("fraction", f"{self.fraction:g} is not between 0 and 1.", "Write 0.5 for half.")])
+        return self
+
+
+class ShakingDocument(Table):
+    """Shaking force and shaking moment of all inertia forces on the frame."""
+
+    about: Point = (0.0, 0.0)
+    """The point of the world about which the moment is taken."""
+    counterweights: CounterweightsDocument | None = None
+    """Also compute counterweights, and what is left with them."""
+
+
+class SubstituteMassDocument(Table):
+    """One substitute mass. What is not given is found."""
+
+    mass: SignedMass | None = None
+    """Its mass; it may be negative."""
+    at: Text | None = None
+    """The point of the link, or "centre" for the centre of mass, where it is placed."""
+    x: Length | None = None
+    """Its coordinate along x of the link's frame."""
+    y: Length | None = None
+    """Its coordinate along y of the link's frame."""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> SubstituteMassDocument:
+        both = [k for k in ("x", "y") if self.at is not None and getattr(self, k) is not None]
+        refuse([(k, f"{k} stands beside at, which decides both coordinates.", f"Leave out {k} or at.") for k in both])
+        return self
+
+
+class SubstituteDocument(Table):
+    """Point masses with the same inertia forces as a link: n of them, of whose 3n parameters all but four are given."""
+
+    masses: Annotated[list[SubstituteMassDocument], Field(min_length=1, max_length=20)]
+    """The masses."""
+    solution: Annotated[int, Field(strict=True, ge=1, le=4)] = 1
+    """Which solution is shown, where there are several."""
+    static: Flag = False
+    """Two masses at two given places: the link's mass and centre, and a correction couple for the rest."""
+
+
+def needs_inertia(document: SceneDocument, link: str) -> bool:
+    """Whether a study needs mass, centre and inertia of a link even though no effect names inertia."""
+    return bool(document.reduced) or document.shaking is not None or link in document.substitutes
+
+
+def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
+    """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
+    for key in ("plans", "polodes", "equivalent", "reduced"):
+        names = getattr(document, key)
+        for k, name in enumerate(names):
+            if name in names[:k] and is_whole(name):
+                yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
+    if "force" in document.plans and not document.effects and not document.loads:
+        remedy = 'Name effects such as "inertia", or loads.'
+        yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
+    for k, name in enumerate(document.polodes):
+        yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
+    fitting = [name for name, pair in document.pairs.items() if pair.kinds[:1] and pair.kinds[0] in _HIGHER]
+    for k, name in enumerate(document.equivalent):
+        if not complete or not is_whole(name) or name in fitting:
+            continue
+        if name in document.pairs:
+            remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such pair."
+            yield Fault(f"equivalent[{k}]", f"'{name}' is no cam, gear, rack or pin in a slot.", remedy)
+        else:
+            yield Fault(f"equivalent[{k}]", f"there is no pair '{name}'.", did_you_mean(name, fitting, what="Higher pairs"))
+    for k, text in enumerate(document.reduced):
+        link, _, point = text.partition(".")
+        if text in links or not point:
+            yield from _link(f"reduced[{k}]", text, links, complete, document.frame)
+        else:
+            yield from _link(f"reduced[{k}]", link, links, complete, document.frame)
+            yield from _point(f"reduced[{k}]", link, point, links)
+    driven = [name for name, pair in document.pairs.items() if pair.drive is not None]
+    if document.reduced and len(driven) > 1:
+        yield Fault(
+            "reduced", f"the scene has {len(driven)} drives: its energy does not depend on one speed alone.", "Leave it out."
+        )
+    has_mass = any(link.mass is not None or link.lumps for link in document.links.values())
+    for key in ("reduced", "shaking"):
+        if getattr(document, key) and complete and not has_mass:
+            yield Fault(key, "no link has a mass.", "Give the moving links a mass.")
+    for name, system in document.systems.items():
+        path = f"systems.{name}"
+        yield from _link(f"{path}.on", system.on, links, complete, document.frame)
+        if system.at is not None:
+            yield from _point(f"{path}.at", system.on, system.at, links)
+        if not document.effects and not document.loads:
+            yield Fault(path, "a force system of a scene without any force.", 'Name loads, or effects such as "gravity".')
+        own = [key for key, load in document.loads.items() if system.on in (load.on if isinstance(load.on, list) else [load.on])]
+        known = [*own, *(f"{effect}/{system.on}" for effect in document.effects)]
+        for k, load in enumerate(system.loads):
+            if load not in known and is_whole(load) and system.on in links and is_whole(document.effects):
+                remedy = did_you_mean(load, known, what=f"Loads on '{system.on}'")
+                yield Fault(f"{path}.loads[{k}]", f"no load '{load}' acts on '{system.on}'.", remedy)
+    for name, entry in document.substitutes.items():
+        path = f"substitutes.{name}"
+        yield from _link(path, name, links, complete, document.frame)
+        own_link = document.links.get(name)
+        if own_link is not None and own_link.mass is None and not own_link.lumps:
+            yield Fault(path, f"link '{name}' has no mass to be replaced.", f"Give links.{name} a mass.")
+        for k, m in enumerate(entry.masses):
+            if m.at is not None and m.at != "centre":
+                yield from _point(f"{path}.masses[{k}].at", name, m.at, links)
+
+
+def _link(path: str, name: str, links: Mapping[str, Any], complete: bool, frame: str) -> Iterator[Fault]:
+    if name == frame:
+        yield Fault(path, f"'{name}' is the fixed link.", "Name a moving link.")
+    elif complete and name not in links and is_whole(name):
+        yield Fault(path, f"there is no link '{name}'.", did_you_mean(name, links, what="Links"))
+
+
+def _point(path: str, link: str, point: str, links: Mapping[str, list[str] | None]) -> Iterator[Fault]:
+    points = links.get(link)
+    if points is not None and point not in points and is_whole(point):
+        hint = did_you_mean(point, points, what=f"Points of '{link}'") or f"Points: {listing(points)}."
+        yield Fault(path, f"link '{link}' has no point '{point}'.", hint)
+
+
+def studies_of(
+    document: SceneDocument, placement: Placement, centres: Mapping[str, tuple[float, float]], convert: Converter
+) -> Studies:
+    """The studies in SI units. ``centres``: centres of mass in the links' frames [m]."""
+    systems = []
+    for name, s in document.systems.items():
+        pole = None if s.pole is None else convert.vector(s.pole, "force", f"systems.{name}.pole")
+        systems.append(SystemStudy(name=name, link=s.on, loads=tuple(s.loads), point=s.at, pole=pole))
+    substitutes = []
+    for name, entry in document.substitutes.items():
+        points = []
+        for k, m in enumerate(entry.masses):
+            path = f"substitutes.{name}.masses[{k}]"
+            mass = None if m.mass is None else convert.si(m.mass, "mass", f"{path}.mass")
+            x = None if m.x is None else convert.si(m.x, "length", f"{path}.x")
+            y = None if m.y is None else convert.si(m.y, "length", f"{path}.y")
+            own = placement.points.get(name, {})
+            if m.at is not None:
+                x, y = centres.get(name, (0.0, 0.0)) if m.at == "centre" else own.get(m.at, (0.0, 0.0))
+            points.append((mass, x, y))
+        substitutes.append(SubstituteStudy(link=name, points=tuple(points), solution=entry.solution, static=entry.static))
+    reduced = []
+    for text in document.reduced:
+        link, _, point = text.partition(".")
+        reduced.append((text, None) if text in document.links or not point else (link, point))
+    return Studies(
+        plans=tuple(document.plans),
+        polodes=tuple(document.polodes),
+        equivalent=tuple(document.equivalent),
+        systems=tuple(systems),
+        reduced=tuple(reduced),
+        shaking=None if document.shaking is None else _shaking(document.shaking, convert),
+        substitutes=tuple(substitutes),
+    )
+
+
+def _shaking(s: ShakingDocument, convert: Converter) -> ShakingStudy:
+    about = convert.vector(s.about, "length", "shaking.about")
+    c = s.counterweights
+    if c is None:
+        return ShakingStudy(about=about)
+    first = convert.si(c.radius, "length", "shaking.counterweights.radius")
+    second = first if c.rocker_radius is None else convert.si(c.rocker_radius, "length", "shaking.counterweights.rocker_radius")
+    return ShakingStudy(about=about, radii=(first, second), fraction=c.fraction)

@@ -1,0 +1,420 @@
+"""From plain data to a scene document, with every fault in words: what is sound of a faulty scene is read part by part."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin, get_type_hints
+
+from annotated_types import MaxLen, MinLen
+from pydantic import Discriminator, PlainValidator, Tag, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
+
+from mechcore.errors import Fault
+from mechviz.scene.document import SceneDocument
+from mechviz.scene.faults import closest, listing, nearest
+from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
+from mechviz.scene.kinds.joints import KINDS, PairDocument
+
+Loc = tuple[int | str, ...]
+
+# What people call things elsewhere.
+_SYNONYMS = {
+    "joints": "pairs", "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
+    "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
+    "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
+    "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
+    "pin": "revolute", "traced": "trace", "nodes": "points", "gears": "gear", "belts": "belt", "pulleys": "belt",
+    "sprockets": "chain", "pinion": "rack", "actuator": "cylinder", "piston": "cylinder", "slot": "pin_slot",
+    "cams": "cam", "base_circle": "base", "base_radius": "base", "tip": "point", "cam_profile": "profile",
+    "fixed": "weld", "rigid": "weld", "wheel": "rolling", "z": "teeth", "r": "radius", "planet": "gear",
+    "ring": "internal", "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth",
+    "k": "stiffness", "rate": "stiffness", "rest_length": "free_length", "natural_length": "free_length", "length": "free_length",
+    "dashpot": "damper", "coefficient": "linear", "c": "linear", "damping": "linear", "pressure": "gas", "indicator": "diagram",
+    "diameter": "bore", "function": "table", "otto": "four_stroke", "diesel": "four_stroke", "engine": "four_stroke",
+    "compression_ratio": "ratio", "preloaded": "preload", "opposite": "against", "friction": "viscous", "air": "drag",
+    "mu": "coefficient", "tension": "belt_tension", "rolling_resistance": "lever",
+    "rho": "density", "material": "density", "diagrams": "plans", "polygons": "plans", "centrodes": "polodes",
+    "counterweight": "lumps", "balance": "counterweights", "point_masses": "lumps",
+}  # fmt: skip
+
+
+_MISSPELT = 0.75
+"""Similarity from which a key is a misspelt one even if the value does not fit."""
+
+
+def meant_keys(key: str, known: Sequence[str]) -> list[str]:
+    """The known keys that an unknown one may stand for, the most probable first."""
+    longer = [name for name in known if name.startswith(f"{key}_")]
+    found = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
+    return [name for name in dict.fromkeys(found) if name in known]
+
+
+def misspelt(key: str, meant: str) -> bool:
+    """Whether an unknown key is a known one but for a letter or two, whatever its value is."""
+    return difflib.SequenceMatcher(a=key.casefold(), b=meant.casefold()).ratio() >= _MISSPELT
+
+
+def unknown_key(loc: Loc, known: Sequence[str], meant: str) -> Fault:
+    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, if any."""
+    remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
+    return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
+
+
+def missing_key(loc: Loc) -> Fault:
+    """The fault of a key that a table must have and has not."""
+    return Fault(path_text(loc[:-1]) or "scene", f"'{loc[-1]}' is missing.", f"Add {loc[-1]} = ...")
+
+
+def path_text(loc: Iterable[int | str]) -> str:
+    """A place as it is written in faults: ``links.crank.points.B[0]``."""
+    text = ""
+    for part in loc:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def words_of(detail: Any, loc: Loc) -> list[Fault]:
+    """One of pydantic's errors about the value at a place -> faults in our words."""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if loc and loc[-1] == "[key]":
+        loc = loc[:-1] if loc[-2] else loc[:-2]
+    path = path_text(loc) or "scene"
+    if kind == "scene":
+        keys = value if isinstance(value, dict) else {}
+        return [
+            Fault(path_text((*loc, key)) if key in keys else path, message, remedy) for key, message, remedy in context["faults"]
+        ]
+    if kind == "literal_error":
+        known = re.findall(r"'([^']*)'", context["expected"])
+        near = closest(value, known) if isinstance(value, str) else ""
+        remedy = f"Did you mean '{near}'?" if near else "Write one of these."
+        numbers = context["expected"].replace(" or ", ", ")
+        return [Fault(path, f"{describe(value)} is not one of {listing(known) if known else numbers}.", remedy)]
+    if kind in ("too_long", "too_short"):
+        return [_wrong_length(path, loc, value, context)]
+    if kind == "greater_than_equal":
+        return [Fault(path, f"{describe(value)} is too small.", f"Give at least {context['ge']}.")]
+    if kind == "less_than_equal":
+        return [Fault(path, f"{describe(value)} is too large.", f"Give at most {context['le']}.")]
+    wanted, remedy = _WANTED.get(kind, ("something else", ""))
+    return [Fault(path, f"{describe(value)} where {wanted} is wanted.", remedy)]
+
+
+_LIST = ("a list", "Write it in brackets: [ ... ].")
+_TABLE = ("a table", "Write it in braces: { key = value, ... }.")
+_WHOLE = ("a whole number", "Write it like 360.")
+_WANTED = {
+    "list_type": _LIST,
+    "dict_type": _TABLE,
+    "model_type": _TABLE,
+    "model_attributes_type": _TABLE,
+    "string_unicode": ("a text that files can hold", "Write letters, digits or any other character; no lone surrogates."),
+    "int_type": _WHOLE,
+    "int_from_float": _WHOLE,
+    "int_parsing_size": _WHOLE,
+}
+
+
+def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
+    """A list or table with too few or too many entries."""
+    n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
+    if loc[-1] in KINDS:
+        found = f"names {n} link{'' if n == 1 else 's'}, a pair joins two."
+        if n < 3 or loc[-1] != "revolute":
+            return Fault(path, found, 'Write it like ["frame", "crank"].')
+        remedy = f'A pin through {n} links is {n - 1} pairs with at = "{loc[1]}": the first link with each of the others.'
+        return Fault(path, found, remedy)
+    found = f"has {n} entr{'y' if n == 1 else 'ies'}." if n else "is empty."
+    least, most = context.get("min_length"), context.get("max_length")
+    return Fault(path, found, f"Give at most {most}." if most is not None and n > most else f"Give at least {least}.")
+
+
+_NOTHING = object()
+_BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of the document: other names may look like them
+_adapters: dict[int, tuple[Any, TypeAdapter[Any]]] = {}
+_hints: dict[type[Table], dict[str, Any]] = {}
+
+
+class Meant(str):
+    """A word of the document in place of a misspelt one."""
+
+    __slots__ = ()
+
+
+def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Table:
+    """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
+    if not isinstance(raw, Mapping):
+        faults += _complaints(cls, raw, loc)
+        return _blank(cls)
+    hints, before = _hints_of(cls), len(faults)
+    values: dict[str, Any] = {}
+    unread: set[str] = set()
+    meant = _keys_as_meant(raw, hints, loc, faults)
+    for key, written in meant.items():
+        own: list[Fault] = []
+        values[key], whole = _read(hints[key], raw[written], (*loc, written), own)
+        if written != key:  # a value that does not fit may be meant for something else
+            own = [fault for fault in own if fault.path != path_text((*loc, written))]
+        faults += own
+        if not whole:
+            unread.add(key)
+        if values[key] is _NOTHING:
+            del values[key]
+    given = set(values)
+    for key, info in cls.model_fields.items():
+        if info.is_required() and key not in values:
+            if key not in unread:
+                faults.append(missing_key((*loc, key)))
+            values[key] = _stand_in(hints[key], None)
+            unread.add(key)
+    table = cls.model_construct(_fields_set=given, **values)
+    table.mark_unread(unread)
+    whole_table = _faults_of_the_whole(table, raw, loc, faulty=len(faults) > before)
+    guessed = {key for key, written in meant.items() if written != key} & given
+    if guessed and whole_table:  # only what holds without the guesses, too
+        left = {key: value for key, value in values.items() if key not in guessed or cls.model_fields[key].is_required()}
+        without = cls.model_construct(_fields_set=given - guessed, **left)
+        without.mark_unread(unread | guessed)
+        known = _faults_of_the_whole(without, raw, loc, faulty=True)
+        whole_table = [fault for fault in whole_table if fault in known]
+    faults += whole_table
+    return table
+
+
+def _keys_as_meant(raw: Mapping[str, Any], hints: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
+    """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
+    taken = {key: key for key in raw if key in hints}
+    known = list(hints)
+    for written in raw:
+        if written not in hints:
+            likely = meant_keys(str(written), known)
+            fitting = (key for key in likely if _fits(hints[key], raw[written], (*loc, written)))
+            meant = next(fitting, next((key for key in likely if misspelt(str(written), key)), ""))
+            faults.append(unknown_key((*loc, written), known, meant))
+            if meant:
+                taken.setdefault(meant, written)
+    return taken
+
+
+def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
+    """Whether a value is of the kind that is wanted at a place, whatever is wrong inside it."""
+    faults: list[Fault] = []
+    _read(annotation, raw, loc, faults)
+    place = path_text(loc)
+    return not any(fault.path == place for fault in faults)
+
+
+def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, *, faulty: bool) -> list[Fault]:
+    """What the table's own validators say about parts that do not go together, as far as ``faulty`` parts let them."""
+    found: list[Fault] = []
+    for validator in type(table).__pydantic_decorators__.model_validators.values():
+        if validator.info.mode == "after":
+            try:
+                validator.func(table)
+            except PydanticCustomError as error:
+                found += words_of({"type": error.type, "input": raw, "ctx": error.context or {}}, loc)
+            except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
+                if not faulty:
+                    raise  # not a stand-in's doing
+    return found
+
+
+def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
+    """A value with stand-ins for what could not be read, and whether it is of the right form as a whole."""
+    kind, marks = _peel(annotation, raw)
+    if isinstance(kind, type) and issubclass(kind, Table):
+        table = read_table(kind, raw, loc, faults)
+        return table, table.sound()
+    try:
+        return _adapter(annotation).validate_python(raw), True
+    except ValidationError as error:
+        details = [(_plain(detail["loc"]), detail) for detail in error.errors(include_url=False)]
+    origin, inner = get_origin(kind), get_args(kind)
+    leaf = any(isinstance(mark, PlainValidator | Quantity | UnitName) for mark in marks)
+    if leaf or not ((origin is dict and isinstance(raw, Mapping)) or (origin in (list, tuple) and isinstance(raw, list | tuple))):
+        for place, detail in details:
+            faults += words_of(detail, (*loc, *place))
+        return _stand_in(annotation, raw), False
+    least, most = _length(marks)
+    own: list[Any] = [detail for place, detail in details if place == ()]
+    if not own and not (0 if least is None else least) <= len(raw) <= (len(raw) if most is None else most):
+        own = [{"type": "too_long", "input": raw, "ctx": {"min_length": least, "max_length": most}}]  # hidden behind its entries
+    for detail in own:
+        faults += words_of(detail, loc)
+    if isinstance(raw, Mapping):
+        for place, detail in details:
+            if place[1:] == ("[key]",):
+                faults += words_of(detail, (*loc, *place))
+        return {key: _read(inner[1], value, (*loc, key), faults)[0] for key, value in raw.items()}, not own
+    row = origin is list or inner[1:] == (...,)
+    kinds = [inner[0]] * len(raw) if row else [inner[min(k, len(inner) - 1)] for k in range(len(raw))]
+    entries = [_read(each, value, (*loc, k), faults)[0] for k, (each, value) in enumerate(zip(kinds, raw, strict=True))]
+    if origin is tuple:
+        return (tuple(entries) if not own else _stand_in(annotation, raw)), not own
+    if own and least == most is not None:  # as many entries as wanted, but nothing is known of them
+        entries = [_stand_in(inner[0], None) for _ in range(most)]
+    return entries, not own
+
+
+def _complaints(annotation: Any, raw: Any, loc: Loc) -> list[Fault]:
+    try:
+        _adapter(annotation).validate_python(raw)
+    except ValidationError as error:
+        return [fault for detail in error.errors(include_url=False) for fault in words_of(detail, (*loc, *_plain(detail["loc"])))]
+    return []
+
+
+def _plain(loc: Loc) -> Loc:
+    """A place without the marks of the branches that unions took."""
+    return tuple(part for part in loc if part not in _BRANCHES)
+
+
+def _adapter(annotation: Any) -> TypeAdapter[Any]:
+    """The validator of a type. By identity: the marks in annotations need not be hashable."""
+    if id(annotation) not in _adapters:
+        _adapters[id(annotation)] = annotation, TypeAdapter(annotation)
+    return _adapters[id(annotation)][1]
+
+
+def _hints_of(cls: type[Table]) -> dict[str, Any]:
+    if cls not in _hints:
+        hints = get_type_hints(cls, include_extras=True)
+        _hints[cls] = {key: hints[key] for key in cls.model_fields}
+    return _hints[cls]
+
+
+def _peel(annotation: Any, raw: Any) -> tuple[Any, list[Any]]:
+    """The type under ``Annotated``, ``| None`` and unions that the value decides, and the marks on the way."""
+    marks: list[Any] = []
+    while True:
+        origin = get_origin(annotation)
+        if origin is Annotated:
+            annotation, *own = get_args(annotation)
+            marks += own
+            choice = next((mark for mark in own if isinstance(mark, Discriminator)), None)
+            if choice is not None and callable(choice.discriminator):
+                tag = choice.discriminator(raw)
+                branches = get_args(annotation)
+                annotation = next((m for m in branches if Tag(str(tag)) in get_args(m)[1:]), branches[0])
+        elif origin in (Union, UnionType) and len(members := [m for m in get_args(annotation) if m is not NoneType]) == 1:
+            annotation = members[0]
+        else:
+            return annotation, marks
+
+
+def _length(marks: list[Any]) -> tuple[int | None, int | None]:
+    """Least and greatest number of entries that the marks of a list allow."""
+    flat = [inner for mark in marks for inner in (mark.metadata if isinstance(mark, FieldInfo) else (mark,))]
+    least = next((mark.min_length for mark in flat if isinstance(mark, MinLen)), None)
+    most = next((mark.max_length for mark in flat if isinstance(mark, MaxLen)), None)
+    return least, most
+
+
+def _stand_in(annotation: Any, raw: Any) -> Any:
+    """What stands for a value that could not be read."""
+    kind, marks = _peel(annotation, raw)
+    origin = get_origin(kind)
+    if any(isinstance(mark, UnitName) for mark in marks):
+        return _NOTHING
+    if any(isinstance(mark, Quantity) for mark in marks) or kind in (int, float):
+        return math.nan
+    if origin is Literal:
+        near = closest(raw, [word for word in get_args(kind) if isinstance(word, str)]) if isinstance(raw, str) else ""
+        return Meant(near) if near else Unknown(raw if isinstance(raw, str) else "?")
+    if kind is bool:
+        return raw.lower() not in ("false", "no", "off", "") if isinstance(raw, str) else bool(raw)
+    if kind is str:
+        return Unknown(raw if isinstance(raw, str) else "?")
+    if isinstance(kind, type) and issubclass(kind, Table):
+        return _blank(kind)
+    if origin is tuple:
+        return (*(_stand_in(each, None) for each in get_args(kind)),)
+    if origin is dict or kind is dict:
+        return {}
+    if origin is list or kind is list:
+        least, most = _length(marks)
+        if any(isinstance(mark, PlainValidator) for mark in marks):  # a direction: two numbers
+            return [math.nan, math.nan]
+        return [_stand_in(get_args(kind)[0], None) for _ in range(most)] if least == most is not None else []
+    return _NOTHING
+
+
+def _blank(cls: type[Table]) -> Table:
+    """A table of which nothing could be read."""
+    hints = _hints_of(cls)
+    required = {key: _stand_in(hints[key], None) for key, field in cls.model_fields.items() if field.is_required()}
+    table = cls.model_construct(_fields_set=set(), **required)
+    table.mark_unread({"*", *cls.model_fields})
+    return table
+
+
+_SECTIONS = ("links", "pairs", "sketch", "loads", "watch", "systems", "substitutes")
+
+
+@dataclass
+class Reading:
+    """What could be read of a scene, with stand-ins for what could not (see ``lenient``).
+
+    ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
+    ``shapeless`` holds the pairs of which not even the kind is known, which the document leaves out.
+    """
+
+    document: SceneDocument
+    raw: Mapping[str, Any]
+    faults: list[Fault] = field(default_factory=list)
+    broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
+    shapeless: dict[str, PairDocument] = field(default_factory=dict)
+
+    @cached_property
+    def owners(self) -> dict[str, list[str]]:
+        """Name of a point -> the links that have it."""
+        found: dict[str, list[str]] = {}
+        for name, link in self.document.links.items():
+            for point in link.points if link.sound("points") else ():
+                found.setdefault(point, []).append(name)
+        return found
+
+    @cached_property
+    def pointless(self) -> list[str]:
+        """Links of which the points are not known."""
+        return [name for name, link in self.document.links.items() if not link.sound("points")]
+
+    @property
+    def undriven(self) -> set[str]:
+        """Pairs of which it is not known whether they are driven."""
+        return {name for name, pair in self.shapeless.items() if pair.led or {"drive", "free"} & pair.unread}
+
+
+def _ends(path: str) -> list[int]:
+    """Where the parts of a path end: names may hold dots themselves."""
+    return [*(k for k, letter in enumerate(path) if letter in ".["), len(path)]
+
+
+def read_document(raw: Mapping[str, Any]) -> Reading:
+    """Plain data (as TOML or JSON readers return it) -> what can be read of it, and every fault of form."""
+    try:
+        return Reading(SceneDocument.model_validate(dict(raw)), raw)
+    except ValidationError:
+        pass
+    faults: list[Fault] = []
+    document = cast(SceneDocument, read_table(SceneDocument, raw, (), faults))
+    broken: dict[str, set[str]] = {section: set() for section in _SECTIONS}
+    faulty = {fault.path[:end] for fault in faults for end in _ends(fault.path)}
+    for section in _SECTIONS:
+        items = raw.get(section, {})
+        if not isinstance(items, Mapping):
+            broken[section].add("*")
+        else:
+            broken[section] |= {name for name in items if f"{section}.{name}" in faulty}
+    shapeless = {name: pair for name, pair in document.pairs.items() if not pair.kinds}
+    pairs = {name: pair for name, pair in document.pairs.items() if pair.kinds}
+    known = document.model_copy(update={"pairs": pairs})
+    known.mark_unread(document.unread)
+    return Reading(known, raw, faults, broken, shapeless)

@@ -1,0 +1,1 @@
+"""Studies of a scene for people: reports, cost, cams, balancing, vibrations, the shaking force."""

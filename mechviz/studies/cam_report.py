@@ -1,0 +1,280 @@
+"""What `mechviz cams` prints: every cam of a scene with its limits, forces, stress, the spring that it needs, its drawn lift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.errors import MechanismError
+from mechcore.spec.mechanism import CamDrawn, CamPair
+from mechcore.texts import Text, as_angle, as_coordinate, as_force, as_length, as_quantity
+
+if TYPE_CHECKING:
+    from mechcore.forces.cam_events import AnyCam
+    from mechcore.forces.kinetostatics import Forces
+    from mechcore.motion.motion import Motion
+    from mechcore.texts import UnitSystem
+
+
+Real = NDArray[np.float64]
+
+NOISE = 1e-9  # pull below this part of the largest contact force, and what is above a limit by this part of it, is rounding
+
+
+@dataclass(frozen=True)
+class CamFact:
+    """Something that is known of a cam: what, and the words."""
+
+    cam: str
+    what: str
+    text: Text
+    passed: bool | None = None  # whether it keeps its limit; None: there is none
+    stated: bool = False  # whether the scene states that limit
+
+    @property
+    def failed(self) -> bool:
+        """Whether a limit is violated."""
+        return self.passed is False
+
+
+Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
+
+
+def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
+    """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
+    from mechcore.forces.cam_events import pair_of, placed_cams
+
+    found: list[CamFact] = []
+    for cam in placed_cams(motion):
+        rows = _facts(motion, forces, cam, pair_of(motion, cam), margin)
+        found += [CamFact(cam.name, what, Text(words), passed, stated) for what, words, passed, stated in rows]
+    return found
+
+
+def law_facts(motion: Motion) -> list[CamFact]:
+    """What the laws of all cams tell by themselves, whatever the run is."""
+    from mechcore.forces.cam_events import placed_cams
+
+    rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
+    return [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
+
+
+def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[str]:
+    """Every cam with what is known of it, as lines in the units of a scene."""
+    from mechcore.forces.cam_events import pair_of, placed_cams
+
+    lines: list[str] = []
+    for cam in placed_cams(motion):
+        lines += ["", Text(f"cam {cam.name}: {_kind(pair_of(motion, cam), cam)}", units)]
+        lines += [f"  {fact.what:<18} {fact.text.in_units(units)}" for fact in facts if fact.cam == cam.name]
+    return lines[1:]
+
+
+def _kind(pair: CamPair, cam: AnyCam) -> str:
+    kind = pair.spatial.kind if pair.spatial is not None else "wedge" if pair.bed else "inverse" if pair.inverse else "disc"
+    face = type(pair.face).__name__.lower()
+    size = getattr(pair.face, "radius", None)
+    face = {"arc": "mushroom", "flat": "flat face"}.get(face, face) + (f" of {as_length(size)}" if size else "")
+    moves = "translating" if cam.arm == 0.0 else "oscillating"
+    return f"{kind}, {moves} follower with a {face}, closure by {pair.closure}"
+
+
+def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[Row]:
+    from mechcore.forces.cam_events import contact_force
+
+    force = None if forces is None else contact_force(forces, cam)
+    rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
+    x = cam.argument(motion)
+    way = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
+    steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(x)[2]))))
+    yield "lift", f"{as_coordinate(way, rotary=cam.arm != 0.0)}, largest s'' {steepest}", None, False
+    steep = np.abs(rows.pressure_angle)
+    by_law = list(_limits(cam))
+    yield from by_law
+    exact = any(what == "pressure angle" for what, *_ in by_law)
+    if np.isfinite(steep).any() and not exact:  # of a given profile: what the run meets
+        k = int(np.nanargmax(steep))
+        words = f"up to {as_angle(steep[k], 5)} at {_place(cam, x[k])}"
+        yield _judged("pressure angle", words, float(steep[k]), cam.pressure_limit, _degrees)
+    sharp = np.where(rows.radius > 0.0, rows.radius, np.inf)
+    if np.isfinite(sharp).any() and not exact and not pair.inverse:
+        k = int(np.argmin(sharp))
+        words = f"least radius of the convex profile {as_length(sharp[k], 5)} at {_place(cam, x[k])}"
+        yield "curvature", words, None, False
+    if force is not None and forces is not None and np.isfinite(force).any():
+        yield from _loaded(forces, cam, pair, force, margin)
+    if pair.drawn is not None:
+        from mechcore.forces.cam_rating import drawn_lift
+
+        yield "graphical method", _drawn_words(cam, pair.drawn, drawn_lift(cam, pair.drawn).largest), None, False
+
+
+def _loaded(forces: Forces, cam: AnyCam, pair: CamPair, force: Real, margin: float | None) -> Iterator[Row]:
+    """Contact force (F,) [N], Hertz pressure and the spring that is needed."""
+    rating, x = pair.rating, cam.argument(forces.motion)
+    low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
+    need = margin if margin is not None else None if rating is None else rating.margin
+    words = f"{as_force(force[low], 5)} at {_place(cam, x[low])} to {as_force(force[high], 5)} at {_place(cam, x[high])}"
+    if cam.form:
+        yield "contact force", words, None, False
+    elif need is not None:
+        passed = bool(force[low] >= need)
+        stated = rating is not None and rating.margin is not None and not force[low] >= rating.margin
+        yield "contact force", f"{words}; margin {as_force(need, 5)}: {_verdict(passed)}", passed, stated
+    elif force[low] < -NOISE * np.nanmax(np.abs(force)):
+        yield "contact force", f"{words}; contact is lost: {_verdict(False)}", False, False
+    else:
+        yield "contact force", words, None, False
+    if rating is not None and rating.width is not None:
+        from mechcore.forces.cam_rating import contact_stress
+
+        found = contact_stress(forces, cam, rating)
+        k = int(np.nanargmax(found.pressure))
+        half = f"strip of {as_length(2.0 * found.half_width[k], 4)} by {as_length(rating.width, 4)}"
+        words = f"up to {_megapascals(found.pressure[k])} at {_place(cam, x[k])}, {half}"
+        yield _judged("Hertz pressure", words, float(found.pressure[k]), rating.limit, _megapascals)
+    if not cam.form and need is not None:
+        yield from (("least spring", words, None, False) for words in _springs(forces, cam, need))
+
+
+def _limits(cam: AnyCam) -> Iterator[Row]:
+    """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
+    from mechcore.cams.followers import Flat
+    from mechcore.cams.limits import find_limits
+    from mechcore.cams.placed import PlacedCam
+    from mechcore.cams.placed_spatial import PlacedSpatial
+    from mechcore.forces.cam_events import lost_ranges
+
+    if isinstance(cam, PlacedSpatial):
+        flanks = cam.limits()
+        steepest, passed = flanks[0].pressure, not any(each.undercut for each in flanks)
+        words = f"up to {as_angle(steepest.value, 5)} at {_place(cam, steepest.angle)}"
+        yield _judged("pressure angle", words, steepest.value, cam.pressure_limit, _degrees)
+        words = f"{_verdict(passed)}; rollers up to {as_length(cam.greatest_roller(flanks), 5)}"
+        yield "undercut", words, passed, False
+    if isinstance(cam, PlacedCam):
+        for first, last, at, miss in lost_ranges(cam):
+            far = as_coordinate(abs(miss), rotary=cam.arm != 0.0, digits=4)
+            words = f"the follower misses its law, by up to {far} at {_place(cam, at)}"
+            yield "undercut", f"{_verdict(False)}; from {_place(cam, first)} to {_place(cam, last)} {words}", False, False
+    if not isinstance(cam, PlacedCam) or cam.given is not None:
+        return
+    found = find_limits(cam.cam)
+    ends = [
+        f"{word} up to {as_angle(abs(reached.value), 5)} at {_place(cam, reached.angle)}"
+        for word, reached in (("rise", found.rise), ("return", found.fall))
+    ]
+    worst = max(found.rise.value, found.fall.value)
+    yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
+    radius = (
+        [] if found.convex is None else [f"least radius {as_length(found.convex.value, 5)} at {_place(cam, found.convex.angle)}"]
+    )
+    if found.greatest_roller is not None and np.isfinite(found.greatest_roller.value):
+        radius.append(f"radii of the follower up to {as_length(found.greatest_roller.value, 5)}")
+    yield "undercut", "; ".join([_verdict(not found.undercut), *radius]), not found.undercut, False
+    if isinstance(cam.face, Flat) and found.distance_left is not None and found.distance_right is not None:
+        left, right = abs(found.distance_left.value), abs(found.distance_right.value)
+        words = f"the contact goes {as_length(left, 5)} to the left and {as_length(right, 5)} to the right"
+        if not np.isfinite([cam.face.left, cam.face.right]).any():
+            yield "face", words, None, False
+            return
+        passed = left <= cam.face.left and right <= cam.face.right
+        ends_of_face = f"face {as_length(cam.face.left, 5)} and {as_length(cam.face.right, 5)}"
+        yield "face", f"{words}; {ends_of_face}: {_verdict(passed)}", passed, True
+
+
+def _verdict(passed: bool) -> str:
+    return "pass" if passed else "FAIL"
+
+
+def _judged(what: str, words: str, value: float, limit: float | None, shown: Callable[[float], str]) -> Row:
+    """A value beside the limit that the scene states for it, if it does."""
+    if limit is None:
+        return what, words, None, False
+    passed = bool(value <= limit * (1.0 + NOISE))
+    return what, f"{words}; limit {shown(limit)}: {_verdict(passed)}", passed, True
+
+
+def _degrees(value: float) -> str:
+    return as_angle(value, 4)
+
+
+def _megapascals(value: float) -> str:
+    return f"{1e-6 * value:.5g} MPa"
+
+
+def _second_derivative(cam: AnyCam, value: float) -> str:
+    """A second derivative of the lift with respect to the cam's angle [rad] or displacement [m]."""
+    if cam.bed is not None:
+        return f"{value:.5g} 1/m" if cam.arm == 0.0 else f"{value:.5g} rad/m²"
+    return f"{as_length(value, 5)}/rad²" if cam.arm == 0.0 else f"{value:.5g} 1/rad"
+
+
+def _place(cam: AnyCam, x: float) -> str:
+    rotary = cam.bed is None
+    return as_coordinate(x % (2.0 * np.pi) if rotary else x, rotary=rotary, digits=5)
+
+
+def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
+    """The least spring for a margin, in words."""
+    from mechcore.forces.cam_rating import least_springs
+
+    x = cam.argument(forces.motion)
+    try:
+        found = least_springs(forces, cam, need)
+    except MechanismError as error:
+        yield "; ".join(Text.of(f.message).source for f in error.faults)
+        return
+    if not found:
+        yield "no spring presses this follower"
+    for spring in found:
+        ways = []
+        if spring.stiffness is not None:
+            ways.append(f"{as_quantity(spring.stiffness, 'stiffness', 5)} with its free length")
+        if spring.free_length is not None:
+            ways.append(f"a free length of {as_length(spring.free_length, 5)} with its stiffness")
+        words = " or ".join(ways) if ways else "none: this spring is slack, or pulls, where it is needed"
+        yield f"{spring.spring}: {words}, to keep {as_force(need, 5)} (decided at {_place(cam, x[spring.frames[0]])})"
+
+
+def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:
+    s, v, a = 100.0 * largest
+    read = f", read to {as_coordinate(drawn.resolution, rotary=cam.arm != 0.0)}" if drawn.resolution else ""
+    return (
+        f"steps of {as_angle(drawn.step)}, {drawn.lines}s{read}: off by {s:.4g} % of the largest lift, "
+        f"{v:.4g} % of the velocity, {a:.4g} % of the acceleration"
+    )
+
+
+def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None) -> list[str]:
+    """The tables of the graphical method, drawn beside exact at every point of the drawing, of each disc cam.
+
+    ``drawn``: instead of what the scene says. Lift in mm or °, its derivatives with respect to the cam's angle [rad].
+    """
+    from mechcore.forces.cam_events import pair_of, placed_cams
+    from mechcore.forces.cam_rating import drawn_lift
+
+    lines: list[str] = []
+    for cam in placed_cams(motion):
+        how = drawn or pair_of(motion, cam).drawn
+        if how is None:
+            continue
+        try:
+            found = drawn_lift(cam, how)
+        except MechanismError as error:
+            lines += ["", *(f"cam {cam.name}: {f.in_units(units).message}" for f in error.faults)]
+            continue
+        unit, factor = ("mm", 1e3) if cam.arm == 0.0 else ("°", float(np.degrees(1.0)))
+        lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, found.largest)}", units)]
+        lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")
+        lines.append(
+            f"  {'°':>7} {unit:>10} {unit:>10} {unit + '/rad':>10} {unit + '/rad':>10} {unit + '/rad²':>10} {unit + '/rad²':>10}"
+        )
+        for k, angle in enumerate(found.angle):
+            cells = (f"{factor * v:10.4f}" for i in range(3) for v in (found.drawn[i, k], found.error[i, k]))
+            lines.append(f"  {np.degrees(angle):7.2f} " + " ".join(cells))
+    return lines[1:]

@@ -1,0 +1,279 @@
+"""What `mechviz check` and `mechviz plan` print: structure, reach and plan of a scene, as plain lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechcore.branches.assembly import all_modes
+from mechcore.effects.plan import Plan
+from mechcore.forces.friction.events import friction_events
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.load_events import idle_table, load_events
+from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.motion.equations import contour_equations
+from mechcore.motion.events import overshoots
+from mechcore.motion.metrics import grashof
+from mechcore.motion.motion import Motion
+from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.redundancy import indeterminate
+from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.strokes import strokes
+from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
+from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.spec.loads import BeltTension, Factor
+from mechcore.spec.mechanism import CamPair, PinSlot, Planar
+from mechcore.texts import Text
+from mechviz.scene.worded import in_scene_words
+from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts
+
+if TYPE_CHECKING:
+    from mechviz.scene.scene import Scene
+    from mechviz.scene.units import Units
+
+
+@in_scene_words
+def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -> list[str]:
+    """Mobility, groups, contours and reachable range of a scene; raises where it cannot be assembled over its run.
+
+    ``equations`` adds the contour equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
+    """
+    compiled = compile_mechanism(scene.mechanism)
+    model = compiled.model
+    loose = journals_of(scene.mechanism)
+    free = [d.pair for d in scene.mechanism.drives if isinstance(d.law, Free)]
+    times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # forces decide what comes after
+    motion = solve_motion(compiled, times)
+    n, p5, p4, w = gruebler(model)
+    rank = rank_mobility(motion)
+    drives = len(scene.mechanism.drives)
+    lines = [
+        scene.title,
+        "",
+        f"mobility   W = 3·{n} - 2·{p5} - {p4} = {w} (Gruebler-Kutzbach); {rank} by the rank of the constraints; "
+        f"{_led(drives - len(free), free)}",
+    ]
+    if not scene.mechanism.led and scene.simulation is None:
+        span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
+        lines.append(f"statics    nothing moves: reactions {span}")
+    if scene.simulation is not None:
+        lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
+        moving = [p for p in free if p not in made_pairs(scene.mechanism)]
+        moved = [f"the motion of {', '.join(moving)}"] if moving else []
+        moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.pairs if isinstance(p, Planar)]
+        moved += [f"the motion of the journal of {pair} in its bearing" for pair in loose]
+        duration, turns = scene.simulation.duration, scene.simulation.steady
+        span = f"{duration:g} s" if duration == duration else "one cycle"
+        begin = f", from the steady state whose cycle is {turns} turn{'s' * (turns > 1)}" if turns else ""
+        lines.append(f"dynamics   forces decide {', '.join(moved + lifting)}, for {span}{begin}")
+        for s in scene.simulation.stops:
+            lines.append(f"           stop {s.name} of {s.pair}, restitution {s.restitution:g}")
+        for look in scene.simulation.watches:
+            lines.append(f"           watched: {look.name}{', ends the motion' if look.ends else ''}")
+    redundant = redundant_pairs(model)
+    if redundant:
+        lines.append(f"redundant  constraints are left over at {', '.join(redundant)}")
+        if 0 < rank > w:
+            lines.append("           it moves only because its lengths and angles agree: a little off, and it cannot be assembled")
+        lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
+    lines.append("groups     in the order in which they are solved")
+    lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
+    lines.append(f"contours   {len(model.contours)} independent")
+    lines += [f"  {i}. {' - '.join(pairs)}" for i, pairs in enumerate(contour_pairs(model), 1)]
+    lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
+    lines += _modes(compiled)
+    ranges = reachable_ranges(compiled) if drives else []
+    if drives:
+        lines += _reach(compiled, ranges, scene.units)
+    lines += _idle(scene, compiled, ranges) if free else _loads(motion, scene.units)
+    if not free:
+        lines += [*_slots(motion, scene.units), *_outputs(motion, scene)]
+    lines.append(
+        f"health     contours close to {scene.units.show(float(np.max(motion.closure)), 'length', 2)} {_over(motion.frames)}; "
+        f"largest condition number {np.max(motion.condition):.3g}"
+    )
+    lines += _grashof(compiled, scene.units)
+    if motion.changes:
+        count = len(motion.changes)
+        lines.append(
+            f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
+        )
+    decided = [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else []
+    loaded = bool(scene.mechanism.effects or scene.mechanism.loads)
+    forces = solve_forces(motion) if loaded and not free else None
+    if forces is not None:
+        if "friction" in scene.mechanism.effects:
+            lines += _friction(forces, scene.units)
+        lines += _contact(forces, scene.units, decided)
+        if any(isinstance(load, BeltTension) and load.coefficient for load in scene.mechanism.loads):
+            lines += _belts(forces, scene.units)
+    cams = [pair for pair in scene.mechanism.pairs if isinstance(pair, CamPair)]
+    if cams:
+        known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
+        lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
+        if any(pair.rating is not None or pair.drawn is not None for pair in cams) and not free:
+            lines += ["", *cam_lines(motion, known, scene.units)]
+    if modes:
+        lines += _all_modes(compiled, scene.units)
+    if equations:
+        lines += ["", *contour_equations(motion)]
+    return lines
+
+
+def _friction(forces: Forces, units: Units) -> list[str]:
+    """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
+    events = (e.in_units(units) for e in friction_events(forces))
+    found = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
+    if not found:
+        return ["friction   no jam and no self-locking over the run"]
+    lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in found]
+    return _section("friction", lines)
+
+
+def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
+    """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
+    motion = forces.motion
+    if not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
+        return []
+    from mechcore.forces.cam_events import cam_events, placed_cams
+
+    pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
+    if not pressed:
+        return []
+    found = [e for e in cam_events(motion, forces) if e.item in pressed and e.text.startswith("contact ")]
+    said = [e.in_units(units) for e in found if e.text.split()[1] in ("lost", "regained")]
+    lines = [f"{e.item}: {e.text.replace(' at ', f' at {e.time:.6g} s, ', 1)}" for e in said]
+    return _section("contact", lines or ["no follower leaves its cam over the run"])
+
+
+def _belts(forces: Forces, units: Units) -> list[str]:
+    """What belts can carry, and where they slip."""
+    from mechcore.forces.crossings import belt_events, belt_grip
+
+    motion = forces.motion
+    loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
+    most = {load.pair: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
+    lines = [f"{pair} carries up to {force} without slipping (Euler, Eytelwein)" for pair, force in most.items()]
+    slips = [f"{e.item}: {e.in_units(units).text}" for e in belt_events(forces)]
+    return _section("belt", [*lines, *(slips or ["no belt slips over the run"])])
+
+
+def _section(title: str, lines: list[str]) -> list[str]:
+    """Lines under a title that stands before the first of them."""
+    return [f"{'' if k else title:<10} {line}" for k, line in enumerate(lines)]
+
+
+def _over(frames: int) -> str:
+    return f"over {frames} frames" if frames != 1 else "at the start"
+
+
+def _led(drives: int, free: list[str]) -> str:
+    """How many drives and free coordinates there are."""
+    words = [f"{drives} drive{'s' if drives != 1 else ''}"] if drives or not free else []
+    if free:
+        words.append(f"{len(free)} free coordinate{'s' if len(free) != 1 else ''}")
+    return ", ".join(words)
+
+
+def _grashof(compiled: Compiled, units: Units) -> list[str]:
+    return [
+        f"four-bar   {'-'.join(loop.pairs)}: {loop.type}, Grashof margin {units.show(loop.margin, 'length')}"
+        for loop in grashof(compiled.model)
+    ]
+
+
+def _all_modes(compiled: Compiled, units: Units) -> list[str]:
+    lines = ["modes      all assembly modes of each group at the start, the groups before it as stated"]
+    for name, found in all_modes(compiled.model, compiled.assembly, compiled.start):
+        lines.append(f"  {name}: {len(found)}")
+        lines += [f"    {text.in_units(units)}{'   <- stated' if here else ''}" for text, here in found]
+    return lines
+
+
+def _modes(compiled: Compiled) -> list[str]:
+    stated = compiled.mechanism.modes
+    lines = []
+    for block in compiled.model.blocks:
+        if block.kind in ("theta_theta", "theta_slide", "arm_slide", "general"):
+            how = next((f"{w} (stated)" for p, w in stated.items() if p == block.name), "")
+            lines.append(f"  {block.name}: {how or 'from the sketch' if compiled.mechanism.sketch or how else 'only one exists'}")
+    return ["assembly   mode of each group", *lines] if lines else []
+
+
+def _outputs(motion: Motion, scene: Scene) -> list[str]:
+    """Stroke or range, and time ratio, of what is guided in the frame."""
+    lines = []
+    for found in strokes(motion, scene.cycles):
+        kind = "angle" if found.rotary else "length"
+        size, low, high = (scene.units.show(value, kind, 5) for value in (found.length, _plain(found.low), _plain(found.high)))
+        ratio = "" if np.isnan(found.time_ratio) else f"; time ratio {found.time_ratio:.5g}"
+        lines.append(f"{found.pair}: {'range' if found.rotary else 'stroke'} {size}, {low} to {high}{ratio}")
+    return _section("output", lines)
+
+
+def _loads(motion: Motion, units: Units) -> list[str]:
+    """Loads that never act, springs squeezed below their solid length."""
+    return _section("load", [f"{e.item}: {e.in_units(units).text}" for e in load_events(motion)])
+
+
+def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -> list[str]:
+    """Loads whose table the motion under forces can never reach, as far as that is known beforehand."""
+    first = scene.mechanism.drives[0].pair
+    duration = scene.simulation.duration if scene.simulation is not None else np.nan
+    lines = []
+    for load in scene.mechanism.loads:
+        factor: Factor | None = getattr(load, "factor", None)
+        words = ""
+        if factor is not None and factor.of == "time" and np.isfinite(duration):
+            words = idle_table(load, False, 0.0, duration)
+        elif factor is not None and factor.of == "position" and factor.pair in (None, first) and len(ranges) == 1:
+            words = idle_table(load, compiled.model.rotary(first), *ranges[0])
+        lines += [f"{load.name}: {Text(words, scene.units)}"] if words else []
+    return _section("load", lines)
+
+
+def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) -> list[str]:
+    drive = compiled.mechanism.drives[0]
+    rotary = compiled.model.rotary(drive.pair)
+    kind = "angle" if rotary else "length"
+    full = rotary and len(ranges) == 1 and ranges[0][1] - ranges[0][0] > 2.0 * np.pi - 1e-9
+    spans = [f"{units.show(_plain(a), kind, 7)} to {units.show(_plain(b), kind, 7)}" for a, b in ranges]
+    what = "free" if isinstance(drive.law, Free) else "drive"
+    beside = ", the others at their start" if len(compiled.mechanism.drives) > 1 else ""
+    reach = "a full turn" if full else spans[0] if spans else "the start only"
+    how = ' (range = "reachable" runs it there and back)' if spans and not full and isinstance(drive.law, ConstantSpeed) else ""
+    lines = [f"reach      {what} {drive.pair}: {reach}{beside}{how}"]
+    if len(spans) > 1:  # the first one is where the run starts
+        lines.append(
+            f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"
+        )
+    return lines
+
+
+def _slots(motion: Motion, units: Units) -> list[str]:
+    """How far pins go in slots that have no ends: a real slot may be shorter, as that of a Geneva drive."""
+    lines = []
+    for pair in motion.mechanism.pairs:
+        if isinstance(pair, PinSlot) and pair.ends is None:
+            way = motion.coordinate(pair.name)[:, 0]
+            low, high = (units.show(_plain(float(x)), "length", 6) for x in (way.min(), way.max()))
+            lines.append(
+                f"slot       {pair.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
+            )
+    return lines
+
+
+def _plain(number: float) -> float:
+    """A number without rounding noise about zero."""
+    return number if abs(number) > 1e-12 else 0.0
+
+
+def plan_lines(plan: Plan) -> list[str]:
+    """Computed and skipped stages with their reasons."""
+    width = max(len(s.name) for s in (*plan.computed, *plan.skipped))
+    lines = ["computed"]
+    lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.computed]
+    lines.append("left out")
+    lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.skipped]
+    return lines

@@ -1,0 +1,214 @@
+"""Small vibrations of a scene: equilibrium and modes in words, as a table, and a mode as a scene that moves in it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechcore.dynamics.rest.vibrations import Mode, Vibrations, small_vibrations
+from mechcore.errors import Fault, MechanismError
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechviz.files import replacing
+from mechviz.scene.faults import SceneError
+from mechviz.scene.kinds.signals import SIGNALS
+from mechviz.scene.worded import in_scene_words
+
+if TYPE_CHECKING:
+    from mechcore.dynamics.rest.equilibrium import Seek
+    from mechviz.scene.document import Place
+    from mechviz.scene.scene import Scene
+
+
+LARGEST_TURN = 0.35  # of a link in a displayed mode [rad]
+SLOW = 0.5  # displayed frequency of a mode that does not vibrate [Hz]
+
+
+@in_scene_words
+def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
+    """Small vibrations about the equilibrium that a scene's free coordinates fall to. Raises `SceneError`, `MechanismError`."""
+    if scene.simulation is None:
+        remedy = "Let forces move a pair: free = { position = 0 } instead of its drive."
+        raise SceneError(scene.name, Fault("pairs", "every motion is prescribed: nothing can vibrate.", remedy))
+    return small_vibrations(scene.mechanism, seek=seek, stops=scene.simulation.stops)
+
+
+def _rotary(found: Vibrations) -> list[bool]:
+    return [found.equilibrium.compiled.model.rotary(p) for p in found.pairs]
+
+
+def _shape(found: Vibrations, mode: Mode) -> Any:
+    """The mode's shape with its largest part one: one radian, or the mechanism's size where that counts as much."""
+    size = found.equilibrium.compiled.model.size
+    scale = np.array([1.0 if r else size for r in _rotary(found)])
+    return mode.shape / np.abs(mode.shape / scale).max()
+
+
+def _row(found: Vibrations, k: int) -> list[str]:
+    mode = found.modes[k]
+    halving = "never"
+    if abs(mode.growth) > 1e-9 * max(1.0, abs(mode.square)) ** 0.5:
+        halving = f"{'doubles' if mode.growth > 0 else 'halves'} in {np.log(2.0) / abs(mode.growth):.4g} s"
+    if mode.kind == "vibration":
+        cells = [f"{mode.frequency:.6g}", f"{mode.damping_ratio:.4g}", f"{mode.damped_frequency:.6g}", halving]
+    else:
+        cells = [mode.kind, "-", "-", halving]
+    return [str(k + 1), *cells, *(f"{x:.4g}" for x in _shape(found, mode))]
+
+
+def vibration_lines(scene: Scene, found: Vibrations) -> list[str]:
+    """Equilibrium, its stability, and a table of the modes."""
+    eq = found.equilibrium
+    rotary = _rotary(found)
+    at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
+    shown = [scene.units.show(x, "angle" if r else "length") for x, r in zip(at, rotary, strict=True)]
+    places = [f"{p} = {x}" for p, x in zip(found.pairs, shown, strict=True)]
+    words = {
+        "stable": "stable: a small disturbance makes it vibrate about this place",
+        "neutral": "neutral: it stays where it is put, in at least one direction",
+        "unstable": "unstable: negative stiffness or damping, the least disturbance grows",
+    }
+    lines = [
+        scene.title,
+        f"equilibrium: {', '.join(places)}",
+        f"  {words[found.stability]}",
+        f"  found in {eq.steps} steps, what is left of the forces there is {eq.residual:.1e} of them",
+        *(f"  {note}" for note in found.notes),
+        "",
+    ]
+    units = ["rad" if r else "m" for r in rotary]
+    heads = ["mode", "frequency [Hz]", "damping ratio", "damped [Hz]", "dies away"]
+    rows = [[*heads, *(f"{p} [{u}]" for p, u in zip(found.pairs, units, strict=True))]]
+    rows += [_row(found, k) for k in range(len(found.modes))]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines += ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+    return lines
+
+
+def vibrations_csv(found: Vibrations, path: Path) -> Path:
+    """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units."""
+    heads = ["mode", "kind", "frequency_Hz", "damping_ratio", "damped_frequency_Hz"]
+    heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in found.pairs)]
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(heads)
+        for k, m in enumerate(found.modes):
+            exponents = [x for e in m.eigenvalues for x in (e.real, e.imag)]
+            writer.writerow(
+                [k + 1, m.kind, *map(repr, (m.frequency, m.damping_ratio, m.damped_frequency, *exponents, *map(float, m.shape)))]
+            )
+    return path
+
+
+def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float = 0.08) -> Scene:
+    """The scene moving in one mode (1, 2 ...): every free coordinate is driven as a harmonic oscillation about the equilibrium.
+
+    ``amplitude``: largest displacement of a point relative to the mechanism's size (links turn by 20 degrees at most). Dry friction
+    and loads that change with time are left out; what the drives then have to do is what damping takes and what is not linear.
+    Raises `SceneError`.
+    """
+    faults = []
+    if not 1 <= number <= len(found.modes):
+        faults.append(Fault("mode", f"there is no mode {number}.", f"Give a number from 1 to {len(found.modes)}."))
+    if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
+        faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
+    for name, entry in scene.document.pairs.items():
+        if entry.kind == "planar":
+            remedy = "Hold it by two sliding pairs and a pin in a row instead, to see its modes move."
+            faults.append(Fault(f"pairs.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
+    if faults:
+        raise SceneError(scene.name, faults)
+    mode, eq = found.modes[number - 1], found.equilibrium
+    parts = mode.shape * _amplitude(found, number - 1, amplitude)
+    frequency = mode.frequency if mode.kind == "vibration" else SLOW
+    changes = _without_forces_of_motion(scene)
+    for drive in eq.compiled.mechanism.drives:
+        pair = drive.pair
+        if pair in found.pairs:
+            i = found.pairs.index(pair)
+            centre, part = float(eq.position[i]), float(parts[i])
+            rotary = _rotary(found)[i]
+        else:
+            centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
+            model = eq.compiled.model
+            rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
+        changes["pairs", pair, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
+    speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
+    changes["title",] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
+    changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
+    changes["run",] = {"frames": 240, "cycles": 3}
+    for sketched in (False, True):
+        try:
+            made = scene.changed(changes | _sketch(scene, found) if sketched else changes, name=f"{scene.name}-mode-{number}")
+        except (SceneError, MechanismError):
+            if sketched:
+                raise
+            continue
+        if _same_place(made, found):
+            return made
+    remedy = "Its assembly mode there cannot be stated: start the scene nearer to its equilibrium."
+    raise SceneError(scene.name, Fault("mode", "the equilibrium is put together in another way than the scene.", remedy))
+
+
+def _harmonic(centre: float, amplitude: float, frequency: float, unit: str) -> dict[str, Any]:
+    """A drive that oscillates about its centre."""
+    motion = {"centre": f"{centre!r} {unit}", "amplitude": f"{abs(amplitude)!r} {unit}", "frequency": f"{frequency!r} Hz"}
+    return {"oscillation": motion if amplitude >= 0 else {**motion, "phase": "180 deg"}}
+
+
+def _amplitude(found: Vibrations, k: int, fraction: float) -> float:
+    """What the mode's shape is multiplied by."""
+    eq = found.equilibrium
+    model = eq.compiled.model
+    motion = eq.motion_with(found.modes[k].shape)
+    moved = [float(np.hypot(*motion.point(link.name, name, 1)[0])) for link in model.mechanism.links for name in link.points]
+    turned = [abs(float(motion.velocity(link)[0, 2])) for link in model.links[1:]]
+    bounds = [fraction * model.size / max(moved, default=0.0)] if max(moved, default=0.0) > 0 else []
+    bounds += [LARGEST_TURN * min(1.0, fraction / 0.08) / max(turned)] if max(turned, default=0.0) > 0 else []
+    return min(bounds)
+
+
+def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
+    """The changes that leave out what only a motion under forces has, dry friction, and loads that change with time."""
+    document = scene.document
+    changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
+    for name, pair in document.pairs.items():
+        changes |= {("pairs", name, key): None for key in ("free", "stops") if getattr(pair, key)}
+        for key in ("static", "stribeck") if pair.friction is not None else ():
+            if getattr(pair.friction, key) is not None:
+                changes["pairs", name, "friction", key] = None
+    for name, load in document.loads.items():
+        timed = "time" in (load.table and load.table.of, load.polynomial and load.polynomial.of)
+        if timed or any(getattr(load, key) is not None for key in (*SIGNALS, "servo")):
+            changes["loads", name] = None
+    return changes
+
+
+def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
+    """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
+    document = scene.document
+    changes: dict[Place, Any] = {}
+    for name, pair in document.pairs.items():
+        if pair.kind not in ("rolling", "rack", "cylinder"):
+            changes |= {("pairs", name, key): None for key in ("side", "assembly", "branch") if getattr(pair, key) is not None}
+    if any(isinstance(link.points, list) for link in document.links.values()):
+        return changes  # the sketch is their shape
+    motion, sketch = found.equilibrium.motion, {}
+    for name in document.links:
+        if name != document.frame:
+            x, y, angle = (float(v) for v in motion.pose(name)[0])
+            sketch[name] = {"at": [f"{x!r} m", f"{y!r} m"], "angle": f"{angle!r} rad"}
+    return changes | {("sketch",): sketch}
+
+
+def _same_place(scene: Scene, found: Vibrations) -> bool:
+    """Whether a scene starts with every link where it is in the equilibrium."""
+    start, wanted = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)), found.equilibrium.motion
+    size = wanted.model.size
+    for link in wanted.model.links[1:]:
+        a, b = start.pose(link)[0], wanted.pose(link)[0]
+        if np.abs(a[:2] - b[:2]).max() > 1e-7 * size or abs(np.exp(1j * (a[2] - b[2])) - 1.0) > 1e-7:
+            return False
+    return True

@@ -1,0 +1,170 @@
+"""Several freedoms through places where their coordinates do not decide the configuration: other pairs lead there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
+from mechanisms import case
+
+from mechcore.dynamics import event_integrator as progress
+from mechcore.dynamics.equations.charts import strain
+from mechcore.dynamics.simulate import simulate
+from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.spec.mechanism import Cylinder, Drive, Gear, Link, Mechanism
+from mechviz.hard_cases.mechanisms import pin
+
+END = 1.1
+TIMES = np.linspace(0.0, END, 61)
+POINTS = (("left", "B"), ("left rod", "C"), ("right", "D"))
+
+
+def falling() -> Mechanism:
+    """A five-bar without springs: its rods come in line, and so do rods and arms."""
+    return replace(swinging_five_bar(speeds=(6.0, 2.0)), loads=())
+
+
+def leads(simulation) -> list[str]:
+    return ["".join(d.pair for d in p.compiled.mechanism.drives) for p in simulation.pieces]
+
+
+def restated(mechanism: Mechanism, simulation, t: float, pairs: str, sense: float = 1.0) -> Mechanism:
+    """The mechanism as a simulation has it at a time, with other free pairs, and its speeds in either sense."""
+    motion = simulation.motion([t])
+    drives = []
+    for pair in pairs:
+        q, v, _ = motion.coordinate(pair)[0]
+        drives.append(Drive(pair=pair, law=Free(float(q), sense * float(v))))
+    poses = {link.name: tuple(map(float, motion.pose(link.name)[0])) for link in mechanism.links[1:]}
+    return replace(mechanism, drives=tuple(drives), modes={}, sketch=poses)
+
+
+@pytest.fixture(scope="module")
+def fallen():
+    return simulate(falling(), END, tolerance=1e-10)
+
+
+def test_rods_come_in_line_and_go_on(fallen):
+    assert leads(fallen)[0] == "AE" and len(set(leads(fallen))) > 1
+    motion = fallen.motion(TIMES)
+    bend = np.unwrap(motion.coordinate("C")[:, 0])
+    assert (np.diff(np.sign(np.sin(bend))) != 0).any()  # they are in line on the way
+    assert motion.closure.max() < 1e-12
+    assert np.abs(fallen.drift(TIMES)).max() < 1e-9
+    q, v, _ = fallen(TIMES)
+    for k, pair in enumerate("AE"):  # the stated coordinates go on being told, without a jump of a turn
+        assert np.exp(1j * q[:, k]) == pytest.approx(np.exp(1j * motion.coordinate(pair)[:, 0]), abs=1e-9)
+    assert np.abs(np.diff(q, axis=0)).max() < 1.5 * np.abs(v).max() * TIMES[1]
+    forces = fallen.forces(motion)
+    assert np.abs(forces.power_balance).max() < 1e-9
+
+
+def test_the_motion_is_the_same_whoever_leads_first(fallen):
+    other = simulate(restated(falling(), fallen, 0.0, "BC"), END, tolerance=1e-9)
+    assert leads(other)[0] == "BC"
+    for link, point in POINTS:
+        at = other.motion(TIMES).point(link, point)
+        assert np.abs(at - fallen.motion(TIMES).point(link, point)).max() < 1e-8
+
+
+def test_time_reversal_leads_back_through_all_charts(fallen):
+    back = simulate(restated(falling(), fallen, END, "AE", sense=-1.0), END, tolerance=1e-9)
+    q, v, _ = back([END])
+    assert np.exp(1j * q[0]) == pytest.approx(np.exp(1j * np.array([2.2, 0.9])), abs=1e-6)
+    assert v[0] == pytest.approx([-6.0, -2.0], abs=1e-5)
+
+
+def test_springs_count_their_turns_through_all_charts():
+    body = swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0))
+    found = simulate(replace(body, loads=body.loads[:1]), END, tolerance=1e-8)
+    assert any("A" not in pairs for pairs in leads(found))
+    assert np.abs(found.drift(TIMES)).max() < 1e-7
+    q, v, _ = found(TIMES)
+    assert np.abs(np.diff(q, axis=0) - TIMES[1] * 0.5 * (v[1:] + v[:-1])).max() < 0.3  # no jump of a turn
+
+
+def test_beside_a_prescribed_drive():
+    """One arm turns evenly: the only free coordinate is handed on where the rods come in line."""
+    body = replace(falling(), drives=(Drive(pair="A", law=ConstantSpeed(2.2, -3.0, 9.0)), falling().drives[1]))
+    found = simulate(body, END, tolerance=1e-8)
+    assert {"AE", "DA", "BA"} <= set(leads(found))
+    assert found.motion(TIMES).coordinate("A")[:, 1] == pytest.approx(-3.0, abs=1e-12)
+    assert np.abs(found.drift(TIMES)).max() < 1e-7
+
+
+def test_dead_points_are_passed_where_springs_count_the_turns_of_both_arms():
+    t = np.linspace(0.0, 2.0, 121)
+    found = simulate(swinging_five_bar(stiffness=0.1, speeds=(9.0, 2.0)), 2.0, tolerance=1e-9)
+    assert len(set(leads(found))) > 2
+    assert np.abs(found.drift(t)).max() < 1e-7
+    q, v, _ = found(t)
+    assert np.abs(np.diff(q, axis=0) - t[1] * 0.5 * (v[1:] + v[:-1])).max() < 0.3
+
+
+def test_open_chains_and_single_freedoms_are_not_watched(monkeypatch):
+    monkeypatch.setattr(progress, "strain", lambda *_: pytest.fail("watched"))
+    simulate(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"]), 0.2, tolerance=1e-4)
+    simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=1.0), 0.2, tolerance=1e-4, method="gauss")
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_shaft_whose_gear_does_not_come_back_after_a_turn_goes_on_in_either_sense(sense):
+    """A pinion of 14 teeth drives an eccentric wheel of 51: charts of two turns follow each other; the energy is that of both."""
+    wheel = Link(name="wheel", points={"B": (0.0, 0.0)}, mass=1.0, centre=(0.1, 0.0), inertia=0.01)
+    pinion = Link(name="pinion", points={"A": (0.0, 0.0)}, mass=0.5, inertia=0.004)
+    mechanism = Mechanism(
+        name="geared",
+        frame="frame",
+        links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.3, 0.0)}), pinion, wheel),
+        pairs=(
+            pin("A", "frame", "pinion"),
+            pin("B", "frame", "wheel"),
+            Gear(name="G", links=("pinion", "wheel"), carrier="frame", sizes=(14.0, 51.0)),
+        ),
+        drives=(Drive(pair="A", law=Free(0.3 * sense, 20.0 * sense)),),
+        effects=("inertia", "gravity"),
+        sketch={"wheel": (0.3, 0.0, 0.0 if sense > 0 else np.pi)},
+    )
+    found = simulate(mechanism, 1.0, tolerance=1e-10)
+    t = np.linspace(0.0, 1.0, 81)
+    q, v, _ = (x[:, 0] for x in found(t))
+    ratio = 14.0 / 51.0
+    angle = (0.0 if sense > 0 else np.pi) - ratio * (q - q[0])
+    inertia = 0.004 + (0.01 + 1.0 * 0.1**2) * ratio**2
+    energy = 0.5 * inertia * v**2 + 9.81 * 0.1 * np.sin(angle)
+    assert sense * (q[-1] - q[0]) > 2.2 * 2.0 * np.pi
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-9 * energy[0])
+
+
+def test_a_cylinder_that_stands_still_for_an_instant_hands_over_to_the_boom():
+    """Its base turns fastest where its length is least, but is no pair of the mechanism; the boom is a pendulum."""
+    boom = Link(name="boom", points={"O": (0.0, 0.0), "Q": (0.45, 0.0)}, mass=1.0, centre=(0.4, 0.0), inertia=0.01)
+    mechanism = Mechanism(
+        name="boom",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0.0, 0.0), "P": (0.5, 0.0)}), boom),
+        pairs=(pin("O", "frame", "boom"), Cylinder(name="C", links=("frame", "boom"), points=("P", "Q"))),
+        drives=(Drive(pair="C", law=Free(0.4, -2.0)),),
+        effects=("inertia", "gravity"),
+        sketch={"boom": (0.0, 0.0, 0.9)},
+    )
+    found = simulate(mechanism, 1.0, tolerance=1e-10)
+    assert "O" in leads(found)
+    t = np.linspace(0.0, 1.0, 81)
+    rows = found.motion(t).coordinate("O")
+    energy = 0.5 * (0.01 + 0.4**2) * rows[:, 1] ** 2 + 9.81 * 0.4 * np.sin(rows[:, 0])
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-8 * np.abs(energy[0]))
+    assert rows[:, 0].min() < -0.5 < 0.5 < rows[0, 0]
+
+
+def test_other_coordinates_lead_before_digits_are_lost():
+    """A window of this five-bar ends where some pair turns 80 times as fast as those that lead: they change within the window."""
+    mechanism = replace(swinging_five_bar(speeds=(8.96, 0.32)), loads=())
+    found = simulate(mechanism, END, tolerance=1e-11)
+    assert len(found.pieces) > 1
+    for piece in found.pieces[:-1]:
+        q, v, _ = piece.way(np.array([piece.end]))
+        assert strain(piece.compiled, q[0], v[0], piece.end) < 20.1
+    assert np.abs(found.drift(TIMES)).max() < 1e-9

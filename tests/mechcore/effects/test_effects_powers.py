@@ -1,0 +1,219 @@
+"""Who supplies and who absorbs: classes, works, shares of drives, flywheels."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from loaded import loaded, run
+from mechanisms import four_bar, load, slider_crank
+from random_linkages import ACCELERATION, ANGLES, SPEED, crank_rockers
+from scipy.integrate import cumulative_simpson
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechcore.forces.flywheel import flywheel, flywheel_of_torque
+from mechcore.forces.powers import drive_shares, power_table, works
+from mechcore.numerics.frames import integral_so_far
+from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
+from mechviz.commands.main import app
+from mechviz.run import run_scene
+
+
+@settings(max_examples=40)
+@given(loaded(crank_rockers()))
+def test_powers_close_under_random_effects(mechanism):
+    forces = load(mechanism, ANGLES, SPEED, ACCELERATION)
+    table = power_table(forces)
+    assert table.closure <= 1e-9
+    net = sum(i.power for i in table.items)
+    assert np.abs(net).max() <= 1e-9 * max(np.abs(i.power).max() for i in table.items)
+    for i in table.items:
+        assert i.supplied >= 0.0 and i.absorbed >= 0.0
+        assert i.supplied - i.absorbed == pytest.approx(np.trapezoid(i.power, table.time), abs=1e-9 * max(table.supplied, 1e-9))
+        if i.role == "driving":
+            assert i.absorbed <= 1e-9 * table.supplied
+        if i.role == "resisting":
+            assert i.supplied <= 1e-9 * max(table.absorbed, 1e-300)
+        if i.cause in ("viscous", "medium"):
+            assert i.role in ("resisting", "idle") and i.use == "harmful"
+
+
+def test_works_of_a_line_through_zero():
+    assert works(np.array([3.0, -1.0]), np.array([0.0, 4.0])) == pytest.approx((4.5, 0.5))
+    t = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    assert works(np.sin(t), t) == pytest.approx((2.0, 2.0), rel=1e-7)
+    assert works(np.array([2.0, 4.0, 4.0]), np.array([0.0, 1.0, 1.5])) == pytest.approx((5.0, 0.0))
+
+
+def test_classes_as_the_lecture_has_them():
+    """A compressor: the drive drives, the gas resists on the whole and is useful; friction is harmful; inertia alternates."""
+    table = power_table(run_scene(mechviz.load("compressor-cycle"), frames=720).forces)
+    found = {i.label: (i.cause, i.place, i.role, i.use) for i in table.items}
+    assert found["air"] == ("process", "internal", "alternating", "useful")
+    assert found["oil"] == ("viscous", "internal", "resisting", "harmful")
+    assert found["inertia/piston"] == ("inertia", "external", "alternating", "")
+    assert found["inertia/crank"][2] == "idle"  # constant speed, centre of mass on the crank
+    assert found["drive A"][:2] == ("drive", "external")
+    engine = power_table(run_scene(mechviz.load("four-stroke-cycle"), frames=720).forces)
+    roles = {i.label: i for i in engine.items}
+    assert roles["gas"].use == "" and roles["gas"].mean > 0.0  # it drives
+    assert roles["work"].use == "useful" and roles["work"].role == "resisting"
+    assert roles["gravity/rod"].cause == "gravity" and roles["gravity/rod"].place == "external"
+    supplied, absorbed = engine.by_cause()["gravity"]
+    assert supplied == pytest.approx(absorbed, rel=1e-9)
+
+
+def test_the_stated_use_of_a_load_counts():
+    table = power_table(run_scene(mechviz.load("plunger-in-drag"), frames=240).forces)
+    assert {i.name: i.use for i in table.items if i.cause in ("medium", "viscous")} == {
+        "liquid": "useful",
+        "gland": "harmful",
+        "bearing": "harmful",
+    }
+
+
+def test_springs_between_links_are_internal_and_give_back_what_they_take():
+    m = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, speed=5.0)
+    ends = {"links": ("coupler", "frame"), "points": ("D", "A")}
+    loads = (Spring(name="s", **ends, stiffness=30.0, free_length=1.0), Damper(name="d", **ends, linear=4.0))
+    table = power_table(run(replace(m, loads=loads), 720))
+    spring, damper = table.items[1:]
+    assert (spring.cause, spring.place, spring.role) == ("elastic", "internal", "alternating")
+    assert spring.supplied == pytest.approx(spring.absorbed, rel=1e-9)
+    assert table.items[0].supplied - table.items[0].absorbed == pytest.approx(damper.absorbed, rel=1e-9)
+
+
+def test_flywheel_of_a_harmonic_torque():
+    """T = T0 + T1 sin phi: the excess is 2 T1, between 180 degrees (fastest is where the torque falls below its mean)."""
+    for omega, sense in ((20.0, 1.0), (-20.0, -1.0)):
+        phi = sense * np.linspace(0.0, 2.0 * np.pi, 73)
+        wheel = flywheel_of_torque(phi, sense * (7.0 + 3.0 * np.sin(np.abs(phi))), omega, 0.04)
+        assert wheel.excess == pytest.approx(6.0, rel=1e-6)
+        assert wheel.inertia == pytest.approx(6.0 / (0.04 * 400.0), rel=1e-6)
+        assert wheel.mean == pytest.approx(sense * 7.0, rel=1e-12)
+        assert abs(wheel.slowest) == pytest.approx(np.pi, abs=1e-6)
+        assert abs(wheel.fastest) % (2.0 * np.pi) == pytest.approx(0.0, abs=1e-6)
+    fine, coarse = (
+        flywheel_of_torque(np.linspace(0, 2 * np.pi, n), np.sin(np.linspace(0, 2 * np.pi, n)), 1.0, 1.0) for n in (145, 73)
+    )
+    assert abs(coarse.excess - 2.0) > 12.0 * abs(fine.excess - 2.0) or abs(fine.excess - 2.0) < 1e-12  # of order 4
+
+
+def test_flywheel_finds_its_extremes_between_the_frames():
+    """Twelve frames, none where the torque is its mean: the spline is solved for its crossings."""
+    phi = 0.2 + np.linspace(0.0, 2.0 * np.pi, 13)
+    wheel = flywheel_of_torque(phi, 3.0 * np.sin(phi), 1.0, 1.0)
+    assert wheel.excess == pytest.approx(6.0, rel=2e-3) and wheel.slowest == pytest.approx(np.pi, abs=2e-3)
+
+
+def test_flywheel_of_a_punch():
+    """A press: torque 90 N m over 40 degrees, none over the other 320: excess = T theta (1 - theta / 2 pi), exactly."""
+    theta = np.radians(40.0)
+    phi = np.array([0.0, 1e-9, theta, theta + 1e-9, 2.0 * np.pi])
+    wheel = flywheel_of_torque(phi, np.array([0.0, 90.0, 90.0, 0.0, 0.0]), 10.0, 0.1, smooth=False)
+    assert wheel.excess == pytest.approx(90.0 * theta * (1.0 - theta / (2.0 * np.pi)), rel=1e-7)
+    assert wheel.mean == pytest.approx(90.0 * theta / (2.0 * np.pi), rel=1e-7)
+    assert wheel.fastest in (pytest.approx(0.0, abs=1e-8), pytest.approx(2.0 * np.pi)) and wheel.slowest == pytest.approx(theta)
+
+
+def test_flywheel_of_a_mechanism_evens_out_its_speed():
+    """Energy check: with that inertia the speed that conserves energy varies by the stated fluctuation, to first order."""
+    forces = run(
+        slider_crank(r=0.05, l=0.2, speed=30.0, loads=(Force(name="F", link="piston", point="C", vector=(-900.0, 0.0),
+        factor=Factor(function=lambda x: (1.0 - np.cos(x)) * (np.sin(x) < 0.0))),)), 7200,
+    )  # fmt: skip
+    wheel = flywheel(forces, 0.02, smooth=False)
+    given = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(forces.motion.time) * (forces.power("O")[1:] + forces.power("O")[:-1]))])
+    speed = np.sqrt(30.0**2 + 2.0 * (wheel.mean * 30.0 * forces.motion.time - given) / wheel.inertia)
+    assert np.ptp(speed**2) / (2.0 * 30.0**2) == pytest.approx(0.02, rel=1e-5)  # the excess work, seen at the frames
+    assert np.ptp(speed) / speed.mean() == pytest.approx(0.02, rel=0.02)  # the coefficient of fluctuation, for small ones
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"fluctuation": 0.0}, "fluctuation of 0"),
+        ({"fluctuation": 0.02, "drive": "X"}, "pair 'X' has no drive.*Driven pairs: O"),
+    ],
+)
+def test_flywheels_that_make_no_sense_are_refused(options, message):
+    with pytest.raises(MechanismError, match=message):
+        flywheel(run(slider_crank(r=1.0, l=3.0), 36), **options)
+    with pytest.raises(MechanismError, match="constant speed"):
+        flywheel(run_scene(mechviz.load("door-closer"), frames=36).forces, 0.02)
+
+
+def test_two_drives_share_the_work():
+    forces = run_scene(mechviz.load("two-motors"), frames=480).forces
+    shares = {s.pair: s for s in drive_shares(forces)}
+    assert set(shares) == {"A", "E"}
+    table = power_table(forces)
+    lost = sum(i.absorbed for i in table.items if i.cause in ("viscous", "medium"))
+    assert sum(s.supplied - s.absorbed for s in shares.values()) == pytest.approx(lost, rel=1e-6)
+    for s in shares.values():
+        inside = np.zeros(len(s.power), bool)
+        for a, b in s.delivers:
+            inside |= (forces.motion.time > a) & (forces.motion.time < b)
+        np.testing.assert_array_equal(inside[1:-1], (s.power > 1e-9 * np.abs(s.power).max())[1:-1])
+        assert len(s.delivers) == 2 and s.absorbed > 0.0  # each brakes once a turn
+    braking = [forces.motion.time[s.power < 0.0] for s in shares.values()]
+    assert all(len(t) for t in braking)
+
+
+def test_the_command_prints_and_exports_the_table(tmp_path):
+    path = tmp_path / "powers.csv"
+    result = CliRunner().invoke(app, ["forces", "compressor-cycle", "--csv", str(path), "--flywheel", "0.02"])
+    assert result.exit_code == 0, result.output
+    assert "flywheel: " in result.output and "drive A delivers power" in result.output and "harmful" in result.output
+    rows = list(csv.DictReader(path.open()))
+    assert [r["force"] for r in rows] == ["A", "inertia/crank", "inertia/rod", "inertia/piston", "bearing", "oil", "air"]
+    total = sum(float(r["supplied [J]"]) - float(r["absorbed [J]"]) for r in rows)
+    assert abs(total) < 1e-9 * sum(float(r["supplied [J]"]) for r in rows)
+    refused = CliRunner().invoke(app, ["forces", "crank-rocker"])
+    assert refused.exit_code == 2 and "names no effects and no loads" in refused.output
+    assert CliRunner().invoke(app, ["forces", "door-closer", "--flywheel", "0.02"]).exit_code == 2
+    costs = CliRunner().invoke(app, ["plan", "door-closer", "--cost"])
+    assert costs.exit_code == 0 and "us/frame" in costs.output and "load damper" in costs.output
+
+
+def test_torque_on_two_links_is_internal():
+    m = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0)
+    table = power_table(run(replace(m, loads=(Torque(name="M", link="coupler", moment=2.0, against="crank"),)), 36))
+    assert table.items[1].place == "internal" and table.closure < 1e-12
+
+
+def test_friction_absorbs_and_a_steady_load_drives_or_resists_even_where_it_rests():
+    """A slider to and fro against a weight (no work at its turns) and dry friction; a load that goes along is driving."""
+    table = power_table(run_scene(mechviz.load("slider-crank-friction"), frames=90).forces)
+    rubbed = [i for i in table.items if i.cause == "dry friction"]
+    assert rubbed and all(i.role == "resisting" and i.use == "harmful" and i.supplied <= 1e-12 * i.absorbed for i in rubbed)
+    assert sum(i.absorbed for i in rubbed) > 0.0 and table.closure < 1e-9
+    m = slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),))
+    along = next(i for i in power_table(load(m, np.linspace(0.0, 6.0, 40), np.linspace(0.0, 3.0, 40))).items if i.label == "along")
+    assert (along.role, along.absorbed) == ("driving", 0.0) and along.power[0] == 0.0
+
+
+def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
+    """The gas of an engine bends sharply: said or not, lines from frame to frame; a spline would swing beyond them."""
+    forces = run_scene(mechviz.load("four-stroke-cycle"), frames=180).forces
+    assert (
+        flywheel(forces, 0.02).inertia
+        == flywheel(forces, 0.02, smooth=False).inertia
+        != flywheel(forces, 0.02, smooth=True).inertia
+    )
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 7, 60])
+def test_the_integral_so_far_is_that_of_scipy_and_exact_for_parabolas(frames):
+    rng = np.random.default_rng(frames)
+    t, y = np.cumsum(rng.uniform(0.1, 1.0, frames)), rng.normal(size=frames)
+    assert integral_so_far(y, t) == pytest.approx(cumulative_simpson(y, x=t, initial=0.0), rel=1e-13, abs=1e-13)
+    if frames > 2:
+        a, b, c = np.polynomial.polynomial.polyfit(t[:3], y[:3], 2)
+        whole = [a * x + b * x**2 / 2.0 + c * x**3 / 3.0 for x in t]
+        assert integral_so_far(a + b * t + c * t**2, t) == pytest.approx(np.array(whole) - whole[0], rel=1e-9, abs=1e-9)

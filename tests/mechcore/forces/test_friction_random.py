@@ -1,0 +1,97 @@
+"""Random mechanisms with random friction, below and above jamming."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from frictional import law_of_friction, rub
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from loaded import loaded
+from mechanisms import load
+from random_linkages import ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, six_bars, slider_cranks
+
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.spec.mechanism import Belt, Friction, Mechanism, Revolute
+
+
+@st.composite
+def frictions(draw, mechanism: Mechanism) -> Mechanism:
+    """Some or all pairs with friction; radii and lengths in the size of the cranks (1 m)."""
+    found = {}
+    for pair in mechanism.pairs:
+        if isinstance(pair, Belt) or not draw(st.booleans()):
+            continue
+        mu = draw(st.floats(0.01, 1.5))
+        if isinstance(pair, Revolute):
+            found[pair.name] = Friction(coefficient=mu, radius=draw(st.floats(0.01, 0.5)))
+        else:
+            found[pair.name] = Friction(coefficient=mu, length=draw(st.sampled_from([0.0, 0.2, 1.0])))
+    return rub(mechanism, **found) if found else mechanism
+
+
+def at(mechanism: Mechanism, frames: np.ndarray) -> Forces:
+    """Forces at some of the frames alone, at the times that they have."""
+    rows = np.flatnonzero(frames)
+    drive = ANGLES[rows], np.full(len(rows), SPEED), np.full(len(rows), ACCELERATION)
+    return solve_forces(solve_motion(compile_mechanism(mechanism), rows, drives={mechanism.drives[0].pair: drive}))
+
+
+def check(mechanism: Mechanism) -> None:
+    forces = load(mechanism, ANGLES, SPEED, ACCELERATION)
+    friction = forces.friction
+    if friction is None:
+        return
+    jammed = friction.jammed
+    assert np.isnan(forces.effort("A" if "A" in forces.motion.model.joint_index else "O")[jammed]).all()
+    assert np.nanmax(friction.residual, initial=0.0) < 1e-11
+    for pair in friction.pairs:
+        assert np.nanmin(friction.losses(pair), initial=0.0) >= 0.0
+    if jammed.all():
+        return
+    assert all(friction.jammed_by(f) for f in np.flatnonzero(jammed))
+    assert law_of_friction(forces) < 1e-9
+    free = ~jammed
+    sound = at(mechanism, free)  # frames do not know of each other
+    assert not sound.friction.jammed.any()
+    assert np.abs(sound.power_balance).max() <= 1e-9
+    assert balance_of_links(sound) <= 1e-9
+    # the drives pay for the friction, no more and no less
+    dry = tuple(e for e in mechanism.effects if e != "friction")
+    without = at(replace(mechanism, effects=dry), free)
+    extra = sound.power_supplied - without.power_supplied
+    scale = max(np.abs(sound.power_supplied).max(), np.abs(without.power_supplied).max())
+    assert np.abs(extra + sound.friction.power).max() <= 1e-9 * scale
+
+
+@settings(max_examples=40)
+@given(st.data(), crank_rockers())
+def test_crank_rockers(data, mechanism):
+    check(data.draw(frictions(mechanism)))
+
+
+@settings(max_examples=40)
+@given(st.data(), slider_cranks())
+def test_slider_cranks(data, mechanism):
+    check(data.draw(frictions(mechanism)))
+
+
+@settings(max_examples=30)
+@given(st.data(), six_bars())
+def test_six_bars(data, mechanism):
+    check(data.draw(frictions(mechanism)))
+
+
+@settings(max_examples=25)
+@given(st.data(), loaded(slider_cranks()))
+def test_slider_cranks_with_every_effect(data, mechanism):
+    """Some of every effect and load of the registry (`test_effects.loads` sees to that), with dry friction in random pairs."""
+    check(data.draw(frictions(mechanism)))
+
+
+@settings(max_examples=25)
+@given(st.data(), loaded(crank_rockers()))
+def test_crank_rockers_with_every_effect(data, mechanism):
+    check(data.draw(frictions(mechanism)))

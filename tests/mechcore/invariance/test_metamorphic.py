@@ -1,0 +1,95 @@
+"""The same results however a random mechanism is described: turned, mirrored, scaled, renamed and reordered, run backwards.
+
+A moderate sample by default; all of it: pytest tests/test_metamorphic.py --random-cases 2000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from comparison import Result, differences
+from metamorphosis import Change
+from random_mechanisms import KINDS, TURN, Case, draw
+
+from mechcore import spec as sp
+from mechcore.errors import MechanismError
+
+SAME = 1e-9  # of the largest value of each quantity, at mechanisms whose equations are well conditioned
+WELL = 100.0  # condition number up to which that holds; beyond it the bound grows with its square
+HOPELESS = 1e6
+REACHES = (TURN, 1.0, 0.3)
+RATED = (sp.Damper, sp.TorsionDamper, sp.Drag, sp.Viscous, sp.DcMotor, sp.GasPressure)  # know which way time runs
+CHANGES = ("turned", "mirrored", "small", "large", "renamed", "backwards")
+
+
+def changed(case: Case, how: str, base: Result) -> tuple[Change, Result]:
+    """A change of a kind and what it starts from: time runs backwards for what does not know its direction only."""
+    rng = np.random.default_rng([case.seed, CHANGES.index(how)])
+    if how == "turned":
+        plain = Change(case)
+        turn = np.pi / 2 * int(rng.integers(1, 4)) if plain.exact_turns else float(rng.uniform(-np.pi, np.pi))
+        return Change(case, turn=turn), base
+    if how == "mirrored":
+        return Change(case, mirrored=True, turn=np.pi / 2 * int(rng.integers(4))), base
+    if how in ("small", "large"):
+        length = 1e-6 if how == "small" else 1e6
+        return Change(case, length=length, mass=length**3, time=float(rng.choice([1.0, np.sqrt(length)]))), base
+    if how == "renamed":
+        return Change(case, mixed=case.seed), base
+    m = case.mechanism
+    rated = [x for x in m.loads if isinstance(x, RATED) or (getattr(x, "factor", None) and x.factor.of in ("velocity", "vx", "vy"))]
+    drop = list(rated)
+    start = Result(timeless(case, drop)) if "friction" in m.effects or rated or case.stops else base
+    for x in start.case.mechanism.loads:  # a spring that is wound by more than half a turn would start elsewhere
+        if isinstance(x, sp.TorsionSpring) and np.abs(start.forces.loads[x.name].values[-1, 2]) > 3.0 * x.stiffness:
+            drop.append(x)
+    if any(x not in rated for x in drop):
+        start = Result(timeless(case, drop))
+    return Change(start.case, back=start.motion), start
+
+
+def timeless(case: Case, drop: list[Any]) -> Case:
+    loads = tuple(x for x in case.mechanism.loads if x not in drop)
+    effects = tuple(e for e in case.mechanism.effects if e != "friction")
+    return replace(case, mechanism=replace(case.mechanism, loads=loads, effects=effects), stops=(), watches=())
+
+
+def search(kind: str, seed: int) -> tuple[str, str, float, float]:
+    """The change and the quantity with the worst deviation, that over what is allowed, and the condition of the equations."""
+    for travel in REACHES:
+        case = draw(kind, seed, travel=travel)
+        try:
+            base = Result(case)
+        except MechanismError:
+            continue
+        condition = float(np.nanmax(base.motion.condition))
+        if not condition < HOPELESS:
+            continue
+        break
+    else:
+        return "refused", "", 0.0, np.inf
+    allowed = SAME * max(1.0, condition / WELL) ** 2
+    worst = ("", "", 0.0)
+    for how in CHANGES:
+        change, start = changed(case, how, base)
+        try:
+            found = differences(change, start, Result(change.made()))
+        except MechanismError as error:
+            if how == "backwards" and "dead point" in str(error):  # where it ends no motion can start by that coordinate
+                continue
+            return how, f"refused: {error}", np.inf, condition
+        name, deviation = max(found.items(), key=lambda x: x[1])
+        if deviation / allowed > worst[2]:
+            worst = (how, name, deviation / allowed)
+    return (*worst, condition)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_results_do_not_depend_on_how_a_mechanism_is_described(kind: str, random_seeds: Any) -> None:
+    results = [(seed, *search(kind, seed)) for seed in random_seeds(len(KINDS), KINDS.index(kind))]
+    wrong = [f"{kind} {seed}: {how}, {name} {ratio:.1e} of what is allowed" for seed, how, name, ratio, _ in results if ratio > 1.0]
+    assert not wrong, wrong
+    assert sum(how == "refused" for _, how, *_ in results) <= 0.4 * len(results) + 2

@@ -1,0 +1,153 @@
+"""What teachers ask for, against closed forms and theorems."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from comparison_columns import close, column
+from hypothesis import given
+from mechanisms import case, four_bar, load, move, slider_crank
+from random_linkages import crank_rockers
+
+from mechcore.motion import metrics as answers
+from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.solve import compile_mechanism, solve_motion
+
+THETA = np.linspace(0.05, 6.2, 40)
+
+
+@given(crank_rockers())
+def test_instant_centres_obey_the_theorem_of_kennedy(mechanism):
+    """The three instant centres of any three links lie on one line (Aronhold-Kennedy)."""
+    centres = answers.instant_centres(move(mechanism, THETA[::6]))
+    links = ["frame", "crank", "coupler", "rocker"]
+    assert len(centres) == 6
+
+    def at(a, b):
+        return centres[a, b] if (a, b) in centres else centres[b, a]
+
+    for a, b, c in combinations(links, 3):
+        p, q, r = at(a, b), at(b, c), at(a, c)
+        ok = np.isfinite(np.column_stack([p, q, r])).all(axis=1)
+        u, v = (q - p)[ok], (r - p)[ok]
+        area = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        size = np.hypot(*u.T) * np.hypot(*v.T)
+        assert (area <= 1e-7 * np.maximum(size, 1e-6)).all()
+
+
+def test_instant_centres_of_a_slider_crank():
+    motion = move(slider_crank(r=1.0, l=3.0), THETA)
+    centres = answers.instant_centres(motion)
+    np.testing.assert_allclose(centres["frame", "crank"], 0.0, atol=1e-14)
+    np.testing.assert_allclose(centres["crank", "rod"], motion.point("crank", "B"), atol=1e-13)
+    np.testing.assert_allclose(centres["rod", "piston"], motion.point("rod", "C"), atol=1e-12)
+    assert np.isinf(centres["frame", "piston"]).any(axis=1).all(), "a slider turns about no point at a finite place"
+    x = motion.coordinate("S")[:, 0]
+    np.testing.assert_allclose(centres["frame", "rod"][:, 0], x, rtol=1e-10)
+    np.testing.assert_allclose(centres["frame", "rod"][:, 1], x * np.tan(THETA), rtol=1e-8)
+
+
+def test_instant_centre_of_the_elliptic_trammel_is_the_reference_s():
+    from test_reference_linkages import test_elliptic_trammel_driven_by_its_angle as trammel
+
+    trammel()  # the mechanism itself is checked there
+    c = case("linkages", "elliptic-trammel")
+    i, rows = c["inputs"], c["expected"]
+    from mechanisms import pin
+
+    from mechcore.laws.timed import ConstantSpeed
+    from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
+
+    bar = Link(name="bar", points={"A": (0.0, 0.0), "B": (i["L"], 0.0)})
+    m = Mechanism(
+        name="trammel",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            Link(name="a", points={"A": (0.0, 0.0)}),
+            Link(name="b", points={"B": (0.0, 0.0)}),
+            bar,
+        ),
+        pairs=(
+            Prismatic(name="x", links=("frame", "a"), points=("O", "A")),
+            Prismatic(name="y", links=("frame", "b"), points=("O", "B"), along=(0.0, 1.0)),
+            pin("A", "a", "bar"),
+            pin("B", "b", "bar"),
+        ),
+        drives=(Drive(pair="A", law=ConstantSpeed(np.pi, -1.0)),),
+    )
+    motion = move(m, np.pi - column(rows, "theta"), -i["theta_dot"])
+    close(answers.instant_centres(motion)["frame", "bar"], column(rows, "ic"))
+
+
+def test_transmission_angle_and_its_extremes():
+    c = case("linkages", "fourbar-crank-rocker")
+    i = c["inputs"]
+    for branch, mode in (("branch_+1", "left"), ("branch_-1", "right")):
+        rows = c["expected"][branch]
+        motion = move(four_bar(E=i["E"], AB=i["AB"], BD=i["BD"], DE=i["DE"], mode=mode), column(rows, "theta_1"))
+        close(answers.transmission_angles(motion)["D"], column(rows, "transmission_angle"))
+    for e in case("linkages", "fourbar-rocker-extremes")["expected"]:
+        m = four_bar(E=(e["d"], 0.0), AB=e["AB"], BD=e["BD"], DE=e["DE"])
+        angle = answers.transmission_angles(move(m, np.linspace(0.0, 2 * np.pi, 361)))["D"]
+        assert angle.min() == pytest.approx(e["transmission_angle_min"], rel=1e-12)
+        assert angle.max() == pytest.approx(e["transmission_angle_max"], rel=1e-12)
+
+
+def test_limit_positions_of_the_rocker_are_where_its_velocity_ratio_vanishes():
+    for e in case("linkages", "fourbar-rocker-extremes")["expected"]:
+        m = four_bar(E=(e["d"], 0.0), AB=e["AB"], BD=e["BD"], DE=e["DE"])
+        motion = move(m, [e["crank_angle_outer"], e["crank_angle_inner"]], 0.0)  # the drive may stand still
+        assert np.abs(answers.velocity_ratios(motion)["E"]).max() < 1e-13
+        assert (answers.mechanical_advantage(motion)["E"] > 1e12).all()
+        swing = np.diff(motion.pose("rocker")[:, 2])
+        assert abs(swing[0]) == pytest.approx(e["rocker_swing"], rel=1e-11)
+
+
+def test_mechanical_advantage_is_what_a_load_on_the_output_needs():
+    """Statics with a unit torque on the rocker: the driving torque is its reciprocal."""
+    from mechcore.spec.loads import Torque
+
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, loads=(Torque(name="M", link="rocker", moment=1.0),))
+    forces = load(m, THETA)
+    np.testing.assert_allclose(1.0 / np.abs(forces.effort("A")), answers.mechanical_advantage(forces.motion)["E"], rtol=1e-9)
+
+
+def test_grashof_types_and_ranges():
+    for e in case("linkages", "fourbar-limits")["expected"]:
+        limits = [e["crank_angle_limit_folded"], e["crank_angle_limit_stretched"]]
+        low, high = (0.0 if limits[0] is None else limits[0]), (np.pi if limits[1] is None else limits[1])
+        m = four_bar(E=(e["d"], 0.0), AB=e["AB"], BD=e["BD"], DE=e["DE"], start=0.5 * (low + high))
+        compiled = compile_mechanism(m)
+        (loop,) = answers.grashof(compiled.model)
+        assert loop.type == e["grashof_type"]
+        assert loop.lengths == pytest.approx((e["AB"], e["BD"], e["DE"], e["d"]))
+        (a, b), *_ = reachable_ranges(compiled)
+        if limits[1] is None and limits[0] is None:
+            assert b - a == pytest.approx(2 * np.pi)
+        else:
+            assert b == pytest.approx(e["crank_angle_limit_stretched"], abs=1e-9)
+            assert a == pytest.approx(-b if limits[0] is None else limits[0], abs=1e-9)
+    assert answers.grashof_type(0.1, 0.3, 0.1, 0.3) == "change point"
+
+
+def test_curvature_of_circles_and_straight_lines():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, coupler_point=(0.1, 0.05))
+    motion = move(m, THETA, 0.0)
+    np.testing.assert_allclose(answers.curvature(motion, "crank", "B"), 10.0, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(answers.curvature(motion, "rocker", "D")), 4.0, rtol=1e-8)
+    # a coupler point, by the circle through three neighbouring positions
+    h = 1e-4
+    for t in (0.7, 3.1):
+        p = move(m, [t - h, t, t + h]).point("coupler", "P")
+        a, b, c = (p[1] - p[0], p[2] - p[1], p[2] - p[0])
+        expected = 2 * (a[0] * b[1] - a[1] * b[0]) / (np.hypot(*a) * np.hypot(*b) * np.hypot(*c))
+        assert answers.curvature(move(m, [t]), "coupler", "P")[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_answers_at_a_change_point_are_finite():
+    m = four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5)
+    motion = solve_motion(compile_mechanism(m), [0.0, np.pi - 0.5])
+    np.testing.assert_allclose(answers.velocity_ratios(motion)["E"], 1.0, atol=1e-11)

@@ -1,0 +1,198 @@
+"""Events of a motion against positions that geometry gives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import four_bar
+
+from mechcore.laws.timed import Oscillation, zones
+from mechcore.motion.events import Event, find_events, turning_points
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
+
+TURN = 2.0 * np.pi
+
+
+def move(mechanism: Mechanism, frames: int = 90, cycles: float = 1.0) -> Motion:
+    return solve_motion(compile_mechanism(mechanism), default_times(mechanism, frames, cycles))
+
+
+def of(motion: Motion, item: str) -> list[Event]:
+    return [e for e in find_events(motion) if e.item == item]
+
+
+def test_turning_points_of_a_sine_are_found_to_fourth_order():
+    errors = []
+    for n in (20, 40):
+        t = np.linspace(0.0, 2.0, n)
+        found = turning_points(t, np.cos(3 * t + 0.2), -3 * np.sin(3 * t + 0.2))
+        errors.append(abs(found - (np.array([0.5, 1.5]) * np.pi - 0.2) / 3))
+    assert errors[1].max() < 1e-6
+    assert np.log2(errors[0].max() / errors[1].max()) > 3.0
+
+
+def test_no_turning_points_where_nothing_moves_or_after_a_rest():
+    t = np.linspace(0.0, 1.0, 11)
+    assert len(turning_points(t, np.zeros(11), np.zeros(11))) == 0
+    assert len(turning_points(t, np.where(t < 0.35, 1.0, np.where(t > 0.65, -1.0, 0.0)), np.zeros(11))) == 0
+
+
+@pytest.mark.parametrize("frames", [90, 360])
+def test_dead_points_of_a_crank_rocker(frames):
+    """The rocker turns back where crank and coupler lie in line: law of cosines in the triangles with sides b + a and b - a."""
+    a, b, c, d = 0.06, 0.18, 0.15, 0.2
+    motion = move(four_bar(E=(d, 0.0), AB=a, BD=b, DE=c, speed=2.0), frames)
+    outer = np.arccos((d**2 + (b + a) ** 2 - c**2) / (2 * d * (b + a)))
+    inner = np.pi + np.arccos((d**2 + (b - a) ** 2 - c**2) / (2 * d * (b - a)))
+    times = sorted(e.time for e in of(motion, "E"))
+    assert times == pytest.approx(sorted([outer / 2.0, inner / 2.0]), abs=1e-6)
+    assert all("limit position" in e.text and e.level == "INFO" and "drive A at" in e.text for e in of(motion, "E"))
+
+
+def slider_crank(law) -> Mechanism:
+    return Mechanism(
+        name="sc",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"A": (0, 0)}),
+            Link(name="crank", points={"A": (0, 0), "B": (0.05, 0)}),
+            Link(name="rod", points={"B": (0, 0), "C": (0.2, 0)}),
+            Link(name="slider", points={"C": (0, 0)}),
+        ),
+        pairs=(
+            Revolute(name="A", links=("frame", "crank"), points=("A", "A")),
+            Revolute(name="B", links=("crank", "rod"), points=("B", "B")),
+            Revolute(name="C", links=("rod", "slider"), points=("C", "C")),
+            Prismatic(name="S", links=("frame", "slider"), points=("A", "C"), along=(1.0, 0.0)),
+        ),
+        drives=(Drive(pair="A", law=law),),
+        modes={"S": "ahead"},
+    )
+
+
+def test_zones_of_a_drive():
+    law = zones(start=0.0, speed=2.0, run_up=0.5, steady=1.0, braking=0.25)
+    motion = move(slider_crank(law), 100)
+    found = [(e.text.split(" at ")[0], e.time) for e in of(motion, "A")]
+    assert [words for words, _ in found] == [
+        "drive starts",
+        "zone boundary of the drive's law",
+        "zone boundary of the drive's law",
+        "drive stops",
+    ]
+    assert [t for _, t in found] == pytest.approx([0.0, 0.5, 1.0, 1.25])
+
+
+def test_a_drive_that_swings_reverses_and_its_reversals_are_no_limits_of_others():
+    motion = move(slider_crank(Oscillation(1.0, 0.4, 2.0)), 200)
+    reversals = [e for e in of(motion, "A") if "reverses" in e.text]
+    assert [e.time for e in reversals] == pytest.approx([0.125, 0.375], abs=1e-6)
+    assert not of(motion, "S"), "the slider turns back only because its drive does"
+
+
+def test_limits_of_a_slider_are_named_with_their_side():
+    motion = move(slider_crank(zones(start=0.3, speed=1.0, run_up=0.0, steady=2 * np.pi, braking=0.0)), 77)
+    limits = {e.text.split(",")[0]: e for e in of(motion, "S")}
+    assert limits["limit position: coordinate smallest"].time == pytest.approx(np.pi - 0.3, abs=1e-6)
+    assert "150 mm" in limits["limit position: coordinate smallest"].text
+    assert "250 mm" in limits["limit position: coordinate largest"].text
+
+
+def test_near_singular_frames_warn():
+    motion = move(four_bar(E=(0.2, 0.0), AB=0.06, BD=0.18, DE=0.15), 4)
+    motion.__dict__["condition"] = np.array([1.0, 1e12, np.inf, 1.0, 3e9])  # as if the mechanism were singular there
+    events = [e for e in find_events(motion) if e.level == "WARN"]
+    assert [e.time for e in events] == [motion.time[1], motion.time[4]]
+    assert "condition number inf" in events[0].text and "condition number 3.0e+09" in events[1].text
+
+
+# -- between the frames -----------------------------------------------------------------------------------------------------
+CRANK_ROCKER = {"a": 0.06, "b": 0.18, "c": 0.15, "d": 0.2}
+
+
+def crank_rocker(start: float = 0.013, **more) -> Mechanism:
+    g = CRANK_ROCKER
+    m = four_bar(E=(g["d"], 0.0), AB=g["a"], BD=g["b"], DE=g["c"], start=start, speed=2.0, coupler_point=(0.09, 0.05))
+    return replace(
+        m, answers=("transmission_angle", "velocity_ratio", "mechanical_advantage", "curvature"), traced=(("coupler", "P"),), **more
+    )
+
+
+@pytest.mark.parametrize("frames", [12, 37, 360])
+def test_extremes_between_frames(frames):
+    """Against geometry and against a search over single positions, far better than a millionth of the cycle."""
+    from scipy.optimize import minimize_scalar
+
+    from mechcore.motion import metrics as answers
+
+    m = crank_rocker()
+    motion = move(m, frames)
+    compiled = compile_mechanism(m)
+    events = find_events(motion)
+    tiny = 1e-7 * motion.time[-1]
+
+    def only(item: str, words: str) -> Event:
+        (found,) = (e for e in events if e.item == item and words in e.text)
+        return found
+
+    def search(quantity, near: float) -> tuple[float, float]:
+        found = minimize_scalar(
+            lambda t: -quantity(solve_motion(compiled, [t]))[0],
+            bounds=(near - 0.05, near + 0.05),
+            method="bounded",
+            options={"xatol": 1e-11},
+        )
+        return float(found.x), -float(found.fun)
+
+    g = CRANK_ROCKER
+    worst = only("D", "worst transmission angle")  # crank and frame in line, the crank towards E
+    assert worst.time == pytest.approx((TURN - 0.013) / 2.0, abs=tiny)
+    exact = np.arccos((g["b"] ** 2 + g["c"] ** 2 - (g["d"] - g["a"]) ** 2) / (2 * g["b"] * g["c"]))
+    assert worst.value == pytest.approx(exact, abs=1e-10)
+    ratio = only("E", "largest velocity ratio")
+    t, value = search(lambda x: np.abs(answers.velocity_ratios(x)["E"]), ratio.time)
+    assert ratio.time == pytest.approx(t, abs=tiny) and abs(ratio.value) == pytest.approx(value, rel=1e-11)
+    least = only("E", "smallest mechanical advantage")
+    assert least.time == ratio.time and least.value == pytest.approx(1.0 / value, rel=1e-11)
+    bend = only("coupler.P", "sharpest bend")
+    t, value = search(lambda x: np.abs(answers.curvature(x, "coupler", "P")), bend.time)
+    assert bend.time == pytest.approx(t, abs=tiny) and bend.value == pytest.approx(value, rel=1e-10)
+    a, b, c, d = (g[k] for k in "abcd")
+    outer = np.arccos((d**2 + (b + a) ** 2 - c**2) / (2 * d * (b + a)))
+    inner = np.pi + np.arccos((d**2 + (b - a) ** 2 - c**2) / (2 * d * (b - a)))
+    stops = sorted([(outer - 0.013) / 2.0, (inner - 0.013) / 2.0])
+    for words in ("limit position", "toggle"):
+        assert [e.time for e in events if e.item == "E" and words in e.text] == pytest.approx(stops, abs=tiny)
+    swing = [e.value for e in events if e.item == "E" and "limit position" in e.text]
+    at_limit = solve_motion(compiled, stops).coordinate("E")[:, 0]
+    np.testing.assert_allclose(swing, at_limit, atol=1e-9)
+
+
+def test_extremes_in_time_do_not_depend_on_the_law():
+    """A swinging drive meets the same worst angle at the same place of the drive."""
+    swings = replace(crank_rocker(), drives=(Drive(pair="A", law=Oscillation(0.3, 0.8, 0.7)),))
+    events = find_events(move(swings, 50))
+    worst = next(e for e in events if "worst transmission" in e.text)
+    assert float(swings.drives[0].law(worst.time)[0]) == pytest.approx(0.0, abs=1e-7)
+
+
+def test_the_worst_transmission_angle_at_a_change_point():
+    """Flat there: the angle is 0 or 180 degrees, and the instant is that of the change."""
+    m = replace(four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5), answers=("transmission_angle",))
+    motion = move(m, 50)
+    worst = next(e for e in find_events(motion) if "worst transmission" in e.text)
+    assert worst.level == "WARN" and abs(np.cos(worst.value)) == pytest.approx(1.0, abs=1e-12)
+    assert min(abs(worst.time - c.time) for c in motion.changes) < 1e-7 * motion.time[-1]
+
+
+def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
+    m = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21)
+    limit = float(np.arccos((0.22**2 + 0.3**2 - 0.37**2) / (2 * 0.22 * 0.3)))
+    m = replace(m, answers=("velocity_ratio",), drives=(Drive(pair="A", law=Oscillation(0.0, limit, 0.25)),))
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
+    found = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
+    assert "without bound" in found.text and found.time == pytest.approx(1.0, abs=1e-6)

@@ -1,0 +1,262 @@
+"""Drives that run as far as the mechanism can go and back: ``range = "reachable"``."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
+from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.solve import compile_mechanism
+from mechviz.commands.main import app
+from mechviz.outputs.viewer.session import Status, Studio
+from mechviz.run import run_scene
+from mechviz.scene.faults import SceneError
+from mechviz.scene.kinds.reachable import MARGIN, swinging
+from mechviz.scene.scene import Scene
+from mechviz.studies.report import check_lines
+
+ROCKER = """
+title = "Triple rocker"
+units = { length = "mm", angle = "deg" }
+[links]
+frame   = { points = { A = [0, 0], D = [200, 0] } }
+crank   = { points = { A = [0, 0], B = [120, 0] } }
+coupler = { points = { B = [0, 0], C = [100, 0] } }
+rocker  = { points = { D = [0, 0], C = [110, 0] } }
+[pairs]
+A = { revolute = ["frame", "crank"], drive = { DRIVE } }
+B = { revolute = ["crank", "coupler"] }
+C = { revolute = ["coupler", "rocker"], side = "left" }
+D = { revolute = ["frame", "rocker"] }
+"""
+REACHABLE = 'speed = "60 rpm", start = 20, range = "reachable"'
+
+
+def rocker(drive: str = REACHABLE, text: str = ROCKER) -> Scene:
+    return mechviz.loads(text.replace("DRIVE", drive))
+
+
+def limit(crank: float, frame: float, rest: float) -> float:
+    """Angle between crank and frame at which coupler and rocker, ``rest`` long together, are in line."""
+    return math.acos((crank**2 + frame**2 - rest**2) / (2.0 * crank * frame))
+
+
+def law_of(scene: Scene) -> Law:
+    return next(d.law for d in scene.mechanism.drives if d.pair in ("A", "S", "H"))
+
+
+def ends(law: Law) -> tuple[float, float]:
+    assert isinstance(law, Oscillation)
+    return law.centre - law.amplitude, law.centre + law.amplitude
+
+
+def test_a_crank_that_cannot_turn_runs_to_its_limits_and_back():
+    scene = rocker()
+    law, reach = law_of(scene), limit(120.0, 200.0, 210.0)
+    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * MARGIN), reach * (1.0 - 2.0 * MARGIN)), rel=1e-9)
+    run = run_scene(scene)
+    q, v, _ = run.motion.drives[0]
+    assert q[0] == pytest.approx(math.radians(20.0), abs=1e-15) and v[0] > 0.0
+    assert q[-1] == pytest.approx(q[0], abs=1e-12) and v[-1] == pytest.approx(v[0], abs=1e-10)
+    assert np.abs(v).max() == pytest.approx(2.0 * np.pi, rel=1e-3)  # the stated speed, in the middle
+    assert run.motion.closure.max() < 1e-15 and run.motion.condition.max() < 10.0
+    other = law_of(rocker(REACHABLE.replace("60 rpm", "-60 rpm")))
+    time = np.linspace(0.0, 2.0, 7)
+    assert ends(other) == pytest.approx(ends(law)) and other(0.0)[1] == pytest.approx(-law(0.0)[1])
+    assert law.duration == other.duration and other(time + other.duration)[0] == pytest.approx(other(time)[0])
+
+
+def test_it_turns_where_it_can():
+    text = ROCKER.replace("[120, 0]", "[20, 0]")  # Grashof: 20 + 200 < 100 + 125
+    turning = law_of(rocker(text=text.replace("C = [110, 0]", "C = [125, 0]")))
+    assert turning == ConstantSpeed(math.radians(20.0), 2.0 * np.pi)
+    change_point = law_of(rocker(text=text.replace("C = [110, 0]", "C = [120, 0]")))
+    assert isinstance(change_point, ConstantSpeed)  # 20 + 200 = 100 + 120: the change point can be passed
+
+
+def test_a_start_next_to_the_limit_is_an_end():
+    start = math.degrees(limit(120.0, 200.0, 210.0)) - 0.5
+    law = law_of(rocker(REACHABLE.replace("20", f"{start!r}", 1)))
+    assert ends(law)[1] == pytest.approx(math.radians(start)) and law(0.0)[0] == pytest.approx(math.radians(start))
+    assert law(0.0)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("start", [90, -120])
+def test_a_start_that_cannot_be_had_is_moved_to_the_nearest_end(start):
+    law = law_of(rocker(REACHABLE.replace("20", str(start), 1)))
+    assert law(0.0)[0] == pytest.approx(math.copysign(limit(120.0, 200.0, 210.0) * (1.0 - 2.0 * MARGIN), start), rel=1e-9)
+    assert ends(law) == pytest.approx(ends(law_of(rocker())))
+    assert run_scene(rocker(REACHABLE.replace("20", str(start), 1))).motion.closure.max() < 1e-14
+
+
+@pytest.mark.parametrize("start", [-100, 0, 100])
+def test_the_reach_goes_on_behind_the_start(start):
+    """Where only the far side of the turn is missing, it is one range, wherever in it the run starts."""
+    text = (
+        ROCKER.replace("[110, 0]", "[165, 0]").replace("[100, 0]", "[150, 0]").replace("[120, 0]", "[117, 0]")
+    )  # all but some degrees about 180
+    law, reach = law_of(rocker(REACHABLE.replace("20", str(start), 1), text)), limit(117.0, 200.0, 315.0)
+    assert 2.8 < reach < math.pi
+    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * MARGIN), reach * (1.0 - 2.0 * MARGIN)), rel=1e-9)
+    held = rocker(f"speed = 0, start = {start}", text)
+    (whole,) = reachable_ranges(compile_mechanism(held.mechanism))
+    assert whole == pytest.approx((-reach, reach), abs=1e-9)
+
+
+SLIDER = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { O = [0, 0] } }
+crank = { points = { O = [0, 0], P = [40, 0] } }
+rod   = { points = { P = [0, 0], C = [130, 0] } }
+slide = { points = { C = [0, 0] } }
+[pairs]
+O = { revolute = ["frame", "crank"] }
+P = { revolute = ["crank", "rod"], side = "left" }
+C = { revolute = ["rod", "slide"] }
+S = { prismatic = ["frame", "slide"], at = ["O", "C"], drive = { speed = "50 mm/s", start = 120, range = "reachable" } }
+"""
+
+
+def test_drives_that_slide():
+    law = law_of(mechviz.loads(SLIDER))
+    assert ends(law) == pytest.approx((0.09 + 0.08 * MARGIN, 0.17 - 0.08 * MARGIN), rel=1e-9)
+    assert np.abs(law(np.linspace(0.0, law.duration, 101))[1]).max() == pytest.approx(0.05, rel=1e-3)
+    cylinder = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { A = [0, 0], D = [300, 0] } }
+arm   = { points = { D = [0, 0], E = [200, 0] } }
+[pairs]
+H = { cylinder = ["frame", "arm"], at = ["A", "E"], side = "left", drive = { speed = 20, start = 250, range = "reachable" } }
+D = { revolute = ["frame", "arm"] }
+"""
+    assert ends(law_of(mechviz.loads(cylinder))) == pytest.approx((0.1 + 0.4 * MARGIN, 0.5 - 0.4 * MARGIN), rel=1e-9)
+
+
+def test_followed_groups_stop_at_their_limit():
+    """A crank whose dyads hang on each other: the reach is that of the walk along the curve."""
+    extra = "extra = { points = { E = [0, 0], F = [90, 0] } }\nlast = { points = { G = [0, 0], F = [150, 0] } }"
+    text = ROCKER.replace("[links]", f"[links]\n{extra}")
+    text = text.replace("D = [200, 0] } }", "D = [200, 0], G = [330, 40] } }").replace(
+        "C = [110, 0] } }", "C = [110, 0], E = [60, 30] } }"
+    )
+    text += 'E = { revolute = ["rocker", "extra"] }\nF = { revolute = ["extra", "last"], side = "left" }\n'
+    text += 'G = { revolute = ["frame", "last"] }\n'
+    run = run_scene(rocker(text=text))
+    low, high = ends(law_of(run.scene))
+    reach = limit(120.0, 200.0, 210.0)
+    assert -reach < low < high < reach and run.motion.closure.max() < 1e-14
+
+
+SLIDE = """
+[links]
+frame = { points = { O = [0, 0] } }
+slide = { points = { C = [0, 0] } }
+[pairs]
+S = { prismatic = ["frame", "slide"], at = ["O", "C"], drive = { speed = 1, range = "reachable" } }
+"""
+TWO = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { A = [0, 0], E = [150, 0] } }
+a = { points = { A = [0, 0], B = [50, 0] } }
+b = { points = { B = [0, 0], C = [60, 0] } }
+c = { points = { C = [0, 0], D = [80, 0] } }
+d = { points = { E = [0, 0], D = [30, 0] } }
+[pairs]
+A = { revolute = ["frame", "a"], drive = { speed = 30, range = "reachable" } }
+E = { revolute = ["frame", "d"], drive = { OTHER } }
+B = { revolute = ["a", "b"] }
+C = { revolute = ["b", "c"], side = "left" }
+D = { revolute = ["c", "d"] }
+"""
+
+
+def test_beside_drives_that_stand_still():
+    low, high = ends(law_of(mechviz.loads(TWO.replace("OTHER", "speed = 0, start = 90"))))
+    d = complex(150.0, 30.0)
+    far, tilt = abs(d), math.atan2(d.imag, d.real)
+    reach = limit(50.0, far, 140.0)
+    margin = 2.0 * MARGIN * reach
+    assert (low, high) == pytest.approx((tilt - reach + margin, tilt + reach - margin), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "words"),
+    [
+        (TWO.replace("OTHER", 'speed = "9 rpm"'), "pairs.A.drive.range", "another one moves"),
+        (ROCKER.replace("DRIVE", REACHABLE + ", travel = 9"), "pairs.A.drive.travel", "as far as it can"),
+        (ROCKER.replace("DRIVE", REACHABLE.replace("reachable", "reachabel")), "pairs.A.drive.range", "'reachable'"),
+        (ROCKER.replace("DRIVE", 'range = "reachable", speed = 0'), "pairs.A.drive.range", "stands still"),
+        (SLIDE, "pairs.S.drive.range", "nothing limits"),
+    ],
+)
+def test_what_has_no_reach_is_refused(text, path, words):
+    with pytest.raises(SceneError) as error:
+        mechviz.loads(text)
+    (fault,) = error.value.faults
+    assert fault.path == path and words in fault.message + fault.remedy
+
+
+def test_check_and_the_refusal_of_a_full_turn_name_the_key(tmp_path):
+    with pytest.raises(MechanismError) as error:
+        run_scene(rocker('speed = "60 rpm"'))
+    assert 'range = "reachable"' in error.value.faults[0].remedy
+    (line,) = (line for line in check_lines(rocker('speed = "60 rpm", travel = 40')) if line.startswith("reach"))
+    assert "-77.60892° to 77.60892°" in line and 'range = "reachable"' in line
+    (line,) = (line for line in check_lines(rocker()) if line.startswith("reach"))
+    assert "-77.60892° to 77.60892°" in line and "reachable" not in line
+    path = tmp_path / "rocker.toml"
+    path.write_text(ROCKER.replace("DRIVE", 'speed = "60 rpm"'))
+    table = tmp_path / "table.csv"
+    assert CliRunner().invoke(app, ["export", str(path), "--csv", str(table)]).exit_code == 2
+    assert CliRunner().invoke(app, ["check", str(path), "--reachable"]).exit_code == 0
+    assert CliRunner().invoke(app, ["export", str(path), "--csv", str(table), "--reachable"]).exit_code == 0
+    assert len(table.read_text().splitlines()) == 362
+    path.write_text(ROCKER.replace("DRIVE", 'speed = "60 rpm", travel = 40'))
+    assert CliRunner().invoke(app, ["check", str(path), "--reachable"]).exit_code != 0
+
+
+def test_crossing_grashof_with_a_slider_swings():
+    told: list[Status] = []
+    grashof = ROCKER.replace("[120, 0]", "[20, 0]").replace("C = [110, 0]", "C = [125, 0]")
+    studio = Studio(
+        run_scene(rocker('speed = "60 rpm"', grashof)), lambda _: None, told.append, lambda _: None, lambda: None, lambda _: None
+    )
+    try:
+        frame = next(p for p in studio.parameters if p.label == "crank A–B")
+        studio.move(frame, 60.0)
+        assert studio.wait() and told[-1].fault == "" and told[-1].swings == ("A",)
+        assert isinstance(studio.run.scene.mechanism.drives[0].law, Oscillation)
+        assert 'range = "reachable"' in studio.run.scene.to_toml()
+        studio.move(frame, 21.0)
+        assert studio.wait() and told[-1].swings == ()
+        assert isinstance(studio.run.scene.mechanism.drives[0].law, ConstantSpeed)
+        studio.move(frame, 600.0)  # cannot be put together at all
+        assert studio.wait() and "miss each other" in told[-1].fault
+        studio.undo()
+        assert studio.wait() and told[-1].fault == "" and "reachable" not in studio.run.scene.to_toml()
+    finally:
+        studio.close()
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        'speed = "60 rpm", travel = 40',
+        "speed = 0",
+        'speed = "60 rpm", sine = { period = 1 }',
+        "speed = 5, range = [0, 9]",
+        REACHABLE,
+    ],
+)
+def test_only_a_drive_that_says_no_more_than_its_speed_is_made_to_swing(drive):
+    assert not swinging(rocker(drive).document)
+    assert not swinging(mechviz.load("swinging-double-pendulum").document)

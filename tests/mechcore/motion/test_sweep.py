@@ -1,0 +1,81 @@
+"""Sweeps: every design agrees with the same design computed by itself; those that do not assemble are marked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from comparison_columns import class_three
+from mechanisms import four_bar, slider_crank
+
+from mechcore.errors import MechanismError
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.motion.sweep import sweep
+
+TIME = np.linspace(0.0, 2.0 * np.pi, 37)
+
+
+def collect(motion):
+    return {
+        "point": motion.point("coupler", "P"),
+        "velocity": motion.point("coupler", "P", 1),
+        "acceleration": motion.point("coupler", "P", 2),
+        "pose": motion.pose("rocker"),
+        "closure": motion.closure,
+        "pin": motion.point("coupler", "D", 2),
+        "pair": motion.pair_position("D"),
+    }
+
+
+def test_a_sweep_is_the_same_as_design_by_design():
+    rng = np.random.default_rng(3)
+    count = 300  # more than one chunk
+    crank, coupler = rng.uniform(0.5, 1.0, count), rng.uniform(3.2, 4.0, count)
+    frame = np.column_stack([rng.uniform(3.8, 4.2, count), rng.uniform(-0.2, 0.2, count)])
+    base = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, coupler_point=(1.5, 1.0))
+    zero = np.zeros(count)
+    found = sweep(
+        compile_mechanism(base),
+        {("crank", "B"): np.column_stack([crank, zero]), ("coupler", "D"): np.column_stack([coupler, zero]), ("frame", "E"): frame},
+        TIME,
+        collect,
+    )
+    assert found.assembled.all() and found.results["point"].shape == (count, len(TIME), 2)
+    assert found.results["closure"].max() < 1e-14
+    for i in (0, 100, 299):
+        alone = four_bar(E=frame[i], AB=crank[i], BD=coupler[i], DE=3.0, coupler_point=(1.5, 1.0))
+        motion = solve_motion(compile_mechanism(alone), TIME)
+        for name, value in collect(motion).items():
+            np.testing.assert_allclose(found.results[name][i], value, rtol=1e-13, atol=1e-13)
+
+
+def test_designs_that_do_not_assemble_are_marked_not_fatal():
+    base = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, coupler_point=(1.5, 1.0))
+    lengths = np.column_stack([[1.0, 3.0, 1.2, 20.0], np.zeros(4)])
+    found = sweep(compile_mechanism(base), {("crank", "B"): lengths}, TIME, collect)
+    assert found.assembled.tolist() == [True, False, True, False]
+    bad = np.isnan(found.results["point"]).any(axis=2)
+    assert bad[1].any() and not bad[1].all(), "only the frames out of reach are missing"
+    assert bad[3].all() and not bad[[0, 2]].any()
+
+
+def test_slides_sweep_too():
+    base = slider_crank(r=1.0, l=3.0)
+    found = sweep(
+        compile_mechanism(base),
+        {("rod", "C"): [[3.0, 0.0], [4.0, 0.0]]},
+        TIME,
+        lambda m: {"s": m.coordinate("S")},
+    )
+    for k, rod in enumerate((3.0, 4.0)):
+        s = np.cos(TIME) + np.sqrt(rod**2 - np.sin(TIME) ** 2)
+        np.testing.assert_allclose(found.results["s"][k, :, 0], s, rtol=1e-14)
+
+
+def test_what_a_sweep_cannot_do_is_refused():
+    with pytest.raises(MechanismError, match="followed along their course"):
+        sweep(compile_mechanism(class_three()), {("crank", "B"): [[0.04, 0.0]]}, TIME, lambda m: {})
+    compiled = compile_mechanism(four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0))
+    with pytest.raises(MechanismError, match="no point 'X'"):
+        sweep(compiled, {("crank", "X"): [[1.0, 0.0]]}, TIME, lambda m: {})
+    with pytest.raises(MechanismError, match="different numbers of designs"):
+        sweep(compiled, {("crank", "B"): [[1.0, 0.0]], ("coupler", "D"): [[3.0, 0.0], [3.1, 0.0]]}, TIME, lambda m: {})

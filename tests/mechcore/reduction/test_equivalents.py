@@ -1,0 +1,254 @@
+"""Equivalent linkages: the lower pairs that are drawn in place of a higher one move like it, up to accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cam_mechanisms import oscillating, translating, wedge
+from mechanisms import load, slider_crank
+from rubbing_joints import GEAR, rack, shaper, wheels
+
+import mechviz
+from mechcore.cams.followers import Arc, Flat, Knife, Roller
+from mechcore.constructions.equivalents import equivalent
+from mechcore.errors import MechanismError
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic, Revolute
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.picture.overlays import chain_strips
+from mechviz.quantities.study_tables import study_tables
+from mechviz.run import run_scene
+
+THETA = np.array([0.4, 1.3, 1.9, 3.6, 4.4, 5.0])
+SPEED, ACCELERATION = 3.0, 1.7
+
+
+def xy(z: complex) -> tuple[float, float]:
+    return float(z.real), float(z.imag)
+
+
+def moved(links, pairs, sketch, drive: str, start: float):
+    """The rates at the start of a linkage that stands as drawn, driven with SPEED and ACCELERATION."""
+    m = Mechanism(
+        name="linkage",
+        frame="frame",
+        links=links,
+        pairs=pairs,
+        drives=(Drive(pair=drive, law=ConstantSpeed(start, 1.0, travel=1.0)),),
+        sketch=sketch,
+    )
+    return load(m, [start], SPEED, ACCELERATION).motion
+
+
+def bar(name: str, a: complex, b: complex) -> tuple[Link, tuple[float, float, float]]:
+    """A link from a to b that lies along x of its own frame, and where it stands."""
+    return Link(name=name, points={"a": (0.0, 0.0), "b": (abs(b - a), 0.0)}), (a.real, a.imag, float(np.angle(b - a)))
+
+
+def joint(name: str, first: str, p: str, second: str, q: str) -> Revolute:
+    return Revolute(name=name, links=(first, second), points=(p, q))
+
+
+def guided(o: complex, k: complex, t: complex, foot: complex, up: complex, turn: float, *, face: complex | None = None):
+    """Crank OK, rod KT, follower on its guide (or with a slot through K along its face): rates of the follower's displacement."""
+    crank, place = bar("crank", o, k)
+    frame = Link(name="frame", points={"O": xy(o), "G": xy(foot)})
+    follower = Link(name="follower", points={"T": (0.0, 0.0), "S": (0.0, 0.0) if face is None else xy((k - t) / (up / 1j))})
+    guide = Prismatic(name="S", links=("frame", "follower"), points=("G", "T"), along=xy(up), angle=float(np.angle(up / 1j)))
+    drive = joint("O", "frame", "O", "crank", "a")
+    poses = {"crank": place, "follower": (t.real, t.imag, float(np.angle(up / 1j)))}
+    if face is None:
+        rod, at = bar("rod", k, t)
+        links, pairs = (
+            (frame, crank, rod, follower),
+            (drive, joint("K", "crank", "b", "rod", "a"), joint("T", "rod", "b", "follower", "T"), guide),
+        )
+        poses["rod"] = at
+    else:
+        slot = PinSlot(name="K", links=("follower", "crank"), points=("S", "b"), along=xy(face / (up / 1j)))
+        links, pairs = (frame, crank, follower), (drive, slot, guide)
+    return moved(links, pairs, poses, "O", place[2]).coordinate("S")[0, 1:]
+
+
+@pytest.mark.parametrize("slope", [90.0, 40.0])
+@pytest.mark.parametrize("face", [Knife(), Roller(0.01), Arc(0.03, 1.0), Flat()])
+def test_translating_followers(face, slope):
+    motion = load(translating(face, offset=0.007, slope=slope), THETA, SPEED, ACCELERATION).motion
+    found = equivalent(motion, "K")
+    up = np.exp(1j * np.radians(slope))
+    for f in range(len(THETA)):
+        o, k, t = (complex(found.pins[name][f]) for name in "OKT")
+        tip = complex(*motion.point("follower", "T")[f])
+        face_way = complex(found.blocks[0].along[f]) if found.blocks else None
+        rates = guided(o, k, tip if found.blocks else t, tip, up, 1.0, face=face_way)
+        np.testing.assert_allclose(rates, motion.coordinate("S")[f, 1:], rtol=1e-8, atol=1e-10)
+    assert found.bars[:2] == (("O", "K"), ("K", "T"))
+
+
+@pytest.mark.parametrize("face", [Roller(0.012), Knife()])
+def test_oscillating_followers(face):
+    motion = load(oscillating(face), THETA, SPEED, ACCELERATION).motion
+    found = equivalent(motion, "K")
+    for f in range(len(THETA)):
+        o, k, t, p = (complex(found.pins[name][f]) for name in "OKTP")
+        rates = four_bar(o, k, t, p)
+        np.testing.assert_allclose(rates[0], motion.velocity("follower")[f, 2], rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(rates[1], motion.acceleration("follower")[f, 2], rtol=1e-8, atol=1e-9)
+
+
+def four_bar(o: complex, k: complex, t: complex, p: complex) -> tuple[float, float]:
+    """Crank OK, coupler KT, rocker PT: the rocker's angular velocity and acceleration."""
+    links, sketch = [Link(name="frame", points={"O": xy(o), "P": xy(p)})], {}
+    for name, a, b in (("crank", o, k), ("coupler", k, t), ("rocker", p, t)):
+        made, sketch[name] = bar(name, a, b)
+        links.append(made)
+    pairs = (
+        joint("O", "frame", "O", "crank", "a"),
+        joint("K", "crank", "b", "coupler", "a"),
+        joint("T", "coupler", "b", "rocker", "b"),
+        joint("P", "rocker", "a", "frame", "P"),
+    )
+    motion = moved(tuple(links), pairs, sketch, "O", sketch["crank"][2])
+    return float(motion.velocity("rocker")[0, 2]), float(motion.acceleration("rocker")[0, 2])
+
+
+@pytest.mark.parametrize(("sizes", "internal"), [((20, 30), False), ((20, 60), True)])
+def test_gears_turn_like_a_four_bar_between_their_base_circles(sizes, internal):
+    gear = replace(GEAR, sizes=sizes, internal=internal)
+    for moment in (-3.0, 3.0):
+        m = wheels(gear)
+        forces = load(replace(m, loads=(replace(m.loads[0], moment=moment),), effects=()), [0.3], SPEED, ACCELERATION)
+        found = equivalent(forces.motion, "K", forces)
+        o1, n1, n2, o2 = (complex(found.pins[name][0]) for name in ("O1", "N1", "N2", "O2"))
+        assert (abs(o1), abs(o2 - complex(0.5, 0.2))) < (1e-15, 1e-15)
+        rates = four_bar(o1, n1, n2, o2)
+        np.testing.assert_allclose(rates, (forces.motion.velocity("b")[0, 2], forces.motion.acceleration("b")[0, 2]), rtol=1e-9)
+        along = forces.reaction("K")[0, :2] @ np.array([1.0, 1.0j])
+        assert abs(np.imag(np.conj(along) * (n2 - n1))) < 1e-12 * abs(along)  # the rod carries the tooth's force
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_rack_is_pushed_by_a_rod_that_slides_on_its_flank(side):
+    m = rack()
+    g = (0.0, -0.04) if side == "left" else (0.0, 0.04)
+    frame = replace(m.links[0], points={**m.links[0].points, "G": g})
+    m = replace(m, links=(frame, *m.links[1:]), pairs=(*m.pairs[:2], replace(m.pairs[2], side=side)))
+    motion = load(m, [0.3], SPEED, ACCELERATION).motion
+    found = equivalent(motion, "K")
+    o, n, c = (complex(found.pins[name][0]) for name in ("O1", "N1", "C"))
+    assert abs(o) < 1e-15 and abs(c - complex(*g)) < 1e-15
+    crank, place = bar("crank", o, n)
+    links = (
+        Link(name="frame", points={"O": xy(o), "G": xy(c)}),
+        crank,
+        Link(name="rack", points={"C": (0.0, 0.0), "N": xy(n - c)}),
+    )
+    pairs = (
+        joint("O", "frame", "O", "crank", "a"),
+        PinSlot(name="N", links=("rack", "crank"), points=("N", "b"), along=xy(complex(found.blocks[0].along[0]))),
+        Prismatic(name="S", links=("frame", "rack"), points=("G", "C")),
+    )
+    rates = moved(links, pairs, {"crank": place, "rack": (*xy(c), 0.0)}, "O", place[2]).coordinate("S")[0, 1:]
+    np.testing.assert_allclose(rates, motion.coordinate("S")[0, 1:], rtol=1e-9)
+
+
+def test_a_wedge_carries_its_centre_of_curvature_on_its_bed():
+    motion = load(wedge(Roller(0.01)), [0.02, 0.05], 0.3, 0.1).motion
+    found = equivalent(motion, "K")
+    assert "O" not in found.pins and len(found.blocks) >= 1
+    inner = np.isfinite(found.pins["K"])
+    rod = found.pins["T"] - found.pins["K"]
+    for f in np.flatnonzero(inner):
+        bed, up = complex(found.blocks[-1].along[f]), 1j * complex(found.blocks[-1].along[f])
+        k, t = complex(found.pins["K"][f]), complex(found.pins["T"][f])
+        made, at = bar("rod", k, t)
+        links = (
+            Link(name="frame", points={"K": xy(k), "T": xy(t)}),
+            Link(name="cam", points={"K": (0.0, 0.0)}),
+            made,
+            Link(name="follower", points={"T": (0.0, 0.0)}),
+        )
+        pairs = (
+            Prismatic(name="B", links=("frame", "cam"), points=("K", "K"), along=xy(bed)),
+            joint("K", "cam", "K", "rod", "a"),
+            joint("T", "rod", "b", "follower", "T"),
+            Prismatic(name="S", links=("frame", "follower"), points=("T", "T"), along=xy(up)),
+        )
+        poses = {"cam": (*xy(k), 0.0), "rod": at, "follower": (*xy(t), 0.0)}
+        m = Mechanism(
+            name="w",
+            frame="frame",
+            links=links,
+            pairs=pairs,
+            drives=(Drive(pair="B", law=ConstantSpeed(0.0, 1.0, travel=1.0)),),
+            sketch=poses,
+        )
+        own = motion.point("cam", next(iter(motion.mechanism.links[1].points)), 1)[f] @ np.array([1.0, 1j])
+        second = motion.point("cam", next(iter(motion.mechanism.links[1].points)), 2)[f] @ np.array([1.0, 1j])
+        got = load(m, [0.0], float(np.real(np.conj(bed) * own)), float(np.real(np.conj(bed) * second))).motion
+        for d in (1, 2):
+            wanted = motion.point("follower", "T", d)[f]
+            np.testing.assert_allclose(got.point("follower", "T", d)[0], wanted, rtol=1e-8, atol=1e-10)
+    assert inner.any() and np.isfinite(rod[inner]).all()
+
+
+def test_a_pin_in_a_slot_is_a_block():
+    motion = load(shaper(), THETA, SPEED).motion
+    found = equivalent(motion, "K")
+    np.testing.assert_allclose(found.blocks[0].place, motion.point("crank", "A") @ [1.0, 1j], atol=1e-15)
+    np.testing.assert_allclose(np.angle(found.blocks[0].along), np.angle(motion.rotation(motion.model.index["lever"])), atol=1e-14)
+
+
+def test_lower_pairs_have_none():
+    motion = solve_motion(compile_mechanism(slider_crank(r=1.0, l=3.0)), np.zeros(1))
+    for name, words in (("S", "lower pair"), ("X", "there is no pair")):
+        with pytest.raises(MechanismError, match=words):
+            equivalent(motion, name)
+
+
+def test_scenes_ask_for_them_and_recordings_hold_them(tmp_path):
+    scene = mechviz.load("cam-equivalent")
+    assert scene.mechanism.studies.equivalent == ("C",) and mechviz.loads(scene.to_toml()) == scene
+    run = run_scene(scene, frames=60)
+    chain = run.studies.equivalents["C"]
+    found = {table.path: table.values for table in study_tables(run)}
+    for pin in "OKTP":
+        np.testing.assert_array_equal(found["data", "equivalent", "C", pin] @ [1.0, 1j], chain.pins[pin])
+    strips = dict(chain_strips(run, 0.1))["C"]
+    np.testing.assert_array_equal(strips[1], np.stack([chain.pins["K"], chain.pins["T"]], axis=1))
+    path = tmp_path / "x.rrd"
+    write_recording(run, path)
+    recording = Recording(path)
+    assert {"/polygons/equivalent/C", "/polygons/equivalent/C/pins", "/data/equivalent/C/K"} <= set(recording.entities)
+
+
+def test_where_a_profile_is_straight_nothing_runs_away():
+    """The dwells of a flat-faced follower are circles, the flanks of a cam with a straight line have their centre far away."""
+    text = mechviz.load("cam-wedge").to_toml()
+    name = next(p.name for p in mechviz.loads(text).mechanism.pairs if type(p).__name__ == "CamPair")
+    run = run_scene(mechviz.loads(f'equivalent = ["{name}"]\n' + text), frames=80)
+    chain = run.studies.equivalents[name]
+    assert not np.isfinite(chain.pins["K"]).all() or np.abs(chain.pins["K"]).max() > 1.0
+    for _, strips in chain_strips(run, 0.2):
+        for strip in strips:
+            assert np.isfinite(strip).all() and (np.abs(strip - strip[:, :1]).max(axis=1) <= 4.0 * 0.2 + 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "pair", "words"),
+    [
+        ("cam-equivalent", "O", "'O' is no cam, gear, rack or pin in a slot"),
+        ("cam-equivalent", "c", "there is no pair 'c'"),
+        ("crank-rocker", "A", "the scene has no such pair"),
+    ],
+)
+def test_faults(scene, pair, words):
+    text = mechviz.load(scene).to_toml()
+    head = [line for line in text.splitlines() if not line.startswith("equivalent")]
+    with pytest.raises(mechviz.SceneError) as error:
+        mechviz.loads(f'equivalent = ["{pair}"]\n' + "\n".join(head))
+    assert words in str(error.value)

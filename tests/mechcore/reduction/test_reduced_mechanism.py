@@ -1,0 +1,194 @@
+"""Reduced mass and force, shaking force, balancing: references, kinetostatics as the second method, random linkages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mechanisms import case, four_bar, slider_crank
+
+import mechviz
+from mechcore.errors import MechanismError
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.reduction.balancing import (
+    Counterweight,
+    FourBar,
+    SliderCrank,
+    balance,
+    counterweights,
+    find_linkage,
+    with_counterweights,
+)
+from mechcore.reduction.reduced import reduce_mechanism
+from mechcore.reduction.shaking import Shaking, shaking
+from mechcore.spec.loads import Force
+
+BODIES = {"crank": (0.8, (0.05, 0.01), 0.001), "coupler": (1.6, (0.14, 0.02), 0.012), "rocker": (1.2, (0.12, -0.01), 0.007)}
+
+
+def moved(mechanism, frames=48):
+    compiled = compile_mechanism(mechanism)
+    return solve_motion(compiled, default_times(mechanism, frames))
+
+
+def test_reduced_inertia_of_the_reference():
+    c = case("misc", "reduced-inertia-slider-crank")
+    i = c["inputs"]
+    bodies = {"crank": (i["m1"], i["C1"], i["J1"]), "rod": (i["m2"], i["C2"], i["J2"]), "piston": (i["m3"], (0.0, 0.0), 0.0)}
+    m = slider_crank(r=i["r"], l=i["l"], e=i["e"], bodies=bodies)
+    compiled = compile_mechanism(m)
+    angles = np.radians([row["theta_1_deg"] for row in c["expected"]])
+    motion = solve_motion(compiled, angles, drives={"O": (angles, np.ones_like(angles), np.zeros_like(angles))})
+    found = reduce_mechanism(motion, "crank")
+    assert found.mass == pytest.approx([row["J_red"] for row in c["expected"]], rel=1e-11)
+    assert found.slope == pytest.approx([row["dJ_dtheta"] for row in c["expected"]], rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["kinetostatic-four-bar", "ten-link-forces", "slider-crank-engine", "contour-lever"])
+def test_the_equation_of_motion_in_the_drive_gives_the_torque_of_kinetostatics(name):
+    scene = mechviz.load(name)
+    m = replace(scene.mechanism, effects=("inertia", "gravity"))
+    compiled = compile_mechanism(m)
+    motion = solve_motion(compiled, default_times(m, 60, scene.cycles))
+    forces = solve_forces(motion)
+    drive = m.drives[0].pair
+    link = next(p for p in m.pairs if p.name == drive).links[1]
+    found = reduce_mechanism(motion, link, loads=forces.applied)
+    effort = forces.effort(drive)
+    assert np.abs(found.balancing - effort).max() <= 1e-9 * np.abs(effort).max()
+    assert found.energy == pytest.approx(forces.kinetic_energy, rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("link", "point"), [("rocker", None), ("coupler", None), ("rocker", "D"), ("coupler", "P"), ("crank", "B")]
+)
+def test_reduced_to_any_link_or_point_the_energy_and_the_power_are_the_same(link, point):
+    m = four_bar(
+        E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES, coupler_point=(0.1, 0.08),
+        speed=20.0, effects=("inertia", "gravity"),
+        loads=(Force(name="F", link="rocker", point="D", vector=(-150.0, -60.0)),),
+    )  # fmt: skip
+    motion = moved(m)
+    forces = solve_forces(motion)
+    found = reduce_mechanism(motion, link, point, forces.applied)
+    assert found.energy == pytest.approx(forces.kinetic_energy, rel=1e-9)
+    load = forces.power_of(["gravity", "force"])
+    assert found.force * found.rate == pytest.approx(load, rel=1e-9, abs=1e-9 * np.abs(load).max())
+    power = forces.power_supplied  # also through the equation of motion there, with the derivative of the reduced mass
+    assert found.balancing * found.rate == pytest.approx(power, rel=1e-7, abs=1e-9 * np.abs(power).max())
+
+
+def test_the_slope_is_the_derivative():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES)
+    compiled = compile_mechanism(m)
+    h = 1e-4
+
+    def at(shift, link, point):
+        q = np.linspace(0.3, 6.0, 9) + shift
+        return solve_motion(compiled, q, drives={"A": (q, np.ones_like(q), np.zeros_like(q))}), link, point
+
+    for link, point in (("crank", None), ("coupler", None), ("rocker", "D")):
+        low, mid, high = (reduce_mechanism(*at(s, link, point)) for s in (-h, 0.0, h))
+        difference = (high.mass - low.mass) / (2.0 * h) / mid.rate  # by the angle of the link, or the way of the point
+        assert mid.slope == pytest.approx(difference, rel=1e-4, abs=1e-5 * np.abs(mid.slope).max())
+
+
+def test_several_drives_and_unknown_places_are_refused():
+    motion = moved(mechviz.load("five-bar").mechanism)
+    with pytest.raises(MechanismError, match="2 drives"):
+        reduce_mechanism(motion, "crank")
+    motion = moved(four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES))
+    with pytest.raises(MechanismError, match="no link or point"):
+        reduce_mechanism(motion, "crank", "Q")
+
+
+# -- shaking and balancing ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["kinetostatic-four-bar", "slider-crank-compressor", "ten-link-forces"])
+def test_shaking_is_what_pairs_and_drives_do_to_the_frame(name):
+    m = replace(mechviz.load(name).mechanism, effects=("inertia",), loads=())
+    motion = moved(m)
+    forces, found = solve_forces(motion), shaking(motion, (0.02, -0.05))
+    on_frame, moment = np.zeros((motion.frames, 2)), np.zeros(motion.frames)
+    driven = {d.pair for d in m.drives}
+    for c in motion.model.connections:
+        if m.frame in c.links:
+            sign = 1.0 if c.links[1] == m.frame else -1.0
+            wrench = forces.reaction(c.name) + (forces.wrench(c.name) if c.name in driven else 0.0)
+            at = forces.position(c.name) - np.array([0.02, -0.05])
+            on_frame += sign * wrench[:, :2]
+            moment += sign * (wrench[:, 2] + at[:, 0] * wrench[:, 1] - at[:, 1] * wrench[:, 0])
+    assert np.abs(found.force - on_frame).max() <= 1e-10 * found.peak
+    assert np.abs(found.moment - moment).max() <= 1e-10 * found.peak_moment
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_balanced_four_bar_does_not_shake_whatever_the_crank_does(seed):
+    rng = np.random.default_rng(seed)
+    bodies = {
+        k: (rng.uniform(0.3, 3), tuple(rng.uniform(-0.1, 0.3, 2)), rng.uniform(0, 0.05)) for k in ("crank", "coupler", "rocker")
+    }
+    m = four_bar(E=(0.28, 0.05), A=(0.0, 0.05), AB=0.1, BD=0.3, DE=0.25, bodies=bodies, effects=("inertia",))
+    better, weights = balance(m, (rng.uniform(0.02, 0.2), rng.uniform(0.02, 0.2)))
+    compiled = compile_mechanism(better)
+    q = rng.uniform(0, 6.28, 30)
+    motion = solve_motion(compiled, np.arange(30.0), drives={"A": (q, rng.normal(size=30), rng.normal(size=30))})
+    before = solve_motion(compile_mechanism(m), np.arange(30.0), drives={"A": tuple(motion.drives[0])})
+    single = max(np.abs(link.mass * motion.centre_of_mass(link.name, 2)).max() for link in better.links)
+    assert shaking(motion).peak <= 1e-12 * single
+    assert shaking(before).peak > 1e-3 * single
+    assert {w.link for w in weights} == {"crank", "rocker"}
+    # the common centre of mass stands still
+    total = sum(link.mass * motion.centre_of_mass(link.name) for link in better.links if link.mass)
+    assert np.ptp(total, axis=0).max() <= 1e-12 * np.abs(total).max()
+
+
+def test_the_moment_of_a_force_balanced_four_bar_is_a_pure_couple():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES, speed=20.0, effects=("inertia",))
+    motion = moved(balance(m, 0.06)[0])
+    here, there = shaking(motion), shaking(motion, (3.0, -2.0))
+    assert here.moment == pytest.approx(there.moment, rel=1e-9)
+
+
+def test_partial_balance_of_a_slider_crank_shifts_the_shaking_from_the_guide_across_it():
+    bodies = {"crank": (2.2, (0.004, 0.0), 0.005), "rod": (0.55, (0.042, 0.0), 0.0016), "piston": (0.42, (0.0, 0.0), 0.0)}
+    m = slider_crank(r=0.04, l=0.14, bodies=bodies, speed=157.0, effects=("inertia",))
+    found = {k: shaking(moved(balance(m, 0.05, fraction=k)[0], 360)) for k in (0.0, 0.5, 1.0)}
+    for k, s in found.items():  # across the guide only what turns with the crank acts: the part that is balanced beyond what turns
+        to_and_fro = 0.55 * 0.042 / 0.14 + 0.42
+        assert np.abs(s.force[:, 1]).max() == pytest.approx(k * to_and_fro * 0.04 * 157.0**2, rel=1e-3, abs=1e-9 * s.peak)
+    plain = shaking(moved(m, 360))
+    assert found[0.5].peak < min(found[0.0].peak, found[1.0].peak, plain.peak)
+    assert found[0.5].rms < plain.rms
+
+
+def test_counterweights_are_where_they_are_said_to_be():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES)
+    linkage = find_linkage(m)
+    assert isinstance(linkage, FourBar)
+    for w in counterweights(linkage, (0.05, 0.08)):
+        assert np.hypot(*w.at) == pytest.approx({"crank": 0.05, "rocker": 0.08}[w.link])
+        assert w.mass > 0
+    heavier = with_counterweights(m, (Counterweight("crank", 2.0, (-0.1, 0.0)),))
+    crank = next(k for k in heavier.links if k.name == "crank")
+    assert crank.mass == pytest.approx(2.8) and crank.centre[0] == pytest.approx((0.8 * 0.05 - 0.2) / 2.8)
+    assert isinstance(find_linkage(slider_crank(r=0.04, l=0.14)), SliderCrank)
+
+
+def test_what_is_no_linkage_is_refused():
+    with pytest.raises(MechanismError, match="neither"):
+        find_linkage(mechviz.load("ten-link").mechanism)
+    with pytest.raises(MechanismError, match="radius"):
+        balance(four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES), 0.0)
+
+
+def test_the_mean_square_of_a_cycle_counts_its_closing_frame_once():
+    """cos over a turn in n equal steps: exactly 1 / sqrt(2) without the frame that closes the cycle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)
+    force = np.column_stack([np.cos(angle), 0.0 * angle])
+    s = Shaking(force=force, moment=3.0 * np.cos(angle), about=(0.0, 0.0))
+    assert s.rms == pytest.approx(np.sqrt(0.5), rel=1e-14) and s.rms_moment == pytest.approx(3.0 * np.sqrt(0.5), rel=1e-14)

@@ -1,0 +1,332 @@
+"""`mechviz accuracy` and `mechviz effects`: what is measured, chosen, drawn and kept. No test looks at how long anything took."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mechviz.accuracy import cache, timing
+from mechviz.accuracy import ladder as ladder_module
+from mechviz.accuracy.apply import setting_changes
+from mechviz.accuracy.diagram import PANEL, diagram, write_diagram
+from mechviz.accuracy.effects import influence_lines, influences
+from mechviz.accuracy.kept import PROFILE
+from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
+from mechviz.accuracy.recorded import write_rrd
+from mechviz.accuracy.timing import Timed, side_by_side, timed
+from mechviz.commands.main import app
+from mechviz.scene.scene import load
+
+
+def point(seconds: float, error: float, **more: object) -> Point:
+    return Point("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]  # of tests
+
+
+POINTS = [point(1.0, 1e-2), point(2.0, 1e-4, current=True), point(3.0, 1e-3, method="b"), point(4.0, 1e-6, method="b")]
+
+
+def test_pareto_front_and_the_cheapest():
+    assert [p.seconds for p in pareto(POINTS)] == [1.0, 2.0, 4.0]
+    assert cheapest(POINTS, 1e-3) is POINTS[1]
+    assert cheapest(POINTS, 1e-5) is POINTS[3]
+    assert cheapest(POINTS, 1e-9) is None
+
+
+def test_timing_warms_up_and_repeats():
+    calls: list[str] = []
+    found = timed(lambda: calls.append("x"), budget=0.0, least=5)
+    assert len(calls) == 6 and found.repeats == 5 and found.seconds > 0.0 <= found.spread
+    calls.clear()
+    side_by_side(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
+    assert "".join(calls) == "ab" * 4, "in turns"
+
+
+def test_times_of_a_processor_that_others_used_are_called_rough(monkeypatch):
+    walls, own = iter([0.0, 10.0]), iter([0.0, 4.0])
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: next(walls))
+    monkeypatch.setattr(timing.time, "process_time", lambda: next(own))
+    with timing.used() as share:
+        pass
+    monkeypatch.undo()
+    assert share() == 0.4
+    found = cache.Measured("s", "a machine", "2026-01-01", (), share=share())
+    assert (
+        found.foot == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
+    )
+    assert "rough" not in cache.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
+
+
+def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is to be timed is done once."""
+    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
+
+
+@pytest.mark.parametrize(
+    ("name", "dials"),
+    [
+        ("triad", {"frames", "differentiation", "position tolerance", "tessellation", "recording"}),
+        ("slider-crank-friction", {"frames", "differentiation", "friction tolerance", "tessellation", "recording"}),
+    ],
+)
+def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch):
+    once(monkeypatch)
+    monkeypatch.setattr(ladder_module, "FRAMES", (16, 64, 256))
+    monkeypatch.setattr(ladder_module, "DIVISIONS", (24, load(name).frames))
+    monkeypatch.setattr(ladder_module, "_tessellation", lambda *_: [point(1.0, 1.0)])
+    monkeypatch.setattr(ladder_module, "_recording", lambda *_: [point(1.0, 1.0)])
+    points = [p for p in ladder(load(name), 1e-4, budget=0.0) if p.value != "x"]
+    assert {p.dial for p in points} == dials - {"tessellation", "recording"}
+    for dial in {p.dial for p in points}:
+        assert sum(p.current for p in points if p.dial == dial) == 1, "the current setting is among them, once"
+    cubics = [p for p in points if p.method == "cubics" and not p.note]
+    if name == "triad":
+        assert [p.error for p in cubics] == sorted((p.error for p in cubics), reverse=True)
+        exact = next(p for p in points if p.dial == "differentiation" and p.method == "exact")
+        others = [p for p in points if p.dial == "differentiation" and p.method != "exact"]
+        assert exact.error < min(p.error for p in others)
+        fitted = [p for p in points if "fitted" in p.note]
+        assert len(fitted) == 3 and all(p.error <= 1e-4 for p in fitted)
+    iterated = [p.error for p in points if p.dial.endswith("tolerance")]
+    assert iterated[-1] == ladder_module.LEAST_ERROR and max(iterated) < 1e-1
+    assert iterated[0] > iterated[-1]
+
+
+@pytest.mark.parametrize(("name", "plane"), [("cam-roller", True), ("cam-globoid", False), ("cam-inverse-slide", False)])
+def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypatch):
+    """Their polygons halve their sagitta twice where their points are doubled; solid and inverse cams have no such profile."""
+    once(monkeypatch)
+    for other in ("_frames", "_differentiation", "_tessellation", "_recording"):
+        monkeypatch.setattr(ladder_module, other, lambda *_: [])
+    points = [p for p in ladder(load(name), budget=0.0) if p.dial == "cam profile"]
+    assert bool(points) is plane
+    if plane:
+        errors = {p.options["profile"]: p.error for p in points}
+        assert errors[2160] == pytest.approx(errors[4320] * 4.0, rel=0.05)
+        assert [p.options["profile"] for p in points if p.current] == [PROFILE]
+
+
+def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
+    from mechviz.run import run_scene
+
+    worked = []
+    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: worked.append(work) or Timed(1e-3, 0.0, 1))
+    monkeypatch.setattr(ladder_module, "TOLERANCES", (1e-4, 1e-9))
+    points = list(ladder_module._integrator(run_scene(load("andrews-squeezer")), 0.0))
+    assert len(worked) == len(points) and {work.func for work in worked} == {ladder_module._simulated}, "all do the same work"
+    gauss = {p.value: p.error for p in points if p.method == "Gauss"}
+    assert gauss["1e-09"] < 1e-3 * gauss["1e-04"] and gauss["1e-09"] < 1e-8
+    assert {"energy", "Gauss", "Gauss, 4 nodes", "Radau"} == {p.method for p in points}
+    assert sum(p.current for p in points) == 1
+
+
+def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "cache"))
+    calls = []
+    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: calls.append(1) or list(POINTS))
+    svg, png, rrd = (tmp_path / f"d.{kind}" for kind in ("svg", "png", "rrd"))
+    first = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(svg), "--rrd", str(rrd)])
+    assert first.exit_code == 0, first.output
+    assert "* <- now cheapest for the target" in first.stdout and "cheapest settings that reach 0.001" in first.stdout
+    assert "measured 20" in first.stdout and "cores" in first.stdout
+    root = ET.fromstring(svg.read_text(encoding="utf-8"))
+    assert len(root.findall(".//{*}circle")) >= len(POINTS) + 2 and rrd.stat().st_size > 1000
+    again = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(png)])
+    assert again.exit_code == 0 and len(calls) == 1, "kept"
+    from PIL import Image
+
+    assert len(np.unique(np.asarray(Image.open(png).convert("RGB")).reshape(-1, 3), axis=0)) > 10
+    assert "kept from then; --again measures anew" in again.stdout and "kept from" not in first.stdout
+    CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "--again"])
+    CliRunner().invoke(app, ["accuracy", "crank-rocker"])
+    CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3", "--quick"])
+    assert len(calls) == 4, "measured anew for another scene, another target, or where that is asked"
+    assert "of few repeats" in CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3", "--quick"]).stdout
+    assert len(calls) == 4, "a rough ladder will do where a rough one is asked for"
+    assert "of few repeats" not in CliRunner().invoke(app, ["accuracy", "triad", "--target", "1e-3"]).stdout
+    assert len(calls) == 5, "and not where it is not"
+
+
+def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_path, recwarn):
+    """To the right means slower and up more wrong, as in the picture below the points, in which they lie."""
+    from rerun.chunk import RrdReader
+
+    write_rrd(POINTS, tmp_path / "d.rrd", "title", "table", 1e-3)
+    assert not [w for w in recwarn if "rerun" in w.category.__name__.lower()]
+    found = {}
+    for chunk in RrdReader(tmp_path / "d.rrd").stream():
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            found[str(chunk.entity_path), name] = batch[name].to_pylist()[-1]
+    image = found["/accuracy/frames/axes", "EncodedImage:blob"][0]
+    assert bytes(image)[:4] == b"\x89PNG"
+    for method in ("a", "b"):
+        own = [p for p in POINTS if p.method == method]
+        places = np.array(found[f"/accuracy/frames/{method}", "Points2D:positions"])
+        assert (np.diff(places[:, 0]) > 0).all() and (np.diff(places[:, 1]) > 0).all()
+        assert places.min() > 0 and (places < 2 * np.array(PANEL)).all()
+        labels = found[f"/accuracy/frames/{method}", "Points2D:labels"]
+        assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in own]
+        assert found[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
+
+
+@pytest.mark.parametrize("times", [[1e-4], [9.7e-5, 3.3e-4], [2e-3, 1.1e-1], [1e-6, 40.0]])
+def test_marks_of_the_time_are_round_and_around_all_points(times):
+    from mechviz.accuracy.diagram import time_ticks
+
+    ticks = time_ticks(times)
+    assert 2 <= len(ticks) <= 8 and ticks == sorted(ticks)
+    assert ticks[0] <= min(times) * 1.001 and max(times) <= ticks[-1] * 1.001
+    assert all(f"{t:.0e}"[0] in "125" and float(f"{t:.0e}") == pytest.approx(t) for t in ticks)
+
+
+def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
+    scene = load("crank-rocker")
+    infinite = [*POINTS, point(5.0, float("inf"))]
+    cache.keep(scene, None, infinite)
+    found = cache.kept(scene, None)
+    assert found is not None and list(found.points) == infinite and found.scene == "crank-rocker"
+    monkeypatch.setattr(cache, "machine", lambda: "another one")
+    assert cache.kept(scene, None) is None
+    monkeypatch.undo()
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "file"))
+    (tmp_path / "file").write_text("no folder")
+    cache.keep(scene, None, POINTS)
+    assert cache.kept(scene, None) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--target", "7"], "is no accuracy"),
+        (["-o", "x.pdf"], "SVG or PNG"),
+        (["--dial", "colour"], "'colour' is no dial"),
+    ],
+)
+def test_bad_options_are_refused(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
+    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: list(POINTS))
+    found = CliRunner().invoke(app, ["accuracy", "crank-rocker", *arguments])
+    assert found.exit_code == 2 and words in found.stderr
+    assert CliRunner().invoke(app, ["effects", "crank-rocker", "--accuracy", "2"]).exit_code == 2
+
+
+def test_a_diagram_is_written_as_a_whole(tmp_path: Path):
+    sheet = diagram(POINTS, "<title> & more", "foot", 1e-3)
+    for name in ("a.svg", "a.png"):
+        write_diagram(sheet, tmp_path / name)
+    assert "&lt;title&gt; &amp; more" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg"]
+
+
+# -- picking a point -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("options", "changed"),
+    [
+        ({"frames": 128, "interpolation": 5}, {"run": {"frames": 128}, "accuracy": {"interpolation": "quintic"}}),
+        (
+            {"method": "gauss", "integrator": 1e-6, "nodes": 4},
+            {"run": {"method": "gauss", "tolerance": 1e-6}, "accuracy": {"nodes": 4}},
+        ),
+        ({"chord": 2.5e-4}, {"accuracy": {"chord": "0.00025 m"}}),
+        ({"friction": 1e-6}, {"accuracy": {"friction": 1e-6}}),
+    ],
+)
+def test_a_setting_becomes_part_of_the_scene(options, changed):
+    before = load("andrews-squeezer" if "method" in options else "crank-rocker")
+    scene = before.changed(setting_changes(before.document, options))
+    document, found = (s.document.model_dump(exclude_defaults=True) for s in (before, scene))
+    for table, values in changed.items():
+        assert {**document.get(table, {}), **values} == found[table]
+    for key in set(options) - {"frames", "method", "integrator"}:
+        assert getattr(scene.accuracy, key) == options[key]
+    wanted = before.changed({("accuracy",): 1e-3})
+    stated = wanted.changed(setting_changes(wanted.document, {"friction": 1e-6})).document.accuracy
+    assert stated.model_dump(exclude_unset=True) == {"target": 1e-3, "friction": 1e-6}
+
+
+def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
+    from mechviz.outputs.viewer.app import Viewer
+    from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
+    from mechviz.run import run_scene
+
+    once(monkeypatch)
+    monkeypatch.setattr(ladder_module, "FRAMES", (32, 128))
+    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
+    with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
+        tab = viewer.inspector.accuracy
+        assert tab is not None and "estimated errors" in tab.errors.content
+        assert tab.wanted.value == "1e-3"
+        viewer.player.seek(20)
+        tab.measure()
+        tab.wait()
+        assert "<br>" not in unescape(tab.errors.content), "lines stand below each other"
+        assert "<svg" in tab.diagram.content and len(tab.choice.options) > 8
+        titles = [unescape(t) for t in re.findall("<title>(.*?)</title>", tab.diagram.content)]
+        assert set(tab.choice.options[1:]) == set(titles), "a click on a point tells the entry of the list"
+        assert {p.options["frames"] for p in tab._points if p.current} == {160}, "as it is, and fitted"
+        tab.choice.value = next(o for o in tab.choice.options if "quintics, 128 frames" in o)
+        tab._pick(None)
+        assert viewer.studio.wait()
+        assert viewer.run.scene.frames == 128 and viewer.run.accuracy.interpolation == 5
+        timeline = viewer.inspector.timeline
+        assert viewer.player.frame == 16 and ">16</span> of 128" in timeline._place.content, "the same part of the run"
+        assert timeline.slider.value == 16 and timeline.slider.max == 128
+        viewer.inspector.settle()
+        assert [(p.options["frames"], p.method) for p in tab._points if p.current] == [(128, "quintics")], "the ring has moved"
+        assert f"between frames {np.nanmax(viewer.run.errors.between):.1e}" in tab.errors.content, "it says so of the present run"
+        viewer.studio.undo()
+        assert viewer.studio.wait()
+        assert viewer.run.accuracy.interpolation == 3
+        tab.wanted.value = "1e-6"
+        tab._want(None)
+        assert viewer.studio.wait()
+        assert (
+            viewer.run.scene.accuracy.target == 1e-6 and viewer.run.scene.frames == 265 and viewer.run.errors.between.max() < 1e-6
+        )
+
+
+# -- effects -----------------------------------------------------------------------------------------------------------------------
+def test_what_effects_do_is_what_two_runs_differ_by():
+    """The influence of friction and of gravity by hand: two scenes, one with and one without."""
+    from mechviz.run import run_scene
+    from mechviz.scene.scene import Scene
+
+    scene = load("slider-crank-friction")
+    _, found = influences(scene, budget=0.0)
+    by_name = {i.name: i for i in found}
+    assert set(by_name) == {"inertia", "gravity", "friction", "process"}
+    document = scene.document.model_dump(exclude_defaults=True)
+    whole = np.abs(run_scene(scene).forces.effort("O")).max()
+    for effect in ("friction", "gravity"):
+        rest = [e for e in scene.effects if e != effect]
+        less = np.abs(run_scene(Scene.build(**{**document, "effects": rest})).forces.effort("O")).max()
+        assert by_name[effect].effort == pytest.approx(abs(whole - less) / whole, rel=1e-9)
+        assert np.isfinite(by_name[effect].cost) and by_name[effect].named
+    assert by_name["friction"].worth(0.05) and not by_name["gravity"].worth(0.05)
+    words = "\n".join(influence_lines(_, found, 0.05))
+    assert "keep: friction changes the peak effort by 9.54 %" in words and "could be left out: gravity" in words
+
+
+def test_effects_that_a_scene_has_not_are_tried_and_not_applied():
+    scene = load("slider-crank-compressor")
+    before = scene.to_toml()
+    base, found = influences(scene, budget=0.0)
+    gravity = next(i for i in found if i.name == "gravity")
+    assert not gravity.named and 0.0 < gravity.curve < 0.2
+    friction = next(i for i in found if i.name == "friction")
+    assert friction.problem, "no pair has a coefficient"
+    assert scene.to_toml() == before
+    assert any("friction" in line and friction.problem in line for line in influence_lines(base, found, 0.01))
+
+
+def test_fluctuation_of_a_motion_under_forces():
+    base, found = influences(load("andrews-squeezer"), budget=0.0)
+    assert base.fluctuation > 0.0 and next(i for i in found if i.name == "spring").fluctuation > 0.0
+    assert next(i for i in found if i.name == "inertia").problem

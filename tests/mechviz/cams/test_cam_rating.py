@@ -1,0 +1,301 @@
+"""Rating of cams in scenes: Hertz pressure, least springs, the graphical method; tables, events, the command, faults."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cam_scenes import text_of
+from typer.testing import CliRunner
+
+import mechviz
+from mechcore.cams.followers import Roller
+from mechcore.cams.forces import Closure, least_spring
+from mechcore.cams.given import graphical
+from mechcore.errors import MechanismError
+from mechcore.forces import cam_rating as rating_module
+from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows, least_springs
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import CamDrawn, CamRating
+from mechviz.commands.main import app
+from mechviz.quantities.tables import tables
+from mechviz.run import run_scene
+from mechviz.scene.cams.ratings import whole_step
+from mechviz.scene.units import Units
+from mechviz.studies.cam_report import cam_facts, cam_lines
+
+STEEL = CamRating(width=0.008)
+
+
+def solved(scene, frames: int = 360):
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames, 1))
+    (cam,) = placed_cams(motion)
+    return motion, solve_forces(motion), cam
+
+
+def lines_of(run, name):
+    return {t.path[-1]: t for t in tables(run) if t.path[:2] == ("data", "cams") and t.path[2] == name}
+
+
+# -- Hertz ----------------------------------------------------------------------------------------------------------------
+
+
+def test_the_pressure_is_that_of_hertz_and_carries_the_force():
+    """Half an ellipse of the largest pressure over the strip is the contact force; width and peak by the formulas of a handbook."""
+    _, forces, cam = solved(mechviz.load("cam-roller"))
+    found = contact_stress(forces, cam, STEEL)
+    force = contact_force(forces, cam)
+    np.testing.assert_allclose(0.5 * np.pi * found.pressure * found.half_width * STEEL.width, force, rtol=1e-12)
+    rho = cam.rows(forces.motion).radius
+    reduced = 1.0 / (1.0 / rho + 1.0 / 0.010)
+    # sigma_H = 0.418 sqrt(F E / (b r)) of steel on steel, nu = 0.3
+    np.testing.assert_allclose(found.pressure, 0.418 * np.sqrt(force * 2.1e11 / (0.008 * reduced)), rtol=1e-3)
+
+
+def test_the_flank_that_carries_has_its_own_curvature():
+    """A groove: its far flank is hollow and parallel; the roller fits it closer than the other one under the same force."""
+    _, forces, cam = solved(mechviz.load("cam-groove"))
+    force = contact_force(forces, cam)
+    assert (force < -1.0).any() and (force > 1.0).any()
+    rho, r = cam.rows(forces.motion).radius, cam.face.radius
+    found = contact_stress(forces, cam, STEEL)
+    hollow = force < 0.0
+    near = np.where(hollow, 1.0 / r - 1.0 / (rho + 2.0 * r), 1.0 / r + 1.0 / rho)
+    modulus = 2.1e11 / (2.0 * (1.0 - 0.09))
+    np.testing.assert_allclose(found.pressure, np.sqrt(np.abs(force) / 0.008 * modulus * near / np.pi), rtol=1e-9)
+    assert (near[hollow] < 1.0 / r).all()
+
+
+@pytest.mark.parametrize("name", ["cam-conjugate", "cam-inverse", "cam-barrel", "cam-mushroom", "cam-knife"])
+def test_every_kind_of_contact_has_a_pressure(name):
+    _, forces, cam = solved(mechviz.load(name), 90)
+    found = contact_stress(forces, cam, STEEL)
+    pressed = np.abs(contact_force(forces, cam)) > 1e-6
+    if name == "cam-knife":
+        assert np.isinf(found.pressure[pressed]).all()
+        return
+    assert (found.pressure[pressed] > 1e6).all() and np.isfinite(found.pressure).all()
+    force = np.abs(contact_force(forces, cam))
+    np.testing.assert_allclose(0.5 * np.pi * found.pressure * found.half_width * STEEL.width, force, rtol=1e-9, atol=1e-9)
+
+
+# -- springs --------------------------------------------------------------------------------------------------------------
+
+
+def test_the_least_spring_is_that_of_the_theory():
+    """Along the follower, no margin: the closed form over the law's exact extremes, which 3,600 frames meet to 1e-6."""
+    _, forces, cam = solved(mechviz.load("valve-train"), 3600)
+    (found,) = least_springs(forces, cam, 0.0)
+    spring = forces.motion.mechanism.loads[0]
+    mass, speed = 0.11, 2.0 * np.pi * 60.0
+    length = np.hypot(*(forces.motion.point("frame", "H") - forces.motion.point("valve", "R")).T)
+    preload = spring.free_length - length.max()
+    wanted, _ = least_spring(Closure(mass, 1.0, preload, gravity=0.0), cam.cam.law.raised(-cam.zero), speed)
+    assert found.stiffness == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["cam-roller", "valve-train", "cam-oscillating-roller"])
+def test_with_the_least_spring_the_margin_is_just_kept(name):
+    """The mechanism solved anew with the spring that was found, its rate or its free length: the least force is the margin."""
+    scene = mechviz.load(name)
+    _, forces, cam = solved(scene, 240)
+    margin = 35.0
+    springs = least_springs(forces, cam, margin)
+    assert springs and all(s.stiffness is not None for s in springs)
+    for found in springs:
+        for change in ({"stiffness": found.stiffness}, {"free_length": found.free_length}):
+            if None in change.values():
+                continue
+            loads = tuple(replace(x, **change) if x.name == found.spring else x for x in scene.mechanism.loads)
+            motion = solve_motion(compile_mechanism(replace(scene.mechanism, loads=loads)), forces.motion.time)
+            force = contact_force(solve_forces(motion), cam)
+            if min(change.values()) > 0.0:  # else it is kept without the spring
+                assert force.min() == pytest.approx(margin, rel=1e-9)
+        assert found.force == pytest.approx(contact_force(forces, cam).min())
+
+
+def test_springs_are_not_sized_where_the_force_is_not_linear():
+    _, forces, cam = solved(mechviz.load("cam-friction"), 90)
+    with pytest.raises(MechanismError, match="friction"):
+        least_springs(forces, cam, 1.0)
+
+
+# -- the graphical method -------------------------------------------------------------------------------------------------
+
+
+def test_the_drawn_lift_meets_the_exact_one_on_its_points_and_its_error_shrinks():
+    motion, _, cam = solved(mechviz.load("cam-roller"))
+    errors = []
+    for step in (15.0, 7.5, 3.75):
+        found = drawn_lift(cam, CamDrawn(step=np.radians(step)))
+        np.testing.assert_allclose(found.drawn[0], cam.law(found.angle)[0] - cam.zero, atol=1e-12)
+        np.testing.assert_allclose(found.exact, cam.law(found.angle) - [[cam.zero], [0], [0]], atol=1e-9)
+        rows = drawn_rows(motion, cam, found)
+        np.testing.assert_allclose(rows[:, :3] - rows[:, 3:], cam.law(cam.argument(motion)).T - [cam.zero, 0, 0], atol=1e-12)
+        errors.append(found.largest)
+    assert (np.diff(np.array(errors)[:, 1]) < 0.0).all()
+    rough = drawn_lift(cam, CamDrawn(step=np.radians(15.0), resolution=5e-4))
+    assert 0.0 < np.abs(rough.error[0]).max() <= 2.5e-4 + 1e-12
+    plain = graphical(cam.contour, cam.cam.follower, 24, "tangent", turn=cam.cam.turn)
+    np.testing.assert_array_equal(drawn_lift(cam, CamDrawn(step=np.radians(15.0), lines="tangent")).drawn[1:], plain.drawn[1:])
+
+
+# -- scenes ---------------------------------------------------------------------------------------------------------------
+
+BASE = text_of("cam-roller").replace(
+    'rating = { width = 8, materials = ["cast iron", "steel"], limit = "300 MPa", margin = 40 }', "RATING"
+)
+
+
+def test_scenes_ask_for_stress_and_drawing_in_tables_and_events():
+    rated = (
+        'rating = { width = "6 mm", modulus = ["110 GPa", "210 GPa"], poisson = [0.26, 0.3], limit = "250 MPa", margin = "120 N" }'
+    )
+    scene = mechviz.loads(BASE.replace("RATING", f"{rated}\ngraphical = {{ step = 15, resolution = 0.1 }}"))
+    pair = next(p for p in scene.mechanism.pairs if p.name == "K")
+    assert pair.rating == CamRating(width=0.006, modulus=(1.1e11, 2.1e11), poisson=(0.26, 0.3), limit=2.5e8, margin=120.0)
+    assert pair.drawn == CamDrawn(step=2.0 * np.pi / 24, resolution=1e-4) and isinstance(pair.face, Roller)
+    again = next(p for p in mechviz.loads(scene.to_toml()).mechanism.pairs if p.name == "K")
+    assert (again.rating, again.drawn) == (pair.rating, pair.drawn)
+    run = run_scene(scene)
+    found = lines_of(run, "K")
+    stress = contact_stress(run.forces, placed_cams(run.motion)[0], pair.rating)
+    np.testing.assert_array_equal(found["stress"].values, np.column_stack([stress.pressure, stress.half_width]))
+    assert [c[0] for c in found["graphical"].columns][::3] == ["drawn_lift", "lift_error"]
+    texts = [e.text for e in cam_events(run.motion, run.forces)]
+    (pressure,) = [t for t in texts if t.startswith("Hertz pressure")]
+    assert f"up to {1e-6 * stress.pressure.max():.4g} MPa (limit 250 MPa)" in pressure
+    width = 6.0 * (stress.pressure.max() / 2.5e8) ** 2
+    assert f"It needs a width of {width:.4g} mm" in pressure
+    assert any(t.startswith("contact force down to 93.") and "(margin 120 N)" in t for t in texts)
+    assert any(t.startswith("drawn every 15° and differentiated by chords") for t in texts)
+
+
+def test_what_is_not_asked_for_is_not_computed(monkeypatch):
+    calls = []
+    for name in ("contact_stress", "drawn_lift", "least_springs"):
+        monkeypatch.setattr(rating_module, name, lambda *a, name=name: calls.append(name))
+    run = run_scene(mechviz.loads(BASE.replace("RATING\n", "")), frames=24)
+    assert not {"stress", "graphical"} & set(lines_of(run, "K"))
+    cam_events(run.motion, run.forces)
+    assert calls == []
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("rating = { wide = 8 }", "unknown key 'wide'. Did you mean 'width'?"),
+        ("rating = { width = 0 }", "0 is zero."),
+        ('rating = { width = 8, materials = ["steal", "steel"] }', "'steal' is no material. Did you mean 'steel'?"),
+        ('rating = { materials = ["steel", "steel"] }', "materials without a width of the contact."),
+        ('rating = { width = 8, modulus = ["1 GPa", "2 GPa"], poisson = [0.3, 0.7] }', "0.7 is no Poisson's ratio."),
+        ("rating = { width = 8, poisson = [0.3, 0.3] }", "poisson goes with modulus."),
+        ("rating = { margin = -3 }", "-3 is negative."),
+        ('closure = "form"\nrating = { margin = 3 }', "a groove or yoke holds the follower whatever the force."),
+        ("rating = { width = 1e-300 }", "is below 1e-06 mm"),
+        ("graphical = { step = 100 }", "less than 4. Give at most 90°."),
+        ("graphical = { step = 7 }", "7° do not make a turn."),
+        ("graphical = { step = 10, lines = 'arc' }", "lines"),
+    ],
+)
+def test_faults_of_ratings(keys, words):
+    with pytest.raises(MechanismError) as error:
+        mechviz.loads(BASE.replace("RATING", keys))
+    assert words in str(error.value)
+
+
+def test_a_material_too_few_is_one_fault():
+    with pytest.raises(mechviz.SceneError) as error:
+        mechviz.loads(BASE.replace("RATING", 'rating = { width = 8, materials = ["cast iron"] }'))
+    assert [(f.path, f.message) for f in error.value.faults] == [("pairs.K.rating.materials", "has 1 entry.")]
+
+
+def test_a_step_makes_a_whole_turn_in_the_scene_and_in_the_command_alike():
+    assert whole_step(np.pi / 2) == np.pi / 2 and whole_step(0.17453292519943) == 2.0 * np.pi / 36
+    assert whole_step(2.0 * np.pi / 100_000) == 2.0 * np.pi / 100_000
+    for step in (0.0, -0.5, 1.0, 2.0 * np.pi / 3, 2.0 * np.pi / 100_001, 1e-320, np.inf, np.nan):
+        assert whole_step(step) is None
+
+
+def test_the_command_tells_limits_springs_and_the_drawing():
+    run = CliRunner().invoke(app, ["cams", "valve-train", "--method", "graphical", "--step", "30 deg", "--lines", "tangent"])
+    assert run.exit_code == 1 and "limits are violated: contact force of K." in run.output
+    for words in (
+        "margin 20 N: FAIL",
+        "least spring       valve_spring: ",
+        "Hertz pressure",
+        "steps of 30°, tangents",
+        "pressure angle",
+    ):
+        assert words in run.output
+    assert "undercut           pass; least radius 2.308" in run.output, "from the law, not from the frames"
+    assert "face 16 mm and 16 mm: pass" in run.output
+    table = [line.split() for line in run.output.splitlines() if line.strip()[:1].isdigit()]
+    assert len(table) == 12 and float(table[4][0]) == 120.0
+    checked = CliRunner().invoke(app, ["check", "cam-roller"])
+    assert "limit 300 MPa: pass" in checked.output and "least spring       return_spring" in checked.output
+    for arguments, words in (
+        (["crank-rocker"], "the scene has no cam"),
+        (["cam-roller", "--step", "30"], "--step and --lines are for --method graphical"),
+        (["cam-roller", "--method", "graphical", "--step", "7"], "7° do not make a turn"),
+        (["cam-roller", "--method", "graphical", "--step", "0.001"], "more than 100000. Give at least 0.0036°"),
+        (["cam-roller", "--margin", "1e308 N"], "from zero to 1e+30 N"),
+        (["cam-roller", "--margin", "3 mm"], "--margin"),
+    ):
+        run = CliRunner().invoke(app, ["cams", *arguments])
+        assert run.exit_code == 2 and words in run.output, run.output
+
+
+# -- violated limits --------------------------------------------------------------------------------------------------------
+
+
+def invoked(tmp_path, text, *arguments):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    command, *options = arguments
+    return CliRunner().invoke(app, [command, str(path), *options])
+
+
+def steepest() -> float:
+    """Largest pressure angle [degrees] of BASE: a cycloidal rise of 20 mm over 120°, a central roller whose centre starts at 50 mm.
+
+    Any text on cams: tan(alpha) = s' / (r + s).
+    """
+    b = np.radians(120.0)
+    x = np.linspace(0.0, 1.0, 200_001)
+    s, slope = 20.0 * (x - np.sin(2.0 * np.pi * x) / (2.0 * np.pi)), 20.0 / b * (1.0 - np.cos(2.0 * np.pi * x))
+    return float(np.degrees(np.arctan(slope / (50.0 + s)).max()))
+
+
+def test_check_tells_limits_that_are_violated_and_the_command_fails(tmp_path):
+    text = BASE.replace("RATING", "").replace("[pairs.K.profile]", "[pairs.K.profile]\npressure_limit = 15")
+    alpha = f"{steepest():.5g}°"
+    checked = invoked(tmp_path, text, "check")
+    (line,) = [line for line in checked.output.splitlines() if line.startswith("limits ")]
+    assert "K: pressure angle" in line and f"up to {alpha}" in line and line.endswith("limit 15°: FAIL") and checked.exit_code == 0
+    told = invoked(tmp_path, text, "cams")
+    assert told.exit_code == 1 and "limits are violated: pressure angle of K." in told.output
+    kept = text.replace("pressure_limit = 15", "pressure_limit = 18")
+    assert "limits " not in invoked(tmp_path, kept, "check").output and invoked(tmp_path, kept, "cams", "--strict").exit_code == 0
+
+
+def test_what_the_scene_states_no_limit_for_fails_if_asked_to(tmp_path):
+    run = CliRunner().invoke(app, ["cams", "cam-undercut"])
+    assert run.exit_code == 0 and "undercut           FAIL" in run.output and "by up to 0.6398 mm" in run.output
+    assert CliRunner().invoke(app, ["cams", "cam-undercut", "--strict"]).exit_code == 1
+    slack = CliRunner().invoke(app, ["cams", "cam-roller", "--margin", "100 N"])
+    assert slack.exit_code == 0 and "margin 100 N: FAIL" in slack.output
+    assert CliRunner().invoke(app, ["cams", "cam-roller", "--margin", "100 N", "--strict"]).exit_code == 1
+
+
+def test_the_report_is_in_the_units_of_the_scene():
+    scene = mechviz.loads(BASE.replace("RATING", 'rating = { width = 8, limit = "300 MPa", margin = 40 }'))
+    run = run_scene(scene)
+    units = Units(length="in", angle="rad", force="kN")
+    lines = "\n".join(cam_lines(run.motion, cam_facts(run.motion, run.forces), units))
+    assert "roller of 0.393701 in" in lines and f"{np.radians(steepest()):.5g} rad" in lines and "margin 0.04 kN: pass" in lines
+    assert not re.search(r"\d ?(mm|°|deg|m|N)\b", lines)

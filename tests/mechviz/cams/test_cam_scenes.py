@@ -1,0 +1,204 @@
+"""Cams in scenes: keywords and faults, tables and events, solids that touch, gallery."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from cam_scenes import changed, refused
+from sections import section
+
+import mechviz
+from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.picture.meshes.solids import build_solids
+from mechviz.quantities.tables import tables
+from mechviz.run import run_scene
+from mechviz.studies.report import check_lines
+
+SCENES = [
+    "cam-roller", "cam-roller-offset", "cam-knife", "cam-flat", "cam-mushroom", "cam-oscillating-roller", "cam-oscillating-flat",
+    "cam-wedge", "cam-sine-acceleration", "cam-yoke", "cam-groove", "cam-linkage", "valve-train",
+    "cam-constant-acceleration", "cam-constant-acceleration-smooth", "cam-constant-acceleration-general",
+    "cam-sine-acceleration-base",
+    "cam-oscillating-knife", "cam-oscillating-mushroom", "cam-flat-offset", "cam-mushroom-offset", "cam-wedge-oscillating",
+    "cam-eccentric", "cam-tangent", "cam-polynomial", "cam-measured", "cam-drawing", "cam-undercut",
+    "cam-conjugate", "cam-conjugate-oscillating", "cam-inverse", "cam-inverse-slide",
+]  # fmt: skip
+
+
+def solved(name: str, frames: int | None = None):
+    scene = mechviz.load(name)
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames or scene.frames, 1))
+    return motion, solve_forces(motion)
+
+
+def written(name: str) -> str:
+    """A scene of the gallery in the standard layout."""
+    return mechviz.load(name).to_toml()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_read_as_they_were_written(name):
+    scene = mechviz.load(name)
+    again = mechviz.loads(scene.to_toml(), scene.name, scene.folder)
+    assert again == scene and again.to_toml() == scene.to_toml()
+    assert repr(again.mechanism.pairs[-1].face) == repr(scene.mechanism.pairs[-1].face)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("base = 40", 'base = "40 N"', ["pairs.K.profile.base", "40 N"]),
+        ("base = 40, ", "", ["pairs.K.profile", "'base' is missing"]),
+        ("roller = 10", "rollr = 10", ["Did you mean 'roller'?"]),
+        ("roller = 10", "roller = 10, knife = true", ["roller"]),
+        ("roller = 10", "flat = true, tilt = 95", ["pairs.K.follower.tilt", "95"]),
+        ("roller = 10", "roller = 10, tilt = 5", ["tilt goes with a flat face"]),
+        ('guide = "S"', 'guide = "Q"', ["pairs.K.follower.guide", "no pair 'Q'"]),
+        ('guide = "S"', 'guide = "O"', ["pairs.K.follower.guide", "'O' is no prismatic or revolute pair of 'follower'"]),
+        ('point = "T"', 'point = "X"', ["pairs.K.follower.point", "no point 'X'"]),
+        ("over = 60 }, {", "over = 50 }, {", ["pairs.K", "350°", "Add a dwell of 10°"]),
+        ("to = 20", 'to = "20 deg"', ["pairs.K.profile.lift[0].to"]),
+        ("to = 20", 'to = 20, law = "cycloid"', ["pairs.K.profile.lift[0]", "cycloid"]),
+        ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nradius = 5', ["radius does not go with a cam"]),
+        ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nclosure = "spring"', ["pairs.K.closure"]),
+    ],
+)  # fmt: skip
+def test_faults_of_scenes(old, new, words):
+    refused(changed(written("cam-roller"), old, new), words)
+
+
+def test_tables_of_the_contact():
+    """Names, units and values that the recording promises, against the textbook's formulas."""
+    run = run_scene(mechviz.load("cam-roller-offset"))
+    found = {t.path: t for t in tables(run)}
+    contact = found["data", "cams", "K", "contact"]
+    assert [unit for _, unit in contact.columns] == ["m", "m", "N", "rad", "m", "m"]
+    x, y, force, alpha, radius, eccentricity = contact.values.T
+    lift, rate, second = found["data", "cams", "K", "lift"].values.T
+    e, r = 0.014, 0.010
+    h = np.sqrt((0.038 + r) ** 2 - e**2) + lift
+    np.testing.assert_allclose(np.tan(alpha), (rate - e) / h, atol=1e-12)
+    np.testing.assert_allclose(force, np.hypot(*run.forces.reaction("K")[:, :2].T), rtol=1e-12)
+    np.testing.assert_allclose((x - e) ** 2 + (y - h) ** 2, r**2, rtol=1e-9)
+    assert np.isnan(eccentricity).all()
+    q, p = rate - e, h  # the pitch curve's derivatives in turned axes
+    rho = (p**2 + q**2) ** 1.5 / (p**2 + q**2 + q * rate - p * second)
+    np.testing.assert_allclose(radius, rho - r, rtol=1e-9)
+    flat = next(t for t in tables(run_scene(mechviz.load("cam-flat"))) if t.path == ("data", "cams", "K", "contact"))
+    assert np.isfinite(flat.values[:, 5]).all() and not flat.values[:, 3].any()
+
+
+def test_the_lectures_sinusoidal_acceleration():
+    """Closing the profile leaves h = R - a0/w^2 sin(w t), lift 2 a0/w^2, where R is the mean height (theory of the lecture)."""
+    motion, _ = solved("cam-sine-acceleration")
+    angle = motion.coordinate("O")[:, 0]
+    height = motion.coordinate("S") + np.array([0.1, 0.0, 0.0])
+    np.testing.assert_allclose(height[:, 0], 0.04 - 0.01 * np.sin(angle), atol=1e-15)
+    w = 240.0 * np.pi / 30.0
+    np.testing.assert_allclose(height[:, 2], 0.01 * w**2 * np.sin(angle), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("name", "c1", "a0"),  # C1 pi/w and a0 (pi/w)^2/2 [m]
+    [
+        ("cam-constant-acceleration", 0.0, 0.020),
+        ("cam-constant-acceleration-general", 0.008, 0.012),
+        ("cam-constant-acceleration-smooth", -0.020, 0.020),
+    ],
+)
+def test_the_lectures_constant_acceleration(name, c1, a0):
+    """h = R + C1 t + a0 t^2/2, then R + a0 (pi/w) t - a0 t^2/2 + C1 (2 pi/w - t); velocity jumps by -(a0 pi/w + 2 C1) and back."""
+    motion, forces = solved(name)
+    x = motion.coordinate("O")[:, 0] / np.pi
+    height = motion.coordinate("S")[:, 0] + 0.110
+    r = 0.040
+    wanted = np.where(x <= 1.0, r + c1 * x + a0 * x**2, r + 2.0 * a0 * x - a0 * x**2 + c1 * (2.0 - x))
+    np.testing.assert_allclose(height, wanted, atol=1e-13 if "smooth" not in name else 1e-12)
+    knocks = [e for e in cam_events(motion, forces) if "velocity jumps" in e.text]
+    assert len(knocks) == (0 if abs(a0 + c1) < 1e-12 else 2)
+    cam = placed_cams(motion)[0].cam
+    at = np.pi + (0.0 if knocks else 0.5 * np.pi)
+    left, right = (np.pi * cam.law(at, 1, side)[1] for side in ("left", "right"))
+    np.testing.assert_allclose(right - left, -2.0 * (a0 + c1), atol=1e-12)
+
+
+def test_check_says_where_a_follower_leaves_its_cam():
+    motion, forces = solved("valve-train")
+    lost = [f"contact lost at {e.time:.6g} s, " for e in cam_events(motion, forces) if e.text.startswith("contact lost")]
+    lines = check_lines(mechviz.load("valve-train"))
+    assert len(lost) == 2 and all(any(words in line for line in lines) for words in lost)
+    assert "contact    no follower leaves its cam over the run" in check_lines(mechviz.load("cam-roller"))
+    assert not any(line.startswith("contact") for line in check_lines(mechviz.load("cam-groove")))  # held by its form
+
+
+def test_contact_is_lost_where_the_force_changes_its_sign():
+    motion, forces = solved("valve-train")
+    (cam,) = placed_cams(motion)
+    events = [e for e in cam_events(motion, forces) if "contact" in e.text]
+    assert [e.text.split(" at ")[0] for e in events] == ["contact lost", "contact regained"] * 2  # rise, return
+    assert "° of the cam" in events[0].text and events[0].level == "WARN"
+    again = motion.again
+    for event in events:  # the acceleration may jump there: force on both sides
+        n = contact_force(solve_forces(again(np.array([event.time - 2e-6, event.time + 2e-6]))), cam)
+        assert n[0] * n[1] < 0.0
+    slow = mechviz.loads(written("valve-train").replace("3600 rpm", "1500 rpm")).mechanism
+    calm = solve_motion(compile_mechanism(slow), default_times(slow))
+    assert not [e for e in cam_events(calm, solve_forces(calm)) if "lost" in e.text]
+
+
+def test_infinite_jerk_and_pressure_angles_are_events():
+    motion, forces = solved("cam-knife")
+    jerk = [e for e in cam_events(motion, forces) if "infinite jerk" in e.text]
+    np.testing.assert_allclose([e.value for e in jerk], np.nan)
+    angles = np.degrees(motion.coordinate("O")[:, 0])
+    at = np.interp([e.time for e in jerk], motion.time, angles)
+    assert set(np.round(at).astype(int) % 360) == {0, 50, 100, 150, 215, 280}
+    steep = [e for e in cam_events(*solved("cam-oscillating-roller")) if "pressure angle" in e.text]
+    assert not steep
+    text = written("cam-roller").replace("base = 40", "base = 40, pressure_limit = 15")
+    m = mechviz.loads(text).mechanism
+    motion = solve_motion(compile_mechanism(m), default_times(m))
+    steep = [e for e in cam_events(motion, None) if "pressure angle" in e.text]
+    assert len(steep) == 2  # rise and return
+    rows = placed_cams(motion)[0].rows(motion)
+    np.testing.assert_allclose(max(e.value for e in steep), np.abs(rows.pressure_angle).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_solids_touch_over_a_turn(name):
+    """Distance of cam and follower, cut through the middle of their layer: zero within the tessellation, never overlapping."""
+    motion, _ = solved(name, 61)
+    solids = build_solids(motion.mechanism, {k: motion.pose(k) for k in motion.model.links})
+    assert not solids.clashes
+    tolerance = 2e-5
+    for placed in placed_cams(motion):
+        cam, follower = (solids.links[k] for k in placed.links)
+        flat = [p.bounds[:, 2] for k, p in zip(cam.kinds, cam.parts, strict=True) if k in ("plate", "wheel")]
+        cuts = [[section(s.mesh, z) for s in (cam, follower)] for z in {0.493 * low + 0.507 * high for low, high in flat}]
+        cuts = [cut for cut in cuts if not any(shape.is_empty for shape in cut)]  # a gear may sit on the cam's shaft too
+        for k in range(0, motion.frames, 3):
+            placings = [(_at(a, motion.pose(placed.links[0])[k]), _at(b, motion.pose(placed.links[1])[k])) for a, b in cuts]
+            assert min(a.distance(b) for a, b in placings) < tolerance
+            assert all(a.buffer(-tolerance).intersection(b).area < 1e-12 for a, b in placings)
+
+
+def _at(shape, pose):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return shapely.affinity.affine_transform(shape, [c, -s, s, c, pose[0], pose[1]])
+
+
+def test_a_scene_without_cams_pays_nothing(monkeypatch):
+    """Neither geometry nor events nor tables of cams are looked for."""
+    import sys
+
+    from mechcore.forces import cam_events as happenings
+
+    def refuse(*args):
+        raise AssertionError("called")
+
+    monkeypatch.setattr(happenings, "placed_cams", refuse)
+    monkeypatch.setattr(sys.modules["mechcore.cams.placed"].PlacedCam, "at", refuse)
+    assert not [t for t in tables(run_scene(mechviz.load("crank-rocker"))) if "cams" in t.path]

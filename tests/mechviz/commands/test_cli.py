@@ -1,0 +1,221 @@
+"""The command line as a user meets it: what `check` and `inspect` print, signals, full and closed outputs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mechcore.motion.reach import reachable_ranges
+from mechcore.motion.solve import compile_mechanism
+from mechviz.outputs.rerun.inspection import format_inspection, inspect
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.run import run_scene
+from mechviz.scene.folder import gallery_names
+from mechviz.scene.scene import Scene, load, loads
+from mechviz.studies.report import check_lines
+
+COMMAND = [sys.executable, "-m", "mechviz"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+
+
+def after(marker: str, lines: list[str]) -> list[str]:
+    """The lines below the one that begins with a word, as far as they are indented."""
+    start = next(k for k, line in enumerate(lines) if line.startswith(marker))
+    below = lines[start + 1 :]
+    return below[: next((k for k, line in enumerate(below) if not line.startswith(" ")), len(below))]
+
+
+# --- check ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", gallery_names())
+def test_check_prints_every_scene_of_the_gallery_and_tells_modes_apart(name):
+    lines = check_lines(load(name), modes=True)
+    modes = [line.split(":", 1)[1].split("<-")[0].strip() for line in after("modes", lines) if re.match(r" {4}\w+:", line)]
+    for first, second in zip(modes[::2], modes[1::2], strict=True):
+        assert first != second
+    assert not any(re.search(r"-0 mm|e-1[0-9] mm[,\s]", line) for line in lines if not line.startswith("health"))
+
+
+def test_check_says_what_moves_only_because_its_lengths_agree():
+    said = {name: "\n".join(check_lines(load(name))) for name in ("braced-parallelogram", "two-guides", "crank-rocker")}
+    assert ["it moves only because its lengths and angles agree" in text for text in said.values()] == [True, True, False]
+
+
+def test_modes_whose_pair_stays_at_its_place_are_told_by_displacement_and_angle():
+    lines = check_lines(load("slotted-lever"), modes=True)
+    ahead, behind = after("modes", lines)[1:]
+    values = [float(re.search(r"displaced by (\S+) mm", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
+    assert values[0] == -values[1] > 0.0
+    angles = [float(re.search(r"lever (\S+)°", line)[1]) for line in (ahead, behind)]  # type: ignore[index]
+    assert abs(angles[0] - angles[1]) == pytest.approx(180.0, abs=0.1)
+
+
+def test_the_reach_of_a_sliding_drive_names_first_what_the_run_can_reach():
+    lines = check_lines(load("piston-driven-crank"))
+    at = next(k for k, line in enumerate(lines) if line.startswith("reach"))
+    assert lines[at] == "reach      drive S: 90 mm to 170 mm"
+    assert "no way leads from there to -170 mm to -90 mm" in lines[at + 1]
+
+
+def test_the_length_of_a_cylinder_is_never_negative():
+    scene = load("excavator-arm")
+    assert min(low for low, _ in reachable_ranges(compile_mechanism(scene.mechanism))) > 0.0
+    (reach,) = [line for line in check_lines(scene) if line.startswith("reach")]
+    assert "-" not in reach.replace("excavator-arm", "")
+
+
+# --- inspect ----------------------------------------------------------------------------------------------------------
+
+
+def inspected(scene: Scene, path: Path, frames: int = 60) -> str:
+    write_recording(run_scene(scene, frames=frames), path)
+    return format_inspection(inspect(path))
+
+
+def test_inspect_prints_zero_for_rounding_but_leaves_health_alone(tmp_path: Path):
+    text = inspected(load("excavator-arm"), tmp_path / "a.rrd")
+    peaks, health = text.split("Peaks\n")[1].split("Worst health\n")
+    values = [float(found[1]) for line in peaks.splitlines() if (found := re.search(r" (\S+) N(?: m)? ", line))]
+    assert len(values) > 8
+    assert all(value == 0.0 or abs(value) > 1e-7 for value in values)
+    assert re.search(r"couple C1 +0 N m +throughout", peaks)
+    assert re.search(r"reaction C1 +0 N +throughout", peaks)
+    assert re.search(r"closure +\d\S*e-1\d m ", health)
+    assert "-0 " not in text
+
+
+def test_inspect_shows_the_range_of_a_drive_that_goes_to_and_fro(tmp_path: Path):
+    line = next(x for x in inspected(load("piston-driven-crank"), tmp_path / "a.rrd", 80).splitlines() if x.startswith("  frames"))
+    assert line.endswith("drive 130.000 mm to 130.000 mm between 90.000 mm and 170.000 mm")
+    line = next(x for x in inspected(load("crank-rocker"), tmp_path / "b.rrd").splitlines() if x.startswith("  frames"))
+    assert line.endswith("drive 0.000° to 360.000°")
+
+
+def test_events_name_no_position_that_is_only_rounding(tmp_path: Path):
+    text = inspected(load("elliptic-trammel"), tmp_path / "a.rrd")
+    assert "drive H at 0 mm" in text
+    assert not re.search(r"at -?\d\S*e-1\d mm", text)
+
+
+@pytest.mark.parametrize(
+    "name", ["ü", "a b", "a.b", "a:b", "b'", "日本", "a,b;c", "[0]", "{x}", "%41", "~", "$HOME", "*?", "(a|b)", "1.5"]
+)
+def test_odd_names_go_through_a_recording_and_back(tmp_path: Path, name):
+    """Links, pairs and points of any name: what a reader finds by the names of the model is the motion."""
+    text = load("slider-crank-compressor").to_toml()
+    quoted = json.dumps(name, ensure_ascii=False)
+    for old in ("rod", "B"):
+        text = re.sub(rf"(?<![\w\"]){old}(?= =|\])|\"{old}\"", quoted, text)
+    scene = loads(text)
+    assert name in scene.document.links and name in scene.document.pairs
+    run = run_scene(scene, frames=12)
+    write_recording(run, tmp_path / "a.rrd")
+    found = inspect(tmp_path / "a.rrd")
+    assert name in found.links and name in [joint.name for joint in found.joints]
+    recording = Recording(tmp_path / "a.rrd")
+    pose = recording.scalars("data", "links", name, "pose")[1]
+    np.testing.assert_array_equal(pose[:, :2], run.motion.pose(name)[:, :2])
+    assert loads(scene.to_toml()) == scene
+
+
+# --- outputs and signals ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("arguments", [["scenes"], ["schema"], ["--help"], ["check", "crank-rocker"], ["show", "triad"]])
+def test_a_full_output_is_a_message(arguments):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr == "the output cannot be written: no space left on device.\n"
+
+
+@pytest.mark.parametrize("arguments", [["scenes"], ["schema"], ["show", "ten-link"]])
+def test_a_reader_that_leaves_is_no_error(arguments):
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*COMMAND, *arguments], stdout=write, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, timeout=60)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("arguments", [["check", "crank-rocker"], ["check", "Kurbel ü"], ["--help"]])
+def test_terminals_of_few_letters_get_all_that_they_can_show(arguments):
+    done = subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}, timeout=60
+    )
+    assert done.returncode == (2 if "Kurbel ü" in arguments else 0) and "Traceback" not in done.stderr
+    assert {"crank-rocker": "3\\xb73 - 2\\xb74", "Kurbel ü": "", "--help": ""}[arguments[-1]] in done.stdout
+    assert ("Kurbel \\xfc" in done.stderr) == ("Kurbel ü" in arguments)
+
+
+SLOW_START = """
+import sys, time
+from importlib.abc import MetaPathFinder
+class Wait(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == {module!r}:
+            print("here", flush=True)
+            try:
+                time.sleep(60)
+            except BaseException:  # as libraries do that try one thing after the other
+                pass
+sys.meta_path.insert(0, Wait())
+from mechviz.__main__ import main
+sys.argv = ["mechviz", *{arguments!r}, {path!r}]
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "pydantic", "rerun", "trimesh", "mechcore.numerics.newton"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_libraries_load_ends_the_command_with_a_message(tmp_path: Path, module, number, code):
+    arguments = ["export", "crank-rocker", "--stl"] if module == "trimesh" else ["record", "crank-rocker", "-o"]
+    script = SLOW_START.format(module=module, arguments=arguments, path=str(tmp_path / "x.rrd"))
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+    )
+    assert process.stdout is not None and process.stdout.readline() == "here\n"
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, said.strip()) == (code, "Interrupted: nothing was written.")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_frames_are_written_is_said_once(tmp_path: Path, number, code):
+    target = tmp_path / "x.rrd"
+    process = subprocess.Popen(
+        [*COMMAND, "record", "crank-rocker", "-n", "60000", "-o", str(target)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT,
+    )
+    while process.poll() is None and not any(entry.stat().st_size > 200_000 for entry in tmp_path.iterdir()):
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert said.lower().count("interrupted") == 1 and "Traceback" not in said
+    assert not target.exists()
+
+
+def test_a_folder_named_like_the_package_does_not_hide_it(tmp_path: Path):
+    """A checkout in a folder named mechviz, and Python started in the folder above it."""
+    for name in ("mechviz", "mechcore"):
+        (tmp_path / name / "tests").mkdir(parents=True)
+    code = "import mechcore, mechviz; print(len(mechviz.gallery()), mechcore.__file__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    assert done.returncode == 0 and int(done.stdout.split()[0]) > 50, done.stderr

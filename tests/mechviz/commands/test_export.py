@@ -1,0 +1,107 @@
+"""Tables and solids on disk."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+import mechviz
+from mechviz.outputs.exports.tables import ExportError, export_csv, export_parquet, export_stl, wide_table
+from mechviz.picture.solids import solids_of
+from mechviz.run import run_scene
+from mechviz.scene.scene import loads
+from recordings import made
+
+COMPRESSOR = made("slider-crank-compressor").run
+
+
+def test_csv_reads_back_bit_for_bit(tmp_path):
+    path = export_csv(COMPRESSOR, tmp_path / "t.csv")
+    with open(path, newline="", encoding="utf-8") as file:
+        header, *rows = list(csv.reader(file))
+    columns = wide_table(COMPRESSOR)
+    assert header == list(columns) and header[0] == "time [s]"
+    values = np.array([[float(x) for x in row] for row in rows])
+    assert np.array_equal(values, np.column_stack(list(columns.values())))
+    for name in (
+        "crank.x [m]",
+        "piston.vx [m/s]",
+        "rod.alpha [rad/s^2]",
+        "rod.inertia.moment [N m]",
+        "C.reaction.Fx [N]",
+        "S.motion.slide_rate [m/s]",
+        "A.drive.torque [N m]",
+        "gas.load.Fx [N]",
+        "energy.kinetic [J]",
+        "health.power_balance [1]",
+    ):
+        assert name in header
+    assert np.array_equal(columns["S.motion.slide [m]"], COMPRESSOR.motion.coordinate("S")[:, 0])
+
+
+def test_kinematics_has_no_columns_of_forces():
+    names = " ".join(wide_table(made("crank-rocker").run))
+    assert "torque" not in names and "reaction" not in names and "coupler.E.vx [m/s]" in names
+
+
+def test_parquet_holds_the_same_and_says_what_it_is(tmp_path):
+    path = export_parquet(COMPRESSOR, tmp_path / "t.parquet")
+    table = pq.read_table(path)
+    for name, values in wide_table(COMPRESSOR).items():
+        assert np.array_equal(table[name].to_numpy(), values), name
+    about = {k.decode(): v.decode() for k, v in table.schema.metadata.items()}
+    assert about["mechviz.scene"] == "slider-crank-compressor"
+    assert json.loads(about["mechviz.model"])["frame"] == "frame"
+    assert mechviz.loads(about["mechviz.scene_toml"]) == COMPRESSOR.scene
+
+
+def test_stl_is_one_closed_solid_a_link_in_millimetres(tmp_path):
+    solids = solids_of(COMPRESSOR)
+    files = export_stl(COMPRESSOR, tmp_path / "new" / "folder", solids=solids)
+    assert {f.stem for f in files} == set(solids.links)
+    for file in files:
+        mesh = trimesh.load_mesh(file)
+        assert mesh.is_watertight and mesh.volume > 0
+        assert np.allclose(mesh.extents, 1e3 * solids.links[file.stem].mesh.extents, rtol=1e-5)
+
+
+def test_links_whose_names_look_alike_get_files_of_their_own(tmp_path):
+    text = made("crank-rocker").run.scene.text
+    for old, new in (("crank ", '"link:1"'), ('"crank"', '"link:1"'), ("rocker ", '"link?1"'), ('"rocker"', '"link?1"')):
+        text = text.replace(f"\n{old}", f"\n{new}") if old.endswith(" ") else text.replace(old, new)
+    files = export_stl(run_scene(loads(text), frames=8), tmp_path)
+    assert len({f.name for f in files}) == 4 and {"link_1.stl", "link_1-2.stl"} <= {f.name for f in files}
+
+
+@pytest.mark.parametrize("write", [export_csv, export_parquet])
+def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
+    path = tmp_path / "t"
+    path.write_text("old")
+    with pytest.raises(ExportError, match="does not exist"):
+        write(COMPRESSOR, tmp_path / "missing" / "t")
+    with pytest.raises(ExportError, match="is a folder"):
+        write(COMPRESSOR, tmp_path)
+    with pytest.raises(ExportError, match="not a regular file"):
+        write(COMPRESSOR, "/dev/null")
+
+    def full(*_args):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("mechviz.files.os.fsync", full)
+        with pytest.raises(ExportError, match="disk is full"):
+            write(COMPRESSOR, path)
+    assert path.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["t"]
+    write(COMPRESSOR, path)
+    assert path.stat().st_size > 1000 and [p.name for p in tmp_path.iterdir()] == ["t"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ExportError, match="cannot be made"):
+        export_stl(COMPRESSOR, tmp_path / "file" / "folder")

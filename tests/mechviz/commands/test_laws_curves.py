@@ -1,0 +1,430 @@
+"""Motion curves: exact derivatives, the catalogue against the reference, conditions, splines, tables, optima, programs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from cam_cases import CASES
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mechcore.errors import MechanismError
+from mechcore.laws.boundary_conditions import (
+    Condition,
+    from_acceleration,
+    from_velocity,
+    measured_table,
+    polynomial_law,
+    spline_law,
+)
+from mechcore.laws.catalogue import RISES, acceleration_zones, rise, scca
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import jumps, peak, peak_factors
+from mechcore.laws.optimal import least_peak
+from mechcore.laws.program import Follow, Segment, constant_breadth, program
+from mechcore.laws.timed import ConstantSpeed, Oscillation
+
+REFERENCE = {
+    "uniform": "constant-velocity", "parabolic": "parabolic", "harmonic": "harmonic", "cycloidal": "cycloidal",
+    "poly345": "3-4-5", "poly4567": "4-5-6-7", "double_harmonic": "double-harmonic",
+}  # fmt: skip
+PI = np.pi
+
+
+@pytest.mark.parametrize("row", CASES["cam-laws"]["expected"], ids=lambda r: r["law"])
+def test_the_reference_laws_to_all_digits(row):
+    curve = rise(REFERENCE[row["law"]])
+    for point in row["points"]:
+        s = curve(point["x"], 3, "left")
+        want = [point[k] for k in ("s", "s1", "s2", "s3")]
+        np.testing.assert_allclose(s, want, rtol=1e-13, atol=1e-13 * max(map(abs, want)))
+    factors = peak_factors(curve)
+    for key, got in (("peak_velocity", factors.velocity), ("peak_acceleration", factors.acceleration), ("peak_jerk", factors.jerk)):
+        if key in row:
+            assert got == pytest.approx(row[key], rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "cv", "ca", "cj"),
+    [  # printed in Norton and Neklutin to as many digits; exact forms where they are short
+        ("modified-trapezoid", 2.0, 8 * PI / (PI + 2), 32 * PI**2 / (PI + 2)),
+        ("modified-sine", 1.7596, 4 * PI**2 / (PI + 4), 69.4664),
+        ("modified-constant-velocity", 1.27526, 8.01268, 201.381),
+        ("5-6-7-8-9", 315 / 128, 9.37198, 78.75),
+        ("freudenstein", 2.0, 5.38559, 16 * PI**2 * 9 / 28),
+        ("parabolic", 2.0, 4.0, np.inf),
+    ],
+)
+def test_peak_factors_of_the_literature(name, cv, ca, cj):
+    f = peak_factors(rise(name))
+    assert (f.velocity, f.acceleration, f.jerk) == pytest.approx((cv, ca, cj), rel=2e-5)
+
+
+@pytest.mark.parametrize("name", RISES)
+def test_every_law_goes_from_0_to_1_with_exact_derivatives_to_fourth_order(name):
+    curve = rise(name)
+    assert curve([0.0, 1.0], 0)[0] == pytest.approx([0.0, 1.0], abs=2e-15)
+    x = np.linspace(0.013, 0.987, 41)
+    x = x[np.abs(x[:, None] - curve.knots).min(axis=1) > 4e-3]
+    weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+    for k in range(4):
+        errors = []
+        for h in (1.6e-3, 8e-4):
+            samples = np.stack([curve(x + j * h, 4)[k] for j in range(-2, 3)])
+            errors.append(np.abs(weights @ samples / h - curve(x, 4)[k + 1]).max())
+        scale = np.abs(curve(x, 4)[k + 1]).max() + 1.0
+        assert errors[1] < 1e-9 * scale or errors[1] < errors[0] / 10.0, (k, errors)
+
+
+@pytest.mark.parametrize("name", RISES)
+def test_inner_jumps_are_those_that_the_law_is_known_for(name):
+    inner = {j.order for j in jumps(rise(name), (0, 1, 2)) if 0.0 < j.angle < 1.0}
+    assert inner == ({2} if name in ("parabolic", "trapezoidal-velocity") else set())
+
+
+def test_members_of_the_sine_constant_cosine_family_are_the_classical_laws():
+    x = np.linspace(0.0, 1.0, 101)
+    for shares, name in (((0, 1, 0), "parabolic"), ((0, 0, 1), "harmonic"), ((0.5, 0, 0.5), "cycloidal")):
+        np.testing.assert_allclose(scca(*shares)(x, 2), rise(name)(x, 2), atol=3e-14 * 10)
+    mcv = rise("modified-constant-velocity")
+    np.testing.assert_allclose(mcv(np.linspace(0.25, 0.75, 9), 2)[2], 0.0, atol=1e-13)
+    np.testing.assert_allclose(rise("trapezoidal-velocity", run_up=0.2, braking=0.3)(0.5, 1)[1], 1 / 0.75, rtol=1e-14)
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0.02, 1.0), min_size=7, max_size=7))
+def test_any_zones_of_acceleration_start_and_end_at_rest(shares):
+    shares = np.array(shares) / sum(shares)
+    curve = acceleration_zones(shares)
+    assert [j.order for j in jumps(curve, (0, 1, 2))] == []
+    ends = curve([0.0, 1.0], 2, "left")
+    np.testing.assert_allclose(ends[0], [0, 1], atol=1e-14)
+    np.testing.assert_allclose(ends[1:], 0.0, atol=1e-12 * abs(peak(curve, 2).value))
+
+
+def test_skewed_parabola_has_the_accelerations_of_its_shares():
+    skewed = rise("parabolic", skew=0.25)
+    assert skewed([0.1, 0.9], 2)[2] == pytest.approx([8.0, -8.0 / 3.0])
+    back = skewed.mirrored()
+    assert back([0.1, 0.9], 2)[2] == pytest.approx([8.0 / 3.0, -8.0])
+    np.testing.assert_allclose(back([0.3], 0)[0], 1.0 - skewed([0.7], 0)[0], rtol=1e-15)
+
+
+@settings(deadline=None)
+@given(st.sampled_from(sorted(RISES)), st.floats(-3, 3), st.floats(0.1, 5), st.floats(-2, 2), st.floats(0.01, 3))
+def test_scaling_reversing_and_integrating_keep_the_derivatives_consistent(name, start, length, value, stroke):
+    curve = rise(name).scaled(start, length, value, stroke)
+    x = start + length * np.array([0.11, 0.37, 0.61, 0.93])
+    raw = rise(name)((x - start) / length, 4)
+    want = np.array([stroke * raw[k] / length**k for k in range(5)])
+    want[0] += value
+    np.testing.assert_allclose(curve(x, 4), want, rtol=1e-9, atol=1e-10 * np.abs(want).max())
+    mirror = curve.reversed()(2 * start + length - x[::-1], 4)[:, ::-1]
+    signs = np.array([1, -1, 1, -1, 1.0])[:, None]
+    np.testing.assert_allclose(mirror, signs * want, rtol=1e-8, atol=1e-9 * np.abs(want).max())
+    again = curve.integrated(0.3).differentiated()
+    np.testing.assert_allclose(again(x, 3), curve(x, 3), rtol=1e-9, atol=1e-9 * np.abs(want).max())
+
+
+def test_order_and_shape_of_the_angles_do_not_matter():
+    curve = program([Segment(2.0, 1.0, "modified-trapezoid"), Segment(1.0), Segment(2 * PI - 3.0, 0.0, "3-4-5")])
+    x = np.random.default_rng(3).uniform(-20.0, 20.0, (7, 11))
+    got = curve(x, 3)
+    assert got.shape == (4, 7, 11)
+    one = np.array([curve(v, 3) for v in x.ravel()]).T.reshape(4, 7, 11)
+    np.testing.assert_array_equal(got, one)
+    np.testing.assert_allclose(curve(x + 2 * PI, 3), got, atol=1e-12)
+    many = spline_law([Condition(a, np.sin(a)) for a in np.linspace(0, 6, 50)])
+    where = np.searchsorted(many.knots, (0.7, 3.3)) - 1
+    one_by_one = np.array([many.pieces[k].at(v - many.knots[k], 2) for v, k in zip((0.7, 3.3), where, strict=True)])
+    np.testing.assert_allclose(many([0.7, 3.3], 2).T, one_by_one, rtol=1e-13, atol=1e-13)
+
+
+# --- from conditions and data ---------------------------------------------------------------------------------------------
+
+
+def test_polynomial_from_rest_conditions_is_3_4_5_and_its_elders():
+    for order, name in ((3, "3-4-5"), (4, "4-5-6-7"), (5, "5-6-7-8-9")):
+        conditions = [Condition(a, float(a == 1.0 and k == 0), k) for a in (0.0, 1.0) for k in range(order)]
+        np.testing.assert_allclose(polynomial_law(conditions).pieces[0].poly, rise(name).pieces[0].poly, atol=1e-10)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
+    angles = data.draw(st.lists(st.integers(0, 12), min_size=2, max_size=5, unique=True))
+    conditions = []
+    for a in angles:
+        for k in range(data.draw(st.integers(1, 3))):
+            conditions.append(Condition(0.5 * a - 1.0, data.draw(st.floats(-2, 2)), k))
+    for law in (polynomial_law(conditions), spline_law(conditions) if len(conditions) > 5 else None):
+        if law is not None:
+            for c in conditions:
+                size = np.abs(law(np.linspace(law.start, law.end, 65), c.order)[c.order]).max() + 1.0
+                assert law(c.angle, c.order, "left" if c.angle == law.end else "right")[c.order] == pytest.approx(
+                    c.value, abs=1e-8 * size
+                )
+
+
+def test_conditions_that_fix_nothing_are_refused():
+    with pytest.raises(MechanismError, match="do not fix"):  # slope at the middle and values at both ends: degenerate parabola
+        polynomial_law([Condition(-1, 0), Condition(1, 1), Condition(0, 0, 1)])
+    with pytest.raises(MechanismError, match="two conditions"):
+        polynomial_law([Condition(0, 0), Condition(0, 1)])
+    with pytest.raises(MechanismError, match="Did you mean 'cycloidal'"):
+        rise("cycloid")
+    with pytest.raises(MechanismError, match="no parameter 'skew'"):
+        rise("harmonic", skew=0.3)
+    with pytest.raises(MechanismError, match=r"program\[1\]"):
+        program([Segment(1.0, 1.0), Segment(-1.0)])
+
+
+def test_powers_of_one_s_own_choice():
+    law = polynomial_law([Condition(0, 0), Condition(1, 1), Condition(1, 0, 1), Condition(1, 0, 2)], powers=(0, 2, 10, 18))
+    assert np.flatnonzero(law.pieces[0].poly).tolist() == [2, 10, 18]
+    np.testing.assert_allclose(law(1.0, 2, "left"), [1, 0, 0], atol=1e-12)
+
+
+def test_splines_converge_and_carry_end_conditions():
+    errors = []
+    for n in (12, 24):
+        a = np.linspace(0, 2, n)
+        extra = [Condition(0.0, 1.0, 1), Condition(2.0, np.cos(2.0), 1)]
+        law = spline_law([*(Condition(x, np.sin(x)) for x in a), *extra])
+        x = np.linspace(0, 2, 301)
+        errors.append(np.abs(law(x, 0)[0] - np.sin(x)).max())
+        assert law(0.0, 1)[1] == pytest.approx(1.0, abs=1e-12)
+        assert not jumps(law, (1, 2, 3), tolerance=1e-7, ends=False)
+    assert errors[1] < errors[0] / 30.0
+
+
+def test_measured_tables_are_smoothed_and_say_by_how_much():
+    x = np.linspace(0.0, 2 * PI, 181)
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(x.size)
+    noise[-1] = noise[0]
+    true = 1.0 - np.cos(x)
+    curve, report = measured_table(x, true + noise, tolerance=1e-3, repeats=True)
+    assert report.rms == pytest.approx(1e-3, rel=0.05)
+    assert report.pieces < 40
+    rough, exact = measured_table(x, true + noise, repeats=True)
+    assert exact.largest < 1e-12
+    y = np.linspace(0.3, 9.0, 400)
+    assert np.abs(curve(y, 2)[2] - np.cos(y)).max() < 0.05 < 1.0 < np.abs(rough(y, 2)[2] - np.cos(y)).max()
+    assert not jumps(curve, (0, 1, 2, 3), tolerance=1e-6)
+    ramp, _ = measured_table(x, x + 0.1 * np.sin(x), repeats=True)
+    want = 1.0 + 0.1 * np.sin(1.0)
+    np.testing.assert_allclose(ramp([1.0, 1.0 + 2 * PI], 1)[0], [want, want + 2 * PI], atol=1e-6)
+    np.testing.assert_allclose(ramp([1.0, 1.0 + 2 * PI], 1)[1], 1.0 + 0.1 * np.cos(1.0), atol=1e-6)
+
+
+def test_the_lecture_s_route_a_given_acceleration_is_integrated_twice():
+    a0 = 1.5
+    sine = MotionCurve.of((0.0, 2 * PI), [[0.0]], [[[1.0, a0, 0.0]]], repeats=True)
+    law = from_acceleration(sine, value=0.04)
+    x = np.linspace(0, 2 * PI, 17)
+    np.testing.assert_allclose(law(x, 2), [0.04 - a0 * np.sin(x), -a0 * np.cos(x), a0 * np.sin(x)], atol=1e-14)
+    steps = MotionCurve.of((0.0, PI, 2 * PI), [[a0], [-a0]], repeats=True)
+    smooth = from_acceleration(steps)
+    assert smooth(0.0, 1)[1] == pytest.approx(-a0 * PI / 2), "the only constant with a continuous velocity"
+    assert [j.order for j in jumps(smooth, (0, 1, 2))] == [2, 2]
+    kept = from_acceleration(steps, velocity=0.0)
+    assert kept.advance == pytest.approx(a0 * PI**2), "without closing the lift grows from turn to turn"
+    np.testing.assert_allclose(from_velocity(sine, 1.0)([PI], 0)[0], 1.0 + 2 * a0)
+
+
+@pytest.mark.parametrize("row", CASES["cam-lecture-velocity-jumps"]["expected"]["rows"], ids=lambda r: str(r["C1"]))
+def test_velocity_jumps_of_the_lecture_s_two_parabolas(row):
+    a0, w, c1 = 1.5, 10.0, row["C1"]
+    t = PI / w
+    half = [0.04, c1, a0 / 2]
+    back = [0.04 + c1 * t + a0 * t**2 / 2, a0 * t - a0 * t - c1, -a0 / 2]
+    law = MotionCurve.of((0.0, t, 2 * t), [half, back], repeats=True)
+    found = {round(j.angle / t): j.size for j in jumps(law, (0, 1))}
+    want = {1: row["jump_at_pi"], 0: row["jump_at_wrap"]}
+    for k, size in want.items():
+        assert found.get(k, 0.0) == pytest.approx(size, rel=1e-13, abs=1e-13)
+    assert all(j.shock for j in jumps(law, (1, 2)))
+
+
+# --- optimal --------------------------------------------------------------------------------------------------------------
+
+
+def test_least_peaks_are_the_bang_bang_laws():
+    rest = {"start": (0, 0, 0), "end": (1, 0, 0)}
+    assert least_peak("acceleration", **rest).peak == pytest.approx(4.0, rel=1e-9)
+    assert least_peak("jerk", **rest).peak == pytest.approx(32.0, rel=1e-9)
+    assert least_peak("velocity", start=(0,), end=(1,)).peak == pytest.approx(1.0, rel=1e-9)
+    for over in (0.5, 2.0):
+        best = least_peak("jerk", start=(0.2, 0, 0), end=(1.7, 0, 0), over=over)
+        assert best.peak == pytest.approx(1.5 * 32.0 / over**3, rel=1e-8)
+        np.testing.assert_allclose(best.curve([0.0, over], 2, "left"), [[0.2, 1.7], [0, 0], [0, 0]], atol=1e-6)
+
+
+def test_a_limit_on_the_jerk_costs_acceleration_but_less_than_any_common_law():
+    best = least_peak("acceleration", smooth=3, limits={3: 60.0}, steps=100)
+    assert 4.0 < best.peak < peak_factors(rise("modified-trapezoid")).acceleration
+    assert best.jerk <= 60.0 * (1 + 1e-9)
+    # closed form: ramps of the length r at this jerk, acceleration a with a (1/2 - r) (1/2 - ... ) = 1: trapezoid of acceleration
+    r = best.peak / 60.0
+    assert best.peak * (0.5 - r) * 0.5 == pytest.approx(1.0, rel=5e-3)
+    with pytest.raises(MechanismError, match="Loosen"):
+        least_peak("acceleration", smooth=3, limits={3: 30.0})
+
+
+def test_least_contact_force_keeps_the_margin():
+    data = {"mass": 0.3, "stiffness": 1.0, "load": 2.0}
+    best = least_peak("force", start=(0, 0, 0), end=(1, 0, 0), least_force=0.5, **data)
+    x = np.linspace(0, 1, 4001)
+    s = best.curve(x, 2)
+    force = 0.3 * s[2] + s[0] + 2.0
+    assert force.min() >= 0.5 - 1e-6
+    assert force.max() == pytest.approx(best.peak, rel=1e-3)
+    for name in ("3-4-5", "cycloidal", "modified-trapezoid", "modified-sine"):
+        s = rise(name)(x, 2)
+        assert best.peak < (0.3 * s[2] + s[0] + 2.0).max()
+
+
+# --- programs -------------------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(0.2, 2.0), st.floats(-3, 3), st.sampled_from(sorted(RISES))), min_size=1, max_size=5),
+    st.floats(-2, 2),
+)
+def test_programs_pass_through_their_ends(rows, start):
+    segments = [Segment(over, to, law) for over, to, law in rows]
+    curve = program(segments, start)
+    ends = np.cumsum([r[0] for r in rows])
+    np.testing.assert_allclose(curve(ends, 0, "left")[0], [r[1] for r in rows], atol=1e-12)
+    assert not [j for j in jumps(curve, (0,)) if j.angle > 0.0]
+
+
+def test_polynomial_segments_join_states():
+    curve = program([Segment(1.0, (0.5, 1.0, 0.2), "polynomial"), Segment(2.0, 1.0, "polynomial"), Segment(1.0, 0.0)])
+    assert not jumps(curve, (0, 1, 2))
+    np.testing.assert_allclose(curve(1.0, 2), [0.5, 1.0, 0.2], atol=1e-13)
+
+
+def test_constant_breadth_completion():
+    half = program([Segment(1.0), Segment(PI - 1.5, 2.0, "modified-trapezoid"), Segment(0.5)], 0.3, repeats=False)
+    curve = constant_breadth(half)
+    x = np.linspace(0, 2 * PI, 97)
+    np.testing.assert_allclose(curve(x, 0)[0] + curve(x + PI, 0)[0], 0.3 + 2.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("master", [ConstantSpeed(0.4, 3.0), ConstantSpeed(0.4, -2.0), Oscillation(1.0, 2.0, 0.5, 0.3)])
+def test_axes_on_one_master_follow_by_the_chain_rule(master):
+    curve = program([Segment(2.0, 1.0, "4-5-6-7"), Segment(1.0), Segment(2 * PI - 3.0, 0.0, "5-6-7-8-9")])
+    axis = Follow(curve, master, 0.2)
+    t = np.linspace(0.05, 0.9, 23) * axis.duration
+    h = 2e-4
+    weights = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
+    for k in (0, 1):
+        numeric = weights @ np.stack([axis(t + j * h)[k] for j in range(-2, 3)])
+        np.testing.assert_allclose(numeric, axis(t)[k + 1], atol=1e-6)
+    np.testing.assert_allclose(axis(t)[0], curve(master(t)[0] + 0.2, 0)[0], atol=1e-15)
+    assert axis.advance == pytest.approx(0.0, abs=1e-12)
+
+
+def test_shocks_of_a_program_lie_where_the_master_passes_them():
+    curve = program([Segment(PI, 1.0, "parabolic"), Segment(PI, 0.0, "cycloidal")])
+    axis = Follow(curve, ConstantSpeed(0.0, 2.0))
+    assert axis.breaks == pytest.approx((0.0, PI / 4, PI / 2))
+    assert axis.shock(PI / 4) == "the acceleration jumps, infinite jerk"
+    assert axis.shock(1.0) == ""
+    with_steps = Follow(program([Segment(PI, 1.0, "constant-velocity"), Segment(PI, 0.0)]), ConstantSpeed(0.0, 2.0))
+    assert "infinite acceleration" in with_steps.shock(PI / 2)
+
+
+SCENE = {
+    "units": {"length": "mm", "angle": "deg"},
+    "links": {
+        "frame": {"points": {"O": [0, 0], "G": [0, 0]}},
+        "shaft": {"points": {"O": [0, 0], "P": [10, 0]}},
+        "slide": {"points": {"C": [0, 0]}},
+    },
+    "pairs": {
+        "O": {"revolute": ["frame", "shaft"], "drive": {"speed": "60 rpm"}},
+        "X": {
+            "prismatic": ["frame", "slide"],
+            "at": ["G", "C"],
+            "along": [1, 0],
+            "drive": {
+                "start": 5,
+                "program": {
+                    "master": "O",
+                    "segments": [
+                        {"over": 180, "to": "2 cm", "law": "parabolic", "parameters": {"skew": 0.4}},
+                        {"over": 180, "to": 5},
+                    ],
+                },
+            },
+        },
+    },
+}  # fmt: skip
+
+
+def changed(**keys):
+    data = json.loads(json.dumps(SCENE))
+    data["pairs"]["X"]["drive"]["program"].update(keys)
+    return data
+
+
+def test_scenes_drive_several_axes_from_one_master():
+    from mechcore.motion.events import find_events
+    from mechviz.run import run_scene
+    from mechviz.scene.scene import Scene, loads
+
+    scene = Scene.build(**SCENE)
+    law = scene.mechanism.drives[1].law
+    assert isinstance(law, Follow)
+    t = np.array([0.0, 0.25, 0.5, 1.0])
+    np.testing.assert_allclose(law(t)[0], [5e-3, law.curve(PI / 2, 0)[0], 20e-3, 5e-3], atol=1e-15)
+    again = loads(scene.to_toml())
+    np.testing.assert_array_equal(again.mechanism.drives[1].law(t)[0], law(t)[0])
+    assert again.to_toml() == scene.to_toml()
+    run = run_scene(scene, frames=90)
+    texts = [e.text for e in find_events(run.motion)]
+    assert any("infinite jerk" in text for text in texts), texts
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"master": "Q"}, "no driven revolute pair"),
+        ({"master": "X"}, "no driven revolute pair"),
+        ({"speed": "60 rpm"}, "speed and master at once"),
+        ({"segments": [{"over": 90, "to": 9, "law": "cycloidl"}]}, "Did you mean 'cycloidal'"),
+        ({"segments": [{"over": 90, "to": 9, "law": "parabolic", "parameters": {"skw": 1}}]}, "no parameter 'skw'"),
+        ({"segments": [{"over": 90, "too": 9}]}, "Did you mean 'to'"),
+        ({"segments": [{"over": "9 mm", "to": 9}]}, "angle"),
+    ],
+)
+def test_faults_of_programs_are_named(keys, message):
+    from mechviz.scene.faults import SceneError
+    from mechviz.scene.scene import Scene
+
+    with pytest.raises(SceneError, match=message):
+        Scene.build(**changed(**keys))
+
+
+def test_the_command_prints_the_table_and_plots(tmp_path):
+    from xml.etree import ElementTree
+
+    from typer.testing import CliRunner
+
+    from mechviz.commands.main import app
+
+    picture = tmp_path / "laws.svg"
+    out = CliRunner().invoke(app, ["laws", "modified-sine", "parabolic:skew=0.3", "--plot", str(picture)])
+    assert out.exit_code == 0, out.output
+    assert "5.52796" in out.output
+    root = ElementTree.fromstring(picture.read_text())
+    lines = root.findall(".//{http://www.w3.org/2000/svg}polyline")
+    assert len(lines) == 4 * (4 + 2), "four derivatives of the pieces of both laws"
+    assert CliRunner().invoke(app, ["laws", "sinus"]).exit_code == 2
+    assert CliRunner().invoke(app, ["laws", "parabolic:skew=x"]).exit_code == 2
+    assert CliRunner().invoke(app, ["laws", "--plot", "laws.png"]).exit_code == 2

@@ -1,0 +1,106 @@
+"""Profiles of cams as files: arcs on the exact curve, units, crossings refused."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapely.geometry import LineString, Point
+
+import mechviz
+from mechviz.outputs.exports import cam_profiles as cam_export
+from mechviz.outputs.exports.cam_profiles import _chain, biarcs, cam_outlines, dxf_text, export_profiles, profile_csv, svg_text
+from mechviz.outputs.exports.tables import ExportError
+from mechviz.run import run_scene
+
+SCENES = ["cam-roller", "cam-knife", "cam-flat", "cam-groove", "cam-wedge", "cam-oscillating-flat"]
+
+
+@pytest.fixture(scope="module")
+def outlines():
+    return {name: cam_outlines(run_scene(mechviz.load(name), frames=8)) for name in SCENES}
+
+
+def test_biarcs_are_exact_on_circles_and_lines():
+    t = np.linspace(0.0, 2.0, 6)
+    z, bulges = biarcs(3.0 * np.exp(1j * t), 1j * np.exp(1j * t))
+    np.testing.assert_allclose(np.abs(z), 3.0, rtol=1e-14)
+    np.testing.assert_allclose(bulges, np.tan(0.2 / 4.0), rtol=1e-12)
+    z, bulges = biarcs(np.array([0j, 2.0 + 1j]), np.full(2, (2.0 + 1j) / np.sqrt(5.0)))
+    np.testing.assert_allclose(z[1], 1.0 + 0.5j)
+    np.testing.assert_allclose(bulges, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_arcs_lie_on_the_profile_and_join_smoothly(name, outlines, monkeypatch):
+    coarse = outlines[name]
+    monkeypatch.setattr(cam_export, "STEP", 0.05)
+    fine = cam_outlines(run_scene(mechviz.load(name), frames=8))
+    assert [o.name for o in coarse] == ["K", "K outer flank"][: len(coarse)]
+    for rough, exact in zip(coarse, fine, strict=True):
+        z, bulges = _chain(rough)
+        ends = np.append(z[1:], z[0]) if rough.closed else z[1:]
+        starts, bulges = (z, bulges) if rough.closed else (z[:-1], bulges[:-1])
+        middles = 0.5 * (starts + ends) - 0.5j * (ends - starts) * bulges
+        curve = LineString(np.column_stack([p := exact.points, p]).view(float).reshape(-1, 4)[:, :2])
+        off = max(curve.distance(Point(m.real, m.imag)) for m in middles[::5])
+        assert off < (2e-3 if name == "cam-wedge" else 2e-4)  # mm
+        lean = 2.0 * np.arctan(bulges)
+        leaving, arriving = np.angle(ends - starts) - lean, np.angle(ends - starts) + lean
+        turn = np.angle(np.exp(1j * (np.roll(leaving, -1) - arriving)))
+        assert np.abs(turn if rough.closed else turn[:-1]).max() < 1e-6
+
+
+def test_dxf_says_its_units_and_holds_every_vertex(outlines):
+    text = dxf_text(outlines["cam-groove"])
+    rows = text.splitlines()
+    pairs = list(zip(map(int, rows[::2]), rows[1::2], strict=True))
+    assert (9, "$INSUNITS") in pairs and pairs[pairs.index((9, "$INSUNITS")) + 1] == (70, "4")
+    kinds = [value for code, value in pairs if code == 0]
+    assert kinds.count("POLYLINE") == kinds.count("SEQEND") == 2 and kinds.count("POINT") == 1 and kinds[-1] == "EOF"
+    assert kinds.count("VERTEX") == sum(len(_chain(o)[0]) for o in outlines["cam-groove"])
+    assert kinds.count("SECTION") == kinds.count("ENDSEC") == 3
+    x = [float(value) for code, value in pairs if code == 10]
+    assert 40.0 < max(x) < 90.0  # millimetres
+
+
+def test_svg_is_true_to_scale(outlines):
+    text = svg_text(outlines["cam-roller"])
+    width, unit = re.search(r'width="([\d.]+)(mm)"', text).groups()
+    low, high = (f(o.points.real) for f, o in ((min, outlines["cam-roller"][0]), (max, outlines["cam-roller"][0])))
+    assert unit == "mm" and float(width) == pytest.approx(high - low + 10.0)
+    assert text.count(" A ") > 400
+
+
+def test_csv_has_normals_and_curvature(outlines):
+    lines = profile_csv(outlines["cam-roller"]).split("\r\n")
+    assert lines[0] == "curve,cam [rad or m],x [mm],y [mm],nx,ny,radius of curvature [mm]"
+    rows = np.array([[float(v) for v in line.split(",")[1:]] for line in lines[1:-1]])
+    base = np.hypot(rows[:, 1], rows[:, 2]) < 40.0 + 1e-9
+    np.testing.assert_allclose(rows[base, 1:3] / 40.0, rows[base, 3:5], atol=1e-6)
+    assert base.sum() > 60
+    run = run_scene(mechviz.load("cam-roller"), frames=8)
+    cam = next(r.geometry for r in run.motion.model.relations if r.name == "K")
+    s = cam.cam.at(rows[:, 0], side="left")
+    inner = np.min(np.abs(rows[:, :1] - cam.cam.law.knots), axis=1) > 1e-9  # at the knots it may jump
+    np.testing.assert_allclose(rows[inner, 5], 1e3 * s.radius[inner], rtol=1e-8)
+
+
+def test_crossing_profiles_are_refused(outlines, monkeypatch):
+    (outline,) = outlines["cam-roller"]
+    z = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 90))
+    eight = replace(outline, runs=((z.real + 1j * z.imag * z.real, z, z.real, z.real),))
+    monkeypatch.setattr(cam_export, "_profile", lambda cam: eight)
+    with pytest.raises(ExportError, match="'K' crosses itself"):
+        cam_outlines(run_scene(mechviz.load("cam-roller"), frames=8))
+
+
+def test_files_and_scenes_without_cams(tmp_path):
+    run = run_scene(mechviz.load("cam-roller"), frames=8)
+    for kind in ("dxf", "svg", "csv"):
+        assert export_profiles(run, tmp_path / f"cam.{kind}", kind).stat().st_size > 10_000
+    with pytest.raises(ExportError, match="no cam"):
+        export_profiles(run_scene(mechviz.load("crank-rocker"), frames=8), tmp_path / "x.dxf", "dxf")
+    assert not (tmp_path / "x.dxf").exists()

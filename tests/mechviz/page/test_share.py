@@ -1,0 +1,527 @@
+"""Pages without a server: what is in them is what the recording holds, they are small, and wrong input is refused in words."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import time
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from page_content import content
+from PIL import Image
+from typer.testing import CliRunner
+
+import mechviz
+from mechviz.commands.common import Bar, progress_bar
+from mechviz.commands.main import app
+from mechviz.files import OutputError
+from mechviz.outputs.images.drawing import svg_of, turned
+from mechviz.outputs.images.pictures import Look, film, moment
+from mechviz.outputs.page.markdown import html_of
+from mechviz.outputs.page.pack import Pack, unpack
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.rerun.paths import parts_of
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.run import run_scene
+from recordings import made
+
+TEN = made("ten-link-forces", 360)
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+@pytest.fixture(scope="module")
+def ten():
+    page, frames = make_page(TEN.recording)
+    return page, frames, *content(page)
+
+
+# --- packing ----------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(hnp.arrays(float, st.integers(0, 40), elements=NUMBERS), st.lists(st.booleans(), max_size=40))
+def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
+    pack = Pack()
+    holes = values.copy()
+    holes[: len(absent)][np.array(absent[: len(values)], bool)] = np.nan
+    whole = np.round(values).astype(int)
+    pack.floats(values), pack.places(holes), pack.indices(whole)
+    _, arrays = unpack(pack.text({}))
+    assert np.array_equal(arrays[0], values.astype(np.float32))
+    step = np.ptp(values) / 65534 if len(values) else 0.0
+    assert np.array_equal(np.isnan(arrays[1]), np.isnan(holes))
+    assert np.all(np.abs(arrays[1] - holes)[~np.isnan(holes)] <= 0.51 * step + 1e-9)
+    assert np.array_equal(arrays[2], whole)
+
+
+def test_equal_arrays_are_stored_once():
+    pack = Pack()
+    assert pack.floats(np.arange(5.0)) == pack.floats(np.arange(5.0)) != pack.floats(np.arange(6.0))
+
+
+# --- pages ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_page_of_ten_links_is_small_and_names_nothing_outside_itself(ten):
+    page = ten[0]
+    assert len(page.encode()) < 3e6
+    assert not re.search(r"""(src|href)\s*=|@import|url\(|https?://""", page.split('id="data"')[0] + page.split("</script>", 1)[1])
+    assert "default-src 'none'" in page
+
+
+def test_poses_and_solids_are_those_of_the_recording(ten):
+    _, frames, header, arrays = ten
+    assert header["frames"] == header["total"] == len(frames.chosen) == TEN.run.motion.frames
+    assert [link["name"] for link in header["links"]] == list(TEN.recording.model["links"])
+    for link in header["links"]:
+        pose = arrays[link["pose"]].reshape(-1, 3)
+        assert np.array_equal(pose, TEN.data("links", link["name"], "pose")[: len(pose)].astype(np.float32))
+        assert link["moves"] == (link["name"] != "frame")
+        path = ("mechanism", "links", link["name"], "mesh")
+        vertices = TEN.recording.static(*path, component="Mesh3D:vertex_positions")
+        stored = arrays[link["mesh"]["vertices"]].reshape(-1, 3)
+        assert np.abs(stored - vertices).max() < 1e-5 * np.ptp(vertices)
+        assert np.array_equal(
+            arrays[link["mesh"]["faces"]].reshape(-1, 3), TEN.recording.static(*path, component="Mesh3D:triangle_indices")
+        )
+
+
+def test_a_barrel_cam_turns_about_its_shaft():
+    """Shaft along y at O: in the page's poses each corner keeps its height and turns about the shaft as the drive does."""
+    barrel = made("cam-barrel")
+    header, arrays = content(make_page(barrel.recording)[0])
+    link = next(k for k in header["links"] if k["name"] == "cam")
+    poses, spins = arrays[link["pose"]].reshape(-1, 3), arrays[link["spin"]].reshape(-1, 7)
+    corner = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:50]
+    where = []
+    for (x, y, angle), (*shift, qx, qy, qz, qw) in zip(poses, spins, strict=True):
+        at = turned(corner, (qx, qy, qz, qw)) + np.array(shift)
+        c, s = np.cos(angle), np.sin(angle)
+        where.append(np.column_stack([at[:, :2] @ [[c, s], [-s, c]] + [x, y], at[:, 2]]))
+    where = np.array(where)
+    assert np.ptp(where[:, :, 1], axis=0).max() < 1e-6  # heights along the shaft
+    middle = 0.5 * (where[0] + where[len(where) // 2])[:, [0, 2]].mean(axis=0)  # opposite half a turn later
+    radius, way = np.hypot(*np.moveaxis(where[:, :, [0, 2]] - middle, 2, 0)), np.diff(where[:, :, [0, 2]], axis=0)
+    assert np.ptp(radius, axis=0).max() < 1e-6
+    steps = np.hypot(*np.moveaxis(way, 2, 0)) / radius[1:]
+    turn = np.diff(barrel.run.motion.coordinate("O")[:, 0])
+    assert np.allclose(steps, 2.0 * np.sin(0.5 * turn)[:, None], rtol=1e-3)
+    first, second = (svg_of(barrel.recording, time=float(barrel.time[k])) for k in (0, 60))
+    assert first != second
+
+
+def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
+    _, _, header, arrays = ten
+    plots = {p["title"]: p for p in header["plots"]}
+    torque = plots["Drive A: torque"]
+    assert torque["unit"] == "N m" and np.array_equal(arrays[torque["values"]], TEN.data("drive", "A")[:, 3].astype(np.float32))
+    angle = plots["Link rocker: angle"]
+    assert angle["unit"] == "°"
+    assert arrays[angle["values"]] == pytest.approx(np.degrees(TEN.data("links", "rocker", "pose")[:, 2]), abs=1e-4)
+    force = arrays[plots["Joint B: reaction"]["values"]].reshape(-1, 3)
+    assert plots["Joint B: reaction"]["names"] == ["Fx", "Fy", "|F|"]
+    assert force[:, 2] == pytest.approx(np.hypot(force[:, 0], force[:, 1]), rel=1e-5)
+    assert header["plots"][header["first"][0]]["title"] == "Drive A: torque"
+    for p in header["plots"]:
+        assert p["unit"] and arrays[p["values"]].size == header["frames"] * len(p["names"])
+    polar = plots["Joint B: polar plot of the reaction"]
+    assert polar["equal"] and np.array_equal(arrays[polar["x"]], force[:, 0])
+    phase = plots["Joint D: phase diagram, velocity against angle"]
+    rate = TEN.data("joints", "D", "motion")[:, 1].astype(np.float32)
+    assert phase["unit"] == "rad/s" and np.array_equal(arrays[phase["values"]], rate)
+    assert "Joint A: phase diagram, velocity against angle" not in plots  # it turns on and on
+
+
+def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
+    _, frames, header, arrays = ten
+    drawn = {(d["group"], d["name"]): d for d in header["drawables"] if d["kind"] == "arrows"}
+    arrow = drawn["reaction", "B"]
+    origins, vectors = (arrays[arrow[k]].reshape(len(frames.chosen), 2) for k in ("origins", "vectors"))
+    scale = TEN.recording.properties["newtons_per_metre"]
+    shown = ~np.isnan(origins[:, 0])
+    assert shown.sum() > 300
+    assert vectors[shown] * scale == pytest.approx(TEN.data("joints", "B", "reaction")[shown, :2], abs=1e-3 * scale)
+    assert origins[shown] == pytest.approx(TEN.data("joints", "B", "position")[shown], abs=1e-4)
+    groups = {g["name"]: g for g in header["groups"]}
+    assert groups["reaction"]["shown"] and not groups["acceleration"]["shown"]
+    assert float(groups["reaction"]["value"].split()[0]) == pytest.approx(groups["reaction"]["length"] * scale)
+
+
+def test_events_and_notes_are_there(ten):
+    _, _, header, _ = ten
+    assert [e["text"] for e in header["events"]] == [f"{e.item}: {e.text}" for e in TEN.recording.events]
+    assert "<h3>Computed</h3>" in header["notes"] and header["teaches"].startswith("Kinematics runs outward")
+
+
+def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
+    told: list[tuple[int, int]] = []
+    page, frames = make_page(TEN.recording, most=50, progress=lambda done, total: told.append((done, total)))
+    assert len({total for _, total in told}) == 1 and told == sorted(told) and told[0][0] == 0 and told[-1][0] == told[-1][1] - 1
+    header, arrays = content(page)
+    assert len(frames.chosen) == header["frames"] == 50 and header["total"] == 361 == frames.total
+    assert frames.chosen[0] == 0 and frames.chosen[-1] == 360 and np.ptp(np.diff(frames.chosen)) <= 1
+    crank = arrays[next(k for k in header["links"] if k["name"] == "crank")["pose"]].reshape(-1, 3)
+    assert np.array_equal(crank, TEN.data("links", "crank", "pose")[frames.chosen].astype(np.float32))
+    kept = make_page(TEN.recording, most=50, keep=float(TEN.time[101]))[1]
+    assert 101 in kept.chosen
+
+
+def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("mechviz.outputs.rerun.writer.BLOCK", 50)  # frames, so that it has many blocks
+    # a drive that goes to and fro, and lanes
+    path = write_recording(run_scene(mechviz.load("lamp-arm"), frames=240), tmp_path / "a.rrd").path
+    whole = Recording(path)
+    total = len(whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time)
+    part = Recording(path, most=30)
+    page, frames = make_page(part, most=30)
+    assert (page, frames.total, len(frames.chosen)) == (make_page(whole, most=30)[0], total, 30)
+    assert part.events == whole.events and part.entities == whole.entities and part.notes == whole.notes
+    for entity in whole.entities:
+        if entity.startswith("/state/") and whole.has(entity):
+            lanes = [r.rows(entity, component="StateChange:state") for r in (part, whole)]
+            assert lanes[0].time.tolist() == lanes[1].time.tolist() and lanes[0].values.tolist() == lanes[1].values.tolist()
+    read = part.rows("data", "links", part.model["frame"], "pose", component="Scalars:scalars")
+    assert 30 <= len(read.time) <= 30 + -(-total // 50), "those of the page, and the first of each block"
+    fewer = make_page(part, most=10)[1]
+    assert len(fewer.chosen) == 10 and np.array_equal(
+        fewer.ns, whole.rows("data", "links", whole.model["frame"], "pose", component="Scalars:scalars").time[fewer.chosen]
+    )
+    assert Recording(path, most=10_000).frame_times is None, "short enough as it is"
+
+
+def test_a_page_opens_where_forces_are_large_and_away_from_dead_points(ten):
+    _, frames, header, _arrays = ten
+    largest = np.max([np.hypot(*TEN.data("joints", j, "reaction")[:, :2].T) for j in TEN.recording.model["joints"]], axis=0)
+    angle = np.radians(1e-3 * frames.drives["drive_mdeg"])
+    assert largest[header["opening"]] > 0.4 * largest.max() and abs(np.sin(angle[header["opening"]])) > 0.3
+    assert content(make_page(TEN.recording, plots=False)[0])[0]["opening"] == header["opening"]
+    assert content(make_page(made("crank-rocker").recording)[0])[0]["opening"] == 30  # an eighth of a turn
+
+
+def test_no_text_of_a_scene_becomes_markup(tmp_path):
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    scene = mechviz.load("crank-rocker")
+    text = scene.text.replace(scene.title, evil)
+    assert evil in text
+    write_recording(run_scene(mechviz.loads(text), frames=12), tmp_path / "evil.rrd")
+    page, _ = make_page(Recording(tmp_path / "evil.rrd"))
+    assert "alert(" not in page.split('<script type="module">')[0].replace("&lt;script&gt;alert(1)", "").replace("alert(2)&gt;", "")
+    assert page.count("</script>") == 2
+    assert "<img" not in content(page)[0]["notes"] and "<script" not in content(page)[0]["notes"]
+
+
+def test_notes_as_html():
+    html = html_of("# A & B\n\nsome **bold** `code`\n\n- one\n- two\n\n| a | b |\n|---|---|\n| 1 | <2> |")
+    assert html.split("\n") == [
+        "<h2>A &amp; B</h2>", "<p>some <b>bold</b> <code>code</code></p>", "<ul>", "<li>one</li>", "<li>two</li>", "</ul>",
+        '<div class="wide"><table>', "<tr><th>a</th><th>b</th></tr>", "<tr><td>1</td><td>&lt;2&gt;</td></tr>", "</table></div>",
+    ]  # fmt: skip
+
+
+def test_parts_of_a_path_are_unescaped():
+    from mechviz.outputs.rerun.paths import entity
+
+    parts = ("data", "points", "link B.C centre of mass", "a/b\\c")
+    assert parts_of(entity(*parts)) == parts
+
+
+@pytest.mark.parametrize("name", ["stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar"])
+def test_pages_of_all_kinds_of_scenes(name):
+    header, arrays = content(make_page(made(name, 24).recording)[0])
+    low, high = np.array(header["drawn"])
+    assert (low < high).all() and all(b <= a for a, b in zip(header["bounds"][0], low, strict=True))
+    kinds = {d["group"] for d in header["drawables"]}
+    expected = {
+        "stick-slip-feed": "friction", "plans-four-bar": "construction", "four-forces": "funicular",
+        "lumped-rod": "substitutes", "polodes-four-bar": "polodes",
+    }  # fmt: skip
+    assert expected[name] in kinds
+    assert bool(header["lanes"]) == (name == "stick-slip-feed")
+    for d in header["drawables"]:
+        points = arrays[d["origins" if d["kind"] == "arrows" else "points"]]
+        assert np.isfinite(points).any()
+        if d["kind"] == "still strips":
+            assert sum(d["lengths"]) * 2 == points.size
+    if header["lanes"]:
+        states = [state for lane in header["lanes"] for _, state, _ in lane["changes"]]
+        assert {"sticks", "slips +"} <= set(states)
+
+
+# --- drawings and notebooks -------------------------------------------------------------------------------------------
+
+
+def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
+    """The outline of the crank in the drawing is that of its solid, moved by its pose and scaled."""
+    from xml.etree import ElementTree
+
+    frame = 90
+    svg = ElementTree.fromstring(svg_of(TEN.recording, time=float(TEN.time[frame]), width=1000, height=600))
+    space = "{http://www.w3.org/2000/svg}"
+    paths = [(p.get("fill"), p.get("d")) for p in svg.iter(f"{space}path")]
+    header, arrays = content(make_page(TEN.recording, most=2, keep=float(TEN.time[frame]))[0])
+    low, high = np.array(header["drawn"])[:, :2]
+    scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
+    for link in header["links"]:
+        vertices = arrays[link["mesh"]["vertices"]].reshape(-1, 3)[:, :2]
+        x, y, angle = TEN.data("links", link["name"], "pose")[frame]
+        c, s = np.cos(angle), np.sin(angle)
+        world = vertices @ np.array([[c, s], [-s, c]]) + [x, y]
+        screen = [500, 300] + (world - 0.5 * (low + high)) * scale * [1, -1]
+        mine = [d for fill, d in paths if fill.startswith("#") and near(fill, link["mesh"]["palette"])]
+        assert mine, link["name"]
+        spots = np.array([[float(v) for v in xy.split()] for d in mine for xy in re.findall(r"[\d.-]+ [\d.-]+", d)])
+        for corner in (screen.min(axis=0), screen.max(axis=0)):
+            assert np.abs(spots - corner).min(axis=0) == pytest.approx([0.0, 0.0], abs=0.2)
+    assert {t.text for t in svg.iter(f"{space}text")} >= {"A", "B", "C"}
+
+
+def test_a_round_cam_is_drawn_without_holes():
+    """All that the eye sees of a barrel cam is in the drawing: its pieces cover the cam's silhouette."""
+    barrel = made("cam-barrel")
+    header, arrays = content(make_page(barrel.recording, most=2, keep=float(barrel.time[9]))[0])
+    low, high = np.array(header["drawn"])[:, :2]
+    scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
+    cam = next(link for link in header["links"] if "spin" in link)
+    frame = int(np.argmin(np.abs(arrays[header["time"]] - barrel.time[9])))
+    *shift, qx, qy, qz, qw = arrays[cam["spin"]].reshape(-1, 7)[frame]
+    x, y, angle = barrel.data("links", cam["name"], "pose")[9]
+    world = turned(arrays[cam["mesh"]["vertices"]].reshape(-1, 3), [qx, qy, qz, qw]) + shift
+    flat = (world[:, :2] @ [1.0, 1.0j]) * np.exp(1j * angle) + complex(x, y)
+    corners = np.column_stack([flat.real, flat.imag])[arrays[cam["mesh"]["faces"]].reshape(-1, 3)]
+    silhouette = shapely.union_all(shapely.polygons(corners))
+    mine = []
+    svg = svg_of(barrel.recording, time=float(barrel.time[9]), width=1000, height=600)
+    for data, fill in re.findall(r'<path d="([^"]*)" fill="(#[^"]*)"', svg):
+        if near(fill, cam["mesh"]["palette"]):
+            for ring in data.strip("MZ").split("ZM"):
+                spots = np.array([[float(v) for v in xy.split()] for xy in ring.split("L")])
+                mine.append(shapely.polygons((spots - [500, 300]) / scale * [1, -1] + 0.5 * (low + high)))
+    drawn = shapely.union_all(shapely.buffer(mine, 0.2 / scale))
+    assert silhouette.difference(drawn).area < 1e-3 * silhouette.area
+
+
+def near(fill: str, palette: list[str]) -> bool:
+    """Whether a colour is one of a palette, lighter or darker."""
+    rgb = [np.array([int(c[i : i + 2], 16) for i in (1, 3, 5)], float) for c in (fill, *palette)]
+    return any(np.linalg.norm(rgb[0] / rgb[0].sum() - c / c.sum()) < 0.02 for c in rgb[1:])
+
+
+def test_a_scene_shows_itself_in_a_notebook():
+    scene = mechviz.load("crank-rocker")
+    bundle = scene._repr_mimebundle_()
+    assert set(bundle) == {"text/html", "image/svg+xml", "text/plain"}
+    (page,) = re.findall(r'<iframe srcdoc="(.*?)" sandbox="allow-scripts"', bundle["text/html"], flags=re.DOTALL)
+    assert content(unescape(page))[0]["title"] == scene.title
+    assert bundle["image/svg+xml"].startswith("<svg") and scene.title in bundle["image/svg+xml"]
+    run = run_scene(scene, frames=20)
+    (page,) = re.findall(r'srcdoc="(.*?)"', run._repr_mimebundle_()["text/html"], flags=re.DOTALL)
+    assert content(unescape(page))[0]["frames"] == 21
+
+
+# --- moments ----------------------------------------------------------------------------------------------------------
+
+
+def test_moments_by_time_frame_and_angle():
+    recording, time = TEN.recording, TEN.time
+    assert moment(recording, frame=7).time == pytest.approx(time[7])
+    assert moment(recording, at=float(time[9])).time == pytest.approx(time[9])
+    assert moment(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
+    assert moment(recording, angle=np.radians(90.5)).time == pytest.approx(0.5 * (time[90] + time[91]), abs=1e-6)
+    assert moment(recording).time is None
+    for wrong, words in (
+        ({"frame": 361}, "0 to 360"),
+        ({"frame": -1}, "0 to 360"),
+        ({"at": 1e3}, "outside"),
+        ({"angle": -1.0}, "outside"),
+    ):
+        with pytest.raises(OutputError, match=words):
+            moment(recording, **wrong)
+    with pytest.raises(OutputError, match="no drive of this mechanism turns"):
+        moment(made("excavator-arm", 24).recording, angle=1.0)
+
+
+# --- the commands -----------------------------------------------------------------------------------------------------
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
+    monkeypatch.setattr("mechviz.run.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
+    path = tmp_path / "page.html"
+    result = run("share", str(TEN.path), "-o", str(path), "--most", "100")
+    assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output
+    assert content(path.read_text(encoding="utf-8"))[0]["title"].startswith("Ten-link train")
+
+
+def test_share_writes_a_page_of_a_scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("share", "crank-rocker", "--frames", "30")
+    assert result.exit_code == 0 and "31 frames" in result.output
+    assert content((tmp_path / "crank-rocker.html").read_text(encoding="utf-8"))[0]["frames"] == 31
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["crank-rocker.html"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("share", "crank-roker"), "crank-rocker"),
+        (("share", "no.rrd"), "no file 'no.rrd'"),
+        (("share", "{ten}", "--frames", "12"), "is a recording"),
+        (("shot", "crank-rocker", "-o", "a.jpg"), ".png"),
+        (("shot", "crank-rocker", "-o", "a.png", "--view", "below"), "no such view"),
+        (("shot", "crank-rocker", "-o", "a.png", "--size", "wide"), "1280x800"),
+        (("shot", "crank-rocker", "-o", "a.png", "--size", "20x20"), "from 64"),
+        (("shot", "crank-rocker", "-o", "a.png", "--at", "1", "--frame", "2"), "one of them"),
+        (("shot", "crank-rocker", "-o", "a.png", "--at", "5 kg"), "--at"),
+        (("shot", "crank-rocker", "-o", "a.png", "--angle", "sharp"), "--angle"),
+        (("shot", "crank-rocker", "-o", "a.svg", "--view", "iso"), "from the front"),
+        (("film", "crank-rocker", "-o", "a.avi"), ".gif or .mp4"),
+    ],
+)
+def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*(a.format(ten=TEN.path) for a in arguments))
+    assert result.exit_code == 2 and words in result.output and "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
+    path = tmp_path / "a.svg"
+    result = run("shot", str(TEN.path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
+    assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
+
+
+class Bars:
+    """Stands in for bars: what they were told, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    @contextlib.contextmanager
+    def bar(self, label: str):
+        self.told.append(label)
+        yield Bar(label, self.update)
+
+    def update(self, description: str = "", completed: int = 0, total: int | None = None) -> None:
+        self.told.append(description if total is None else f"{100 * completed // total} %")
+
+
+def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):
+    bars = Bars()
+    for place in ("mechviz.commands.common", "mechviz.commands.share", "mechviz.commands.main"):
+        monkeypatch.setattr(f"{place}.progress_bar", bars.bar)
+    for command, wanted in (
+        (("share", "crank-rocker", "-o", str(tmp_path / "a.html")), "sharing"),
+        (("shot", "crank-rocker", "-o", str(tmp_path / "a.svg")), "drawing"),
+        (("export", "crank-rocker", "--glb", str(tmp_path / "a.glb")), "exporting a.glb"),
+        (("record", "crank-rocker", "-o", str(tmp_path / "a.rrd")), "recording"),
+    ):
+        bars.told.clear()
+        assert run(*command, "--frames", "24").exit_code == 0
+        assert bars.told[:2] == ["solving", "solving: compile"] and "solving: positions" in bars.told
+        assert wanted in bars.told
+        if wanted != "exporting a.glb":
+            stages = [t for t in bars.told if t.startswith("recording: ")]
+            assert stages[0] == "recording: loading rerun" and stages[-1] == "recording: writing"
+            assert "recording: solid meshes" in stages
+            numbers = [int(t.removesuffix(" %")) for t in bars.told[bars.told.index(wanted) :] if t.endswith("%")]
+            assert numbers == sorted(numbers) and numbers[-1] > 90 and (wanted == "recording" or numbers[0] == 0)
+
+
+def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for stream in (Terminal(), io.StringIO()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with progress_bar("making [a] cake") as bar:
+            bar.stage("oven")
+            bar(1, 4)
+        if stream.isatty():
+            assert "making [a] cake: oven" in stream.getvalue() and "25%" in stream.getvalue()
+        else:
+            assert stream.getvalue() == ""
+
+
+FFMPEG = """#!{python}
+import os, sys
+with open({pid!r}, "w") as file:
+    file.write(str(os.getpid()))
+if {broken!r}:
+    print("Unknown encoder 'libx264'", file=sys.stderr)
+    sys.exit(1)
+data = sys.stdin.buffer.read()
+with open(sys.argv[-1], "wb") as file:
+    file.write(b"%d" % data.count(bytes([137]) + b"PNG"))
+"""
+
+
+@pytest.mark.parametrize("fate", ["well", "broken", "interrupted"])
+def test_a_film_as_mp4_is_handed_to_ffmpeg_picture_by_picture(tmp_path, monkeypatch, fate):
+    """A program in place of ffmpeg counts the pictures; what fails or is interrupted leaves no file and no process."""
+    program, pid, folder = tmp_path / "ffmpeg", tmp_path / "pid", tmp_path / "films"
+    program.write_text(FFMPEG.format(python=sys.executable, pid=str(pid), broken=fate == "broken"))
+    program.chmod(0o755)
+    folder.mkdir()
+    monkeypatch.setattr("mechviz.outputs.images.pictures.find_ffmpeg", lambda: str(program))
+    buffer = io.BytesIO()
+    Image.new("RGB", (8, 6)).save(buffer, "PNG")
+
+    @contextlib.contextmanager
+    def stage(*_: object, **__: object):
+        yield lambda time: buffer.getvalue()
+
+    monkeypatch.setattr("mechviz.outputs.images.pictures._stage", stage)
+
+    def progress(done: int, total: int) -> None:
+        if fate == "interrupted" and done == 3:
+            while not pid.exists() or not pid.read_text():  # it has begun
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    def make() -> Path:
+        return film(TEN.recording, folder / "a.mp4", Look(8, 6), seconds=1.0, rate=12, progress=progress)
+
+    if fate == "well":
+        assert make().read_text() == "12"
+    elif fate == "broken":
+        with pytest.raises(OutputError, match="Unknown encoder 'libx264'"):
+            make()
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            make()
+    assert [p.name for p in folder.iterdir()] == (["a.mp4"] if fate == "well" else [])
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid.read_text()), 0)
+
+
+def test_what_is_missing_is_named_with_the_remedy(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
+    result = run("shot", "crank-rocker", "-o", "a.png")
+    assert result.exit_code == 1 and "apt-get install chromium" in result.output
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "true")  # a program, but no browser
+    result = run("shot", "crank-rocker", "-o", "a.png", "--frames", "12")
+    assert result.exit_code == 1 and "could not be started" in result.output
+    monkeypatch.setattr("shutil.which", lambda name: None if name == "ffmpeg" else "/bin/true")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)  # as if it were not installed
+    result = run("film", "crank-rocker", "-o", "a.mp4")
+    assert result.exit_code == 1 and "apt-get install ffmpeg" in result.output
+    result = run("share", "crank-rocker", "-o", str(tmp_path / "nowhere" / "a.html"))
+    assert result.exit_code == 2 and "does not exist" in result.output
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,355 @@
+"""The shared page in a real browser, from disk and offline: it is used as a person would, and what it draws is looked at."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browsers import ARGS, chromium_or_skip, missing
+from pixels import same
+
+from mechviz.outputs.images.pictures import Look, Moment, film, shot
+from mechviz.outputs.page.page import make_page
+from recordings import made
+
+pytestmark = pytest.mark.browser
+
+BAR = made("kinetostatic-four-bar")
+WIDE, NARROW = {"width": 1200, "height": 800}, {"width": 390, "height": 844}
+DRAWN = "(async () => { await mechviz.ready; mechviz.player.drawNow(); })()"
+PLACE = """([x, y, z]) => { const s = mechviz.player.stage, m = s.camera.matrices().clip, b = s.canvas.getBoundingClientRect();
+    const w = m[3]*x + m[7]*y + m[11]*z + m[15];
+    return [b.left + b.width * (0.5 + 0.5 * (m[0]*x + m[4]*y + m[8]*z + m[12]) / w),
+            b.top + b.height * (0.5 - 0.5 * (m[1]*x + m[5]*y + m[9]*z + m[13]) / w)]; }"""
+NOTHING = "for (const g of mechviz.player.header.groups) mechviz.player.show(g.name, false)"
+TIME = "mechviz.player.time"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    executable = chromium_or_skip()
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright is not installed")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=executable, headless=True, args=ARGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("share") / "page.html"
+    path.write_text(make_page(BAR.recording)[0], encoding="utf-8")
+    return path
+
+
+class Opened:
+    """The page in a window, with all that it asked for and complained about."""
+
+    def __init__(self, browser: Any, file: Path, **options: Any):
+        self.context = browser.new_context(**options)
+        self.context.set_offline(True)
+        self.page = self.context.new_page()
+        self.page.set_default_timeout(60_000)
+        self.troubles: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda m: self.troubles.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda e: self.troubles.append(str(e)))
+        self.page.on("request", lambda r: self.requests.append(r.url))
+        self.page.goto(file.as_uri())
+        self.page.evaluate(DRAWN)
+
+    def picture(self, selector: str = "#picture") -> np.ndarray:
+        from PIL import Image
+
+        return np.asarray(Image.open(io.BytesIO(self.page.locator(selector).screenshot())).convert("RGB")).astype(int)
+
+    def window(self) -> np.ndarray:
+        """All of the window, as (rows, columns, RGB)."""
+        from PIL import Image
+
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")).astype(float)
+
+
+@pytest.fixture(scope="module")
+def wide(browser, file) -> Iterator[Opened]:
+    opened = Opened(browser, file, viewport=WIDE)
+    yield opened
+    opened.context.close()
+
+
+def reddish(colors: np.ndarray) -> np.ndarray:
+    return (colors[..., 0] > 150) & (colors[..., 1] < 110) & (colors[..., 2] < 120)
+
+
+def test_links_are_drawn_where_their_poses_say(wide):
+    """The middle of each link has its colour, in the straight view without arrows, at two moments."""
+    page = wide.page
+    page.evaluate(
+        "for (const g of mechviz.player.header.groups) mechviz.player.show(g.name, false); mechviz.player.show('names', false)"
+    )
+    page.get_by_role("button", name="Front 2D").click()
+    for frame in (30, 80):  # where no link hides these middles
+        page.evaluate(f"mechviz.player.seekFrame({frame}); mechviz.player.drawNow()")
+        window = wide.window()
+        for link, ends in (("crank", ("A", "B")), ("rocker", ("E", "D"))):
+            palette = page.evaluate(f"mechviz.player.header.links.find((k) => k.name === '{link}').mesh.palette")
+            known = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in palette], float)
+            known = known[np.argmax(np.ptp(known, axis=1))]  # the link's own, not the grey of pins
+            a, b = (BAR.run.motion.pair_position(p)[frame] for p in ends)
+            across = np.array([-(b - a)[1], (b - a)[0]]) / np.hypot(*(b - a))
+            half = -BAR.recording.static("mechanism", "links", link, "mesh", component="Mesh3D:vertex_positions")[:, 1].min()
+            for part, inside in ((0.0, True), (0.7, True), (-0.7, True), (-1.5, False)):  # of the plate's half width
+                x, y = page.evaluate(PLACE, [*(a + 0.5 * (b - a) + part * half * across), 0.0])
+                color = window[round(y) - 2 : round(y) + 2, round(x) - 2 : round(x) + 2].mean(axis=(0, 1))
+                ways = [v - v.mean() for v in (color, known)]
+                likeness = float(ways[0] @ ways[1] / (np.linalg.norm(ways[0]) * np.linalg.norm(ways[1])))
+                same = likeness > 0.97 and float(np.ptp(color)) > 0.4 * float(np.ptp(known))
+                assert same == inside, (link, frame, part, color, known)
+    page.get_by_role("button", name="3D", exact=True).click()
+
+
+def test_arrows_can_be_shown_and_hidden(wide):
+    page = wide.page
+    page.evaluate(f"mechviz.player.seekFrame(60); {NOTHING}; mechviz.player.drawNow()")
+    assert page.evaluate("mechviz.player.stage.state.arrows") == 0
+    without = reddish(wide.picture()).sum()
+    button = page.get_by_role("button", name="Reactions")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    page.evaluate("mechviz.player.drawNow()")
+    assert page.evaluate("mechviz.player.stage.state.arrows") == len(BAR.mechanism.pairs)
+    assert reddish(wide.picture()).sum() > without + 200
+
+
+def test_playing_moves_time_and_mechanism_and_space_stops_it(wide):
+    page = wide.page
+    page.evaluate("mechviz.player.seekFrame(10)")
+    before, picture = page.evaluate(TIME), wide.picture()
+    page.get_by_role("button", name="Play", exact=True).click()
+    page.evaluate(
+        f"new Promise((done) => {{ const look = () => {TIME} > {before} + 1e-4 ? done() : requestAnimationFrame(look); look(); }})"
+    )
+    page.keyboard.press("Escape")
+    page.locator("#picture").focus()
+    page.keyboard.press(" ")
+    assert page.evaluate("mechviz.player.playing") is False
+    stopped = page.evaluate(TIME)
+    assert stopped > before and np.abs(wide.picture() - picture).max() > 60
+    page.evaluate("new Promise((done) => setTimeout(done, 120))")
+    assert page.evaluate(TIME) == stopped
+
+
+def test_arrow_keys_step_by_frames(wide):
+    page = wide.page
+    page.evaluate("mechviz.player.seekFrame(100)")
+    page.locator("#picture").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(101, abs=1e-6)
+    page.keyboard.press("Shift+ArrowLeft")
+    assert page.evaluate("mechviz.player.frame") == pytest.approx(91, abs=1e-6)
+
+
+def test_dragging_the_cursor_of_a_plot_moves_the_mechanism(wide):
+    page = wide.page
+    page.evaluate("mechviz.player.seekFrame(20)")
+    page.evaluate("mechviz.player.drawNow()")
+    before = wide.picture()
+    canvas = page.locator("figure canvas").first.bounding_box()
+    assert canvas is not None
+    inner = canvas["width"] - 58 - 12  # what the axes leave
+    y = canvas["y"] + 60
+    page.mouse.move(canvas["x"] + 58 + 0.1 * inner, y)
+    page.mouse.down()
+    page.mouse.move(canvas["x"] + 58 + 0.4 * inner, y, steps=4)
+    page.mouse.move(canvas["x"] + 58 + 0.6 * inner, y, steps=4)
+    page.mouse.up()
+    page.evaluate("mechviz.player.drawNow()")
+    run = BAR.run.motion
+    assert page.evaluate(TIME) == pytest.approx(float(run.time[0] + 0.6 * np.ptp(run.time)), rel=0.01)
+    assert np.abs(wide.picture() - before).max() > 60
+    said = page.locator("figure .values").first.inner_text()
+    torque = np.interp(page.evaluate(TIME), BAR.time, BAR.data("drive", "A")[:, 3])
+    assert float(said.split()[1].replace("−", "-")) == pytest.approx(torque, rel=1e-3, abs=1e-3)
+
+
+def test_names_give_way_to_each_other(wide):
+    page = wide.page
+    boxes = """[...document.querySelectorAll('#labels span:not([hidden])')].map((s) => {
+        const b = s.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; })"""
+    page.evaluate("mechviz.player.show('names', true); mechviz.player.view('front'); mechviz.player.drawNow()")
+    assert len(page.evaluate(boxes)) == len(BAR.mechanism.pairs)
+    page.evaluate("mechviz.player.stage.camera.zoom(0.02); mechviz.player.drawNow()")
+    seen = page.evaluate(boxes)
+    assert 1 <= len(seen) < len(BAR.mechanism.pairs)
+    for k, (left, top, right, bottom) in enumerate(seen):
+        for x0, y0, x1, y1 in seen[:k]:
+            assert right <= x0 + 1 or x1 <= left + 1 or bottom <= y0 + 6 or y1 <= top + 6
+    page.evaluate("mechviz.player.view('3d'); mechviz.player.show('names', false)")
+
+
+def test_an_event_is_jumped_to(wide):
+    page = wide.page
+    page.get_by_role("tab", name="Events").click()
+    events = BAR.recording.events
+    page.locator("#events button").nth(len(events) - 1).click()
+    assert page.evaluate(TIME) == pytest.approx(events[-1].time, rel=1e-6)
+    page.evaluate("mechviz.player.drawNow()")
+    assert page.locator("#events button[aria-current=true]").count() == 1
+    page.get_by_role("tab", name="Notes").click()
+    assert "Computed" in page.locator("#notes").inner_text()
+    page.get_by_role("tab", name="Plots").click()
+
+
+def test_mouse_turns_and_wheel_zooms(wide):
+    page = wide.page
+    page.evaluate("mechviz.player.view('3d')")
+    box = page.locator("#picture").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    yaw, distance = page.evaluate("[mechviz.player.stage.camera.yaw, mechviz.player.stage.camera.distance]")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 80, y + 10, steps=3)
+    page.mouse.up()
+    page.mouse.wheel(0, -300)
+    page.evaluate("new Promise((done) => setTimeout(done, 60))")
+    assert page.evaluate("mechviz.player.stage.camera.yaw") < yaw - 0.1
+    assert page.evaluate("mechviz.player.stage.camera.distance") < 0.9 * distance
+
+
+def test_tabs_and_camera_obey_the_keyboard(wide):
+    page = wide.page
+    page.locator("#tab-plots").focus()
+    time = page.evaluate(TIME)
+    for key, tab in (("ArrowRight", "tab-events"), ("End", "tab-notes"), ("ArrowRight", "tab-plots")):
+        page.keyboard.press(key)
+        assert page.evaluate("document.activeElement.id") == tab
+        panel = page.locator(f"#{tab}").get_attribute("aria-controls")
+        assert page.locator(f"#{panel}").is_visible()
+        assert page.locator("[role=tabpanel]:visible").count() == page.locator("[role=tab]:not([tabindex='-1'])").count() == 1
+    assert page.evaluate(TIME) == time, "keys of the tabs are no steps in time"
+    page.locator("#picture").focus()
+    page.keyboard.press("3")
+    for key, value, sign in (("w", "pitch", 1), ("s", "pitch", -1), ("a", "yaw", -1), ("d", "yaw", 1), ("+", "distance", -1)):
+        before = page.evaluate(f"mechviz.player.stage.camera.{value}")
+        page.keyboard.press(key)
+        assert (page.evaluate(f"mechviz.player.stage.camera.{value}") - before) * sign > 0.0, key
+    page.keyboard.press("0")
+
+
+def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
+    page = wide.page
+    edge = max(b["y"] + b["height"] for b in (page.locator(k).bounding_box() for k in ("#views", "#groups")))
+    box = page.locator("#picture").bounding_box()
+    for view in ("front", "3d", "top"):
+        page.evaluate(f"mechviz.player.view('{view}')")
+        corners = np.array(page.evaluate("mechviz.player.header.drawn"))
+        for corner in np.array(np.meshgrid(*corners.T)).reshape(3, -1).T:
+            x, y = page.evaluate(PLACE, corner.tolist())
+            assert box["x"] <= x <= box["x"] + box["width"] and edge - 3.0 <= y <= box["y"] + box["height"], view
+
+
+def test_a_picture_whose_memory_was_taken_away_comes_back(wide):
+    """As telephones do with pages in the background."""
+    page = wide.page
+    page.evaluate("mechviz.player.seekFrame(60); mechviz.player.view('front'); mechviz.player.drawNow()")
+    before = wide.picture()
+    page.evaluate(
+        """new Promise((done) => { const gl = mechviz.player.stage.gl, lose = gl.getExtension("WEBGL_lose_context");
+        const back = () => { mechviz.player.drawNow(); setTimeout(() => lose.restoreContext()); };
+        gl.canvas.addEventListener("webglcontextlost", back);
+        gl.canvas.addEventListener("webglcontextrestored", () => done()); lose.loseContext(); })"""
+    )
+    assert not page.evaluate("mechviz.player.stage.gl.isContextLost()")
+    assert same(wide.picture(), before) and np.ptp(before, axis=2).max() > 80
+
+
+def test_everything_was_in_the_file(wide, file):
+    """After all that the tests before have done."""
+    assert wide.requests == [file.as_uri()]
+    assert wide.troubles == []
+
+
+def test_a_phone_in_the_dark(browser, file):
+    opened = Opened(browser, file, viewport=NARROW, has_touch=True, is_mobile=True, color_scheme="dark")
+    page = opened.page
+    assert page.evaluate("document.documentElement.scrollWidth") <= NARROW["width"]
+    picture = page.locator("#picture").bounding_box()
+    footer = page.locator("footer").bounding_box()
+    assert picture is not None and footer is not None
+    assert picture["width"] > 350 and picture["height"] > 250 and picture["y"] + picture["height"] < footer["y"]
+    assert footer["y"] + footer["height"] <= NARROW["height"] + 1
+    views = page.locator("#views").bounding_box()
+    assert views is not None and views["y"] >= picture["y"] + picture["height"], "no button lies over the picture"
+    colors = opened.picture()
+    assert np.median(colors) < 60 and np.ptp(colors, axis=2).max() > 80  # a dark ground, and coloured parts on it
+    for control in page.locator("footer button").all():
+        box = control.bounding_box()
+        assert box is not None and box["height"] >= 40 and box["x"] + box["width"] <= NARROW["width"]
+    before = page.evaluate(TIME)
+    page.locator("#play").tap()
+    page.evaluate(
+        f"new Promise((done) => {{ const look = () => {TIME} !== {before} ? done() : requestAnimationFrame(look); look(); }})"
+    )
+    assert opened.troubles == []
+    opened.context.close()
+
+
+def test_a_notebook_cell_plays_in_its_frame(browser, tmp_path):
+    cell = tmp_path / "cell.html"
+    cell.write_text(f"<!doctype html><meta charset=utf-8>{BAR.run._repr_mimebundle_()['text/html']}", encoding="utf-8")
+    context = browser.new_context(viewport=WIDE)
+    page = context.new_page()
+    page.goto(cell.as_uri())
+    frame = page.frame_locator("iframe")
+    frame.locator("#play").click()
+    frame.locator("#play[aria-label=Pause]").wait_for()
+    (inner,) = page.frames[1:]
+    assert inner.evaluate(
+        "(async () => { await mechviz.ready; mechviz.player.drawNow(); return mechviz.player.stage.state.arrows; })()"
+    )
+    context.close()
+
+
+def test_a_picture_is_what_was_asked_for(tmp_path):
+    from PIL import Image
+
+    chromium_or_skip()
+    time = float(BAR.time[60])
+    path = shot(BAR.recording, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Moment(time))
+    with Image.open(path) as image:
+        assert image.size == (400, 300)
+        colors = np.asarray(image.convert("RGB")).astype(int)
+    assert reddish(colors).sum() > 100 and np.ptp(colors, axis=2).max() > 100
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_a_film_moves_and_an_interrupted_one_leaves_nothing(tmp_path):
+    from PIL import Image
+
+    chromium_or_skip()
+    path, seen = tmp_path / "a.gif", []
+
+    def interrupt(done: int, total: int) -> None:
+        seen.append((done, total))
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        film(BAR.recording, path, Look(160, 120), seconds=0.3, rate=10, progress=interrupt)
+    assert seen == [(1, 3), (2, 3)] and not list(tmp_path.iterdir())
+    film(BAR.recording, path, Look(160, 120), seconds=0.3, rate=10)
+    with Image.open(path) as image:
+        assert image.n_frames == 3 and image.size == (160, 120) and image.info["duration"] == 100
+        frames = []
+        for k in range(3):
+            image.seek(k)
+            frames.append(np.asarray(image.convert("RGB")).astype(int))
+    assert np.abs(frames[1] - frames[0]).max() > 60 and np.abs(frames[2] - frames[1]).max() > 60

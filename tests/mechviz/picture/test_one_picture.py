@@ -1,0 +1,100 @@
+"""One picture and one catalogue: what a run shows is what its recording shows, for every scene of the gallery."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mechviz.outputs.rerun.numbers import numbers_in
+from mechviz.outputs.rerun.read_picture import picture_in
+from mechviz.outputs.viewer.show_recording import show_of_recording
+from mechviz.outputs.viewer.show_run import build, show_of_run
+from mechviz.picture.build import picture_of
+from mechviz.picture.nodes import Picture
+from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.events import events_of
+from recordings import NAMES, made
+
+
+def alike(a: Any, b: Any, where: str) -> None:
+    """Two nodes, or parts of them, are equal in all they hold; numbers as recorded."""
+    if hasattr(a, "__dataclass_fields__"):
+        assert type(a) is type(b), where
+        for f in fields(a):
+            alike(getattr(a, f.name), getattr(b, f.name), f"{where}.{f.name}")
+    elif isinstance(a, np.ndarray):
+        assert a.shape == b.shape and a.dtype == b.dtype, where
+        np.testing.assert_allclose(b, a, rtol=1e-12, atol=0.0, err_msg=where)
+    elif isinstance(a, tuple):
+        assert len(a) == len(b), where
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            alike(x, y, f"{where}[{k}]")
+    elif isinstance(a, float):
+        assert b == pytest.approx(a, rel=1e-6), where
+    else:
+        assert a == b, where
+
+
+def pictures(name: str) -> tuple[Picture, Picture]:
+    m = made(name)
+    return picture_of(m.run, m.solids), picture_in(m.recording, numbers_in(m.recording))
+
+
+@pytest.mark.parametrize("name", ["slider-crank-friction", "scissor-lift", "valve-train"])
+def test_the_viewer_shows_of_a_recording_what_it_shows_of_the_run(name: str) -> None:
+    m = made(name)
+    solved, recorded = show_of_run(m.run, build(m.run)), show_of_recording(m.recording)
+    assert recorded.run is None and recorded.bodies.keys() == solved.bodies.keys() and recorded.families == solved.families
+    for link, body in solved.bodies.items():
+        for a, b in zip(body.pieces, recorded.bodies[link].pieces, strict=True):
+            assert a.color == b.color
+            np.testing.assert_array_equal(a.vertices, b.vertices)
+    assert recorded.teaches == solved.teaches and recorded.title == solved.title
+    assert [d.name for d in recorded.drives] == [d.name for d in solved.drives]
+    assert not any("(t = " in e.text for e in (*recorded.events, *solved.events)), "an event tells its time once"
+
+
+def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
+    lift = made("scissor-lift")
+    show = show_of_run(lift.run, build(lift.run))
+    brought = set(show.numbers.links) - {link.name for link in lift.mechanism.links}
+    assert brought and brought <= set(show.bodies), "barrel and rod of its cylinder"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recording_holds_the_picture_of_its_run(name: str) -> None:
+    run, recording = pictures(name)
+    assert [node.key for node in recording.nodes] == [node.key for node in run.nodes]
+    assert len(run.by_key) == len(run.nodes), "keys are unique"
+    assert (recording.frame, recording.size, recording.top) == (run.frame, run.size, run.top)
+    alike(recording.scales, run.scales, "scales")
+    np.testing.assert_array_equal(recording.bounds, run.bounds)
+    for link, pose in run.poses.items():
+        np.testing.assert_array_equal(recording.poses[link], pose)
+    for a, b in zip(run.nodes, recording.nodes, strict=True):
+        alike(a, b, a.key)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recording_holds_the_catalogue_of_its_run(name: str) -> None:
+    m = made(name)
+    run, recording = m.run.catalogue, Catalogue(numbers_in(m.recording))
+    assert [(q.key, q.label, q.unit, q.curves) for q in recording.quantities] == [
+        (q.key, q.label, q.unit, q.curves) for q in run.quantities
+    ]
+    assert len(run.by_key) == len({q.title for q in run.quantities}) == len(run.quantities), "keys and titles are unique"
+    for q in run.quantities:
+        values = q.values()
+        assert values.shape == (m.run.motion.frames, len(q.curves)), q.key
+        np.testing.assert_array_equal(recording[q.key].values(), values, err_msg=q.key)
+    assert [q.key for q in recording.first] == [q.key for q in run.first]
+    assert [a.title for a in recording.axes] == [a.title for a in run.axes]
+    assert [h.name for h in recording.health] == [h.name for h in run.health]
+    assert [(h.good, h.bad) for h in recording.health] == [(h.good, h.bad) for h in run.health]
+    assert recording.opening == run.opening and recording.numbers.cycle == run.numbers.cycle
+    events = events_of(m.run)
+    assert [(e.level, e.item, e.text) for e in m.recording.events] == [(e.level, e.item, e.text) for e in events]
+    assert [e.time for e in m.recording.events] == pytest.approx([e.time for e in events], abs=1e-9)

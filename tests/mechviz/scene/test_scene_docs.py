@@ -1,0 +1,98 @@
+"""docs/scenes.md: its scenes load, its fragments fit into a scene, its Python runs, its error report is the real one."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import mechviz
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import EFFECTS
+from mechviz.scene.document import LinkDocument, SceneDocument
+from mechviz.scene.kinds.drives import DriveDocument
+from mechviz.scene.kinds.friction import ClearanceDocument, FrictionDefaults, FrictionDocument
+from mechviz.scene.kinds.joints import PairDocument
+from mechviz.scene.kinds.loads import LoadDocument
+from mechviz.scene.kinds.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "scenes.md"
+BLOCKS = re.findall(r"```(\w*)\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+TOML = [text for language, text in BLOCKS if language == "toml"]
+WHOLE = [text for text in TOML if "title =" in text]
+
+
+@pytest.mark.parametrize("text", WHOLE)
+def test_whole_scenes_of_the_page_run(text):
+    mechanism = mechviz.loads(text).mechanism
+    motion = solve_motion(compile_mechanism(mechanism), default_times(mechanism))
+    assert motion.closure.max() < 1e-15
+
+
+@pytest.mark.parametrize("text", [text for text in TOML if text not in WHOLE])
+def test_fragments_of_the_page_are_valid(text):
+    """Several drives under each other are alternatives: each is a fragment of its own."""
+    parts = re.split(r"(?m)^(?=drive = )", text) if text.startswith("drive") else [text]
+    for part in filter(str.strip, parts):
+        data = tomllib.loads(part)
+        if "drive" in data:
+            DriveDocument.model_validate(data["drive"])
+            continue
+        pair = data.get("pairs", {}).get("A", {})
+        if list(pair) == ["drive"]:
+            pair["revolute"] = ["frame", "crank"]
+        SceneDocument.model_validate(data)
+
+
+def test_the_python_of_the_page_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (code,) = [text for language, text in BLOCKS if language == "python"]
+    names: dict = {}
+    exec(code, names)
+    assert mechviz.load("four-bar.toml") == names["scene"]
+    assert names["same"].mechanism.links[1].points["P"] == (0.06, 0.0)
+
+
+def test_the_report_of_the_page_is_the_real_one():
+    (report,) = [text for language, text in BLOCKS if language == "" and "problems" in text]
+    text = WHOLE[0].replace("C = [150, 0] }", "C = [150, 0] }, mas = 1").replace("60 rpm", "60 Hz").replace('"left"', '"lefft"')
+    with pytest.raises(mechviz.SceneError) as error:
+        mechviz.loads(text, "crank_rocker.toml")
+    assert str(error.value) == report.strip()
+
+
+def test_the_rows_of_effects_name_every_effect():
+    text = PAGE.read_text(encoding="utf-8")
+    (row,) = re.findall(r"(?m)^\| `effects` \|.*$", text)
+    for effect in EFFECTS:
+        assert f'`"{effect}"`' in row
+        assert f'\n| `"{effect}"` | ' in text
+
+
+def test_every_package_of_the_wheel_tells_that_it_has_types():
+    """PEP 561: type checkers read a package's annotations only where it holds py.typed."""
+    root = PAGE.parent.parent
+    wheel = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert [package for package in wheel["packages"] if not (root / package / "py.typed").is_file()] == []
+
+
+def test_every_key_of_the_format_is_on_the_page():
+    page = PAGE.read_text(encoding="utf-8")
+    for table in (
+        SceneDocument,
+        LinkDocument,
+        PairDocument,
+        DriveDocument,
+        LoadDocument,
+        FrictionDocument,
+        FrictionDefaults,
+        ClearanceDocument,
+        SineDocument,
+        StepDocument,
+        RampDocument,
+        ChirpDocument,
+    ):
+        for key in table.model_fields:
+            assert re.search(rf"(`{key}`|\b{key} = )", page), f"{table.__name__}.{key}"

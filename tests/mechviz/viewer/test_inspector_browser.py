@@ -1,0 +1,620 @@
+"""Editing, looking closer, effects and saving in a real browser: controls are used as a person would."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from browsing import (
+    CANVAS,
+    PATIENCE,
+    POSE,
+    POSES,
+    READY,
+    SEEN,
+    browser,
+    camera_rests,
+    caught_up,
+    heard,
+    next_frames,
+    open_tab,
+    open_viewer,
+    picture,
+    reload,
+    until,
+)
+from live_scenes import BOUNCING
+
+from mechviz import scene
+from mechviz.accuracy import ladder as ladder_module
+from mechviz.accuracy.timing import Timed
+from mechviz.outputs.viewer import app
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
+from mechviz.outputs.viewer.world.camera import PRESETS
+from mechviz.outputs.viewer.world.solids import link_path
+from mechviz.picture.solids import solids_of
+from mechviz.run import run_scene
+from mechviz.scene.scene import load, loads
+
+__all__ = ["browser"]  # a fixture
+
+pytestmark = pytest.mark.browser
+
+SIZE = {"width": 1240, "height": 760}
+LINKS = ("crank", "coupler", "rocker")
+NODES = [link_path(link) for link in LINKS]
+CRANK = "crank A–B [m]"
+EXTENT = """name => { const mesh = window.__viserMutable.nodeRefFromName[name]; let low = 1e9, high = -1e9;
+    mesh.traverse(o => { const p = o.geometry && o.geometry.attributes.position; if (!p) return;
+        for (let k = 0; k < p.count; k++) { low = Math.min(low, p.getX(k)); high = Math.max(high, p.getX(k)); } });
+    return high - low; }"""
+NAMELESS = """() => [...document.querySelectorAll('button, input:not([type=hidden]), [role=slider], [role=tab], svg[role=img]')]
+    .filter(e => e.tagName === 'svg' || e.offsetParent !== null)
+    .filter(e => !(e.getAttribute('aria-label') || e.getAttribute('title') || e.textContent.trim()))
+    .filter(e => !(e.labels && e.labels.length))
+    .filter(e => !e.closest('.mantine-ActionIcon-root'))  // viser's own buttons in the heads of panels
+    .map(e => e.outerHTML.slice(0, 250))"""
+FOV = "() => window.__viserMutable.camera.fov"
+DATA = "uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("saved")
+
+
+@pytest.fixture(scope="module")
+def viewer(browser, folder) -> Iterator[Viewer]:
+    with Viewer(run_scene(scene.load("kinetostatic-four-bar")), port=0, folder=folder) as shown:
+        yield shown
+
+
+@pytest.fixture(scope="module")
+def errors() -> list[str]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def page(browser, viewer, errors) -> Iterator[Any]:
+    opened = open_viewer(browser, viewer, SIZE, NODES)
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(autouse=True)
+def as_opened(viewer, page) -> None:
+    """Every test starts with the scene as opened, at a frame with large forces."""
+    viewer.studio.reset()
+    assert viewer.studio.wait()
+    viewer.set_frame(300)
+    open_tab(page, "Edit")
+    open_tab(page, "Plots")
+    _until_drawn(viewer, page)
+
+
+def _type(page: Any, label: str, value: str) -> None:
+    """Type a value beside a slider."""
+    uuid = page.locator("label", has_text=label).first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill(value)
+
+
+def _drawn(viewer: Viewer, page: Any) -> bool:
+    x, y, angle = np.array([viewer.run.motion.pose(link)[viewer.frame] for link in LINKS]).T
+    zero = np.zeros(len(LINKS))
+    wanted = np.column_stack([np.cos(angle / 2), zero, zero, np.sin(angle / 2), x, y, zero])
+    return bool(np.abs(np.array(page.evaluate(POSES, NODES)) - wanted).max() < 1e-3)
+
+
+def _width(viewer: Viewer) -> float:
+    """Extent along x of the crank's own solid, which follows the stretched one when a slider rests."""
+    return float(np.ptp(solids_of(viewer.run).links["crank"].mesh.vertices[:, 0]))
+
+
+def _until_drawn(viewer: Viewer, page: Any) -> None:
+    """Until the run is there as it is now, and nothing else is on its way."""
+    assert viewer.studio.wait()
+    caught_up(viewer, page)
+    until(page, lambda: _drawn(viewer, page), "poses in the browser")
+
+
+def test_a_typed_length_changes_solids_poses_plots_and_forces(viewer, page, errors):
+    peak = np.abs(viewer.run.forces.effort("A")).max()
+    before = page.evaluate(EXTENT, NODES[0])
+    _type(page, CRANK, "0.12")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "solved")
+    _until_drawn(viewer, page)
+    assert _width(viewer) > before + 0.015
+    until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(_width(viewer), abs=1e-4), "a longer crank")
+    assert np.abs(viewer.run.forces.effort("A")).max() != pytest.approx(peak, rel=1e-3)
+    uuid = viewer.plots.slots[0].chart._impl.uuid
+    largest = np.abs(viewer.run.forces.effort("A")).max()
+    until(page, lambda: np.abs(page.evaluate(DATA, uuid)).max() == pytest.approx(largest), "the new torque in the plot")
+    assert not errors
+
+
+def test_dragging_a_slider_solves_on_the_way_and_ends_at_its_value(viewer, page):
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    thumb = page.locator(f'[id="{uuid}"] [role=slider]').bounding_box()
+    x, y = thumb["x"] + thumb["width"] / 2, thumb["y"] + thumb["height"] / 2
+    slider = viewer.inspector.controls.sliders["links.crank.points.B[0]"]
+
+    def length() -> float:
+        return viewer.run.motion.mechanism.links[1].points["B"][0]
+
+    page.mouse.move(x, y)
+    page.mouse.down()
+    try:
+        for k in range(1, 5):  # each step is solved before the next one is made: the button is down all the time
+            before = length()
+            page.mouse.move(x + 4 * k, y)
+            until(page, lambda before=before: length() > before, "solved while it is dragged")
+    finally:
+        page.mouse.up()
+    until(page, lambda: slider.value > 0.105 and length() == pytest.approx(slider.value), "the last value")
+    _until_drawn(viewer, page)
+
+
+def test_undo_redo_and_reset(viewer, page):
+    def length() -> float:
+        return viewer.run.motion.mechanism.links[1].points["B"][0]
+
+    _type(page, CRANK, "0.12")
+    until(page, lambda: length() == pytest.approx(0.12), "0.12")
+    for button, wanted in (("↶ Undo", 0.1), ("Redo ↷", 0.12), ("Reset", 0.1), ("↶ Undo", 0.12)):
+        page.get_by_role("button", name=button, exact=True).click()
+        until(page, lambda wanted=wanted: length() == pytest.approx(wanted), f"{button} to {wanted}")
+        uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+        box = page.locator(f'[id="{uuid}"] ~ div input')
+        until(page, lambda wanted=wanted, box=box: float(box.input_value()) == pytest.approx(wanted), "the slider follows")
+
+
+def test_a_length_that_cannot_be_assembled_is_told_in_place_with_its_range(viewer, page):
+    shown = viewer.run
+    _type(page, CRANK, "0.9")
+    page.get_by_role("alert").filter(has_text="Reachable: 0.02 m to 0.83 m").first.wait_for()
+    assert page.get_by_role("alert").filter(has_text="cannot be assembled").count() == 1, "at its slider"
+    assert viewer.run is shown
+    _until_drawn(viewer, page)
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    box = page.locator(f'[id="{uuid}"] ~ div input')
+    until(page, lambda: float(box.input_value()) == pytest.approx(0.1), "the slider goes back to what is shown")
+    _type(page, CRANK, "0.11")
+    until(page, lambda: viewer.run is not shown, "solved again")
+    until(page, lambda: page.get_by_role("alert").count() == 0, "the fault is gone")
+
+
+def test_a_crank_that_cannot_turn_any_more_swings(viewer, page):
+    """Across Grashof's limit, 0.23 m: as far as it can go and back; on the near side it turns again."""
+    told = page.get_by_role("status").filter(has_text="Drive A runs as far as it can go and back")
+    _type(page, CRANK, "0.24")
+    told.wait_for()
+    assert page.get_by_role("alert").count() == 0
+    _until_drawn(viewer, page)
+    q = viewer.run.motion.drives[0][0]
+    assert 0.5 < np.ptp(q) < 2.0 * np.pi and q[-1] == pytest.approx(q[0])
+    _type(page, CRANK, "0.11")
+    told.wait_for(state="detached")
+    assert np.ptp(viewer.run.motion.drives[0][0]) == pytest.approx(2.0 * np.pi)
+
+
+def test_effects_are_switched_and_weighed(viewer, page):
+    open_tab(page, "Effects")
+    page.get_by_label("inertia", exact=True).uncheck()
+    until(page, lambda: viewer.run.scene.effects == (), "no inertia")
+    open_tab(page, "View")
+    until(page, lambda: not page.get_by_label("Inertia", exact=True).is_visible(), "no arrows of inertia to be had")
+    open_tab(page, "Effects")
+    page.get_by_label("inertia", exact=True).check()
+    until(page, lambda: viewer.run.scene.effects == ("inertia",), "inertia")
+    caught_up(viewer, page)
+    page.get_by_label("P", exact=True).uncheck()
+    until(page, lambda: not viewer.run.scene.document.loads, "no load")
+    caught_up(viewer, page)  # else the answer to the first click undoes the second
+    page.get_by_label("P", exact=True).check()
+    until(page, lambda: "P" in viewer.run.scene.document.loads, "the load with its values")
+    assert viewer.run.scene == viewer.studio.history.opened.scene()
+    peak = np.abs(viewer.run.forces.effort("A")).max()
+    page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms").first.wait_for()
+    assert peak > 0.0
+    page.get_by_text("pure kinematics").wait_for(state="detached")
+    plan = page.get_by_role("img", name="Analysis plan")
+    until(page, lambda: plan.locator("g").count() == 10, "the plan with inertia and the load again")
+    found = plan.locator("g").evaluate_all("gs => gs.map(g => [g.querySelector('title').textContent.split(':')[0], g.dataset.on])")
+    assert dict(found)["inertia"] == "1" and dict(found)["gravity"] == "0"
+    assert viewer.studio.wait(rested=True)
+    viewer.inspector.effects.table.content = ""
+    row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
+    until(page, lambda: row.count() == 0, "no table")
+    page.get_by_role("button", name="Weigh the effects").click()
+    row.first.wait_for()
+
+
+def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
+    monkeypatch.setattr(ladder_module, "FRAMES", (40, 90))
+    monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
+    monkeypatch.setattr(accuracy_tab, "DIALS", ("frames",))
+    count = itertools.count(1)
+    open_tab(page, "Accuracy")
+    tab = viewer.inspector.accuracy
+    tab.measure()
+    tab.wait()
+    caught_up(viewer, page)
+    page.locator("circle").filter(has_text="quintics, 90 frames").dispatch_event("click")
+    heard(viewer)
+    assert tab.choice.value.startswith("frames: quintics, 90 frames")
+    assert viewer.studio.wait()
+    assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
+
+
+def test_the_other_assembly_is_chosen_from_a_list(viewer, page):
+    before = viewer.run.motion.pose("rocker")[0, 2]
+    folder = page.get_by_text("Assembly", exact=True)
+    folder.click()
+    page.get_by_label("D side", exact=True).click()
+    page.get_by_role("option", name="right", exact=True).click()
+    until(page, lambda: viewer.run.scene.document.pairs["D"].side == "right", "the other side")
+    assert abs(viewer.run.motion.pose("rocker")[0, 2] - before) > 0.5
+    _until_drawn(viewer, page)
+    folder.click()
+
+
+def test_a_click_on_a_link_and_a_joint_opens_their_values(viewer, page):
+    _click(page, viewer, viewer.run.motion.point("coupler", "B")[300] * 0.5 + viewer.run.motion.point("coupler", "D")[300] * 0.5)
+    until(page, lambda: viewer.inspector.closer.item == "link coupler", "the coupler")
+    tab = page.get_by_role("tab", name="Look closer", exact=True)
+    until(page, lambda: tab.get_attribute("aria-selected") == "true", "its tab has opened")
+    row = page.locator("tr", has_text="angular velocity").first
+    wanted = viewer.run.motion.velocity("coupler")[300, 2]
+    until(page, lambda: f"{wanted:.5g}".replace("-", "−") in row.inner_text(), "its angular velocity")
+    page.get_by_label("Look at").click()
+    page.get_by_role("option", name="joint B", exact=True).click()
+    until(page, lambda: viewer.inspector.closer.item == "joint B", "chosen with the keyboard or mouse")
+    force = np.hypot(*viewer.run.forces.reaction("B")[300, :2])
+    until(page, lambda: f"{force:.5g}" in page.locator("tr", has_text="reaction").first.inner_text(), "its reaction")
+    assert viewer.inspector.closer.slot.quantity.label == "joint B: reaction"
+
+
+def test_a_point_that_is_clicked_is_traced(viewer, page):
+    open_tab(page, "Look closer")
+    page.get_by_label("Trace the point that I click").check()
+    middle = 0.5 * (viewer.run.motion.point("coupler", "B")[300] + viewer.run.motion.point("coupler", "D")[300])
+    _click(page, viewer, middle)
+    until(page, lambda: viewer.run.motion.mechanism.traced == (("coupler", "T1"),), "traced")
+    page.wait_for_function(SEEN, arg="/paths/coupler.T1")
+    found = viewer.run.motion.point("coupler", "T1")[300]
+    assert np.abs(found - middle).max() < 0.02 * viewer.scene.size
+    page.get_by_label("Trace the point that I click").uncheck()
+
+
+def test_the_scene_as_opened_stands_behind_as_a_ghost(viewer, page):
+    _type(page, CRANK, "0.13")
+    page.get_by_label("Compare with the scene as opened").check()
+    page.wait_for_function(SEEN, arg="/opened/crank")
+    x, y, _ = viewer.studio.opened.poses["coupler"][300]
+    until(page, lambda: np.allclose(page.evaluate(POSE, "/opened/coupler")[4:6], [x, y], atol=1e-4), "as it was opened")
+    page.get_by_label("Compare with the scene as opened").uncheck()
+    until(page, lambda: not page.evaluate(SEEN, "/opened/crank"), "gone")
+
+
+def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
+    page.get_by_label("Drag pivots").check()
+    page.wait_for_function(SEEN, arg="/pivots/E")
+    camera_rests(page)
+    x, y = _on_screen(page, viewer, np.array([0.28, 0.0]))
+    page.mouse.move(x + 30, y)  # the arrow of the handle that points right
+    next_frames(page, 3)  # the handle sees the mouse
+    page.mouse.down()
+    for k in range(1, 8):
+        page.mouse.move(x + 30 + 4 * k, y)
+        next_frames(page, 2)
+    page.mouse.up()
+    until(page, lambda: viewer.run.motion.mechanism.links[0].points["E"][0] > 0.285, "the pivot has moved")
+    assert viewer.run.motion.mechanism.links[0].points["E"][1] == pytest.approx(0.0, abs=1e-3)
+    _until_drawn(viewer, page)
+    page.get_by_label("Drag pivots").uncheck()
+
+
+def test_cameras_2d_and_dark(viewer, page):
+    client = next(iter(viewer.server.get_clients().values()))
+    open_tab(page, "View")
+    page.get_by_role("button", name="2D", exact=True).click()
+    until(
+        page, lambda: page.evaluate("() => window.__viserMutable.camera.fov") == pytest.approx(1.5, abs=0.01), "nearly orthographic"
+    )
+    away = page.evaluate("() => { const m = window.__viserMutable.camera.matrixWorld.elements; return [m[8], m[9], m[10]]; }")
+    assert abs(abs(away[2]) - 1.0) < 1e-4, "straight on"
+    page.get_by_role("button", name="Angled", exact=True).click()
+    until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
+    turned = "() => window.__viserMutable.camera.getWorldDirection(window.__viserMutable.camera.position.clone()).toArray()"
+    for button, preset in (("Above", "above"), ("Behind", "behind"), ("Front", "front")):
+        page.get_by_role("button", name=button, exact=True).click()
+        away = np.array(PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
+        until(page, lambda a=away: np.allclose(page.evaluate(turned), -a / np.linalg.norm(a), atol=1e-3), f"from {button}")
+    assert client.client_id in viewer.server.get_clients()
+    bright = picture(page).mean()
+    page.get_by_label("Dark page").check()
+    until(page, lambda: picture(page).mean() < 0.6 * bright, "a dark picture")
+    page.get_by_label("Dark page").uncheck()
+    until(page, lambda: picture(page).mean() > 0.9 * bright, "a light picture")
+
+
+def test_links_become_transparent(viewer, page):
+    open_tab(page, "View")
+    uuid = page.locator("label", has_text="Opacity of links").first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("0.3")
+    until(page, lambda: viewer.server.scene.get_handle_by_name(f"{NODES[0]}/part_0").opacity == pytest.approx(0.3), "transparent")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("1")
+    until(page, lambda: viewer.server.scene.get_handle_by_name(f"{NODES[0]}/part_0").opacity is None, "solid")
+
+
+def test_a_section_cuts_the_front_away(viewer, page):
+    open_tab(page, "View")
+    depth = "name => { let z = -1e9; window.__viserMutable.nodeRefFromName[name].traverse(o => { const p = o.geometry && "
+    depth += "o.geometry.attributes.position; if (p) for (let k = 0; k < p.count; k++) z = Math.max(z, p.getZ(k)); }); return z; }"
+    assert viewer.studio.wait(rested=True)  # the solids of this scene, not stretched ones of what an edit before it has made
+    caught_up(viewer, page)
+    before = max(page.evaluate(depth, node) for node in NODES)
+    uuid = page.locator("label", has_text="Section").first.get_attribute("for")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("60")
+    low, high = viewer.scene.current.bounds[:, 2]
+    wanted = high - 0.6 * (high - low)
+    until(page, lambda: max(page.evaluate(depth, node) for node in NODES) < wanted + 1e-6 < before, "cut")
+    page.locator(f'[id="{uuid}"] ~ div input').fill("0")
+    until(page, lambda: max(page.evaluate(depth, node) for node in NODES) == pytest.approx(before), "whole again")
+
+
+def test_a_scene_is_saved_and_never_replaced_untold(viewer, page, folder):
+    _type(page, CRANK, "0.12")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")
+    target = folder / "mine.toml"
+    page.get_by_role("button", name="Scene", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("textbox").fill("../mine")
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    until(page, lambda: (folder / "_mine.toml").exists() or target.exists(), "saved in the folder and nowhere else")
+    saved = next(iter(folder.glob("*mine.toml")))
+    assert load(saved) == viewer.run.scene
+    text = saved.read_text()
+    _type(page, CRANK, "0.11")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.11), "edited again")
+    page.get_by_role("button", name="Scene", exact=True).click()
+    dialog.get_by_role("textbox").fill(saved.name)
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    dialog.get_by_text("is there already").wait_for()
+    assert saved.read_text() == text
+    dialog.get_by_role("button", name="Replace it").click()
+    until(page, lambda: saved.read_text() != text, "replaced when told")
+    assert load(saved) == viewer.run.scene
+
+
+def test_a_recording_is_saved(viewer, page, folder):
+    from mechviz.outputs.rerun.reader import Recording
+
+    page.get_by_role("button", name="Recording", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("textbox").fill("run")
+    dialog.get_by_role("button", name="Save", exact=True).click()
+    until(page, lambda: (folder / "run.rrd").exists(), "recorded")
+    viewer.inspector.saver.last.join(30.0)
+    _, poses = Recording(folder / "run.rrd").scalars("data", "links", "coupler", "pose")
+    np.testing.assert_allclose(poses, viewer.run.motion.pose("coupler"), atol=1e-12)
+
+
+def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_told(viewer, page):
+    open_tab(page, "Diagrams")
+    page.get_by_label("Velocity plan", exact=True).check()
+    until(page, lambda: viewer.run.scene.document.plans == ["velocity"], "asked for")
+    until(page, lambda: viewer.inspector.diagrams.choice.value == "Velocity plan", "looked at")
+    page.get_by_role("img", name="Velocity plan", exact=True).wait_for()
+    page.wait_for_function(SEEN, arg="/drawings/velocity")
+    before = page.locator(".mechviz-diagram").inner_html()
+    viewer.set_frame(200)
+    until(page, lambda: page.locator(".mechviz-diagram").inner_html() != before, "it moves with the frame")
+    page.get_by_label("Polodes of coupler", exact=True).check()
+    page.get_by_role("img", name="Polodes of coupler", exact=True).wait_for()
+    page.get_by_label("Velocity plan", exact=True).uncheck()
+    until(page, lambda: viewer.run.scene.document.plans == [], "no more")
+    page.wait_for_function("name => !window.__viserMutable.nodeRefFromName[name]", arg="/drawings/velocity")
+    open_tab(page, "Effects")
+    box = page.get_by_label("friction", exact=True)
+    box.click()  # no pair has a coefficient
+    page.get_by_text("Friction is named, but no pair has any").first.wait_for(state="attached")
+    until(page, lambda: not box.is_checked(), "the switch goes back")
+
+
+def test_a_motion_grows_in_a_page_that_then_finds_a_cam_at_a_new_server(browser, folder, monkeypatch):
+    """One page: the path of ``view --live``, a server that is started anew at the same address, and what belongs to cams."""
+    shown, opened = _watch_it_grow(browser, folder, monkeypatch)
+    try:
+        opened.bring_to_front()
+        with Viewer(run_scene(scene.load("cam-flat"), frames=90), port=shown.port, folder=folder) as second:
+            opened.wait_for_function("title => document.title.startsWith(title)", arg="Disc cam with a flat-faced follower")
+            opened.wait_for_function(READY, arg=["/mechanism/cam", "/mechanism/follower"])
+            opened.get_by_role("button", name="Start", exact=True).click()
+            until(opened, lambda: second.frame == 0, "the new server listens")
+            _look_at_a_cam(opened, second)
+    finally:
+        opened.close()
+
+
+def _watch_it_grow(browser: Any, folder: Any, monkeypatch: Any) -> tuple[Viewer, Any]:
+    """A page in which a motion under forces grows. The computing is held halfway until the page has shown how far it is."""
+    moving = loads(BOUNCING)
+    go_on, stopped, viewers = threading.Event(), threading.Event(), []
+
+    class Seen(Viewer):
+        def __init__(self, *args: Any, **options: Any):
+            super().__init__(*args, **options)
+            viewers.append(self)
+
+    def solve(observe: Any) -> Any:
+        def held(stretch: Any, duration: float) -> None:
+            observe(stretch, duration)
+            if stretch.duration > 0.4 * duration:
+                assert go_on.wait(PATIENCE)
+
+        return run_scene(moving, observe=held)
+
+    monkeypatch.setattr(app, "Viewer", Seen)
+    monkeypatch.setattr(app, "_until_stopped", lambda: contextlib.nullcontext(stopped))
+    serving = threading.Thread(target=app.serve_while, args=(solve, moving, 0, folder), daemon=True)
+    serving.start()
+    try:
+        end = time.monotonic() + PATIENCE
+        while not viewers:
+            assert serving.is_alive() and time.monotonic() < end
+            time.sleep(0.01)
+        (shown,) = viewers
+        opened = open_viewer(browser, shown, SIZE, ["/mechanism/bar"])
+        progress = opened.locator(".mechviz-progress")
+        progress.filter(has_text="Computing: ").wait_for()
+        assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
+        assert 1 <= shown.inspector.show.frames - 1 < moving.frames
+
+        def drawn() -> bool:
+            angle = shown.inspector.show.poses["bar"][shown.frame, 2]
+            return bool(
+                np.allclose(opened.evaluate(POSE, "/mechanism/bar")[:4], [np.cos(angle / 2), 0, 0, np.sin(angle / 2)], atol=1e-3)
+            )
+
+        until(opened, drawn, "its newest frame")
+        go_on.set()
+        opened.get_by_role("tab", name="Edit", exact=True).wait_for()
+        until(opened, lambda: shown.inspector.show.frames == moving.frames + 1, "the whole motion")
+        until(opened, lambda: progress.count() == 0 and shown.timeline.slider.max == moving.frames, "nothing is computed any more")
+        shown.set_frame(moving.frames)
+        until(opened, drawn, "its end")
+        _type(opened, "O free position", "-60")
+        until(opened, lambda: shown.run.motion.coordinate("O")[0, 0] == pytest.approx(np.radians(-60.0)), "edited")
+    finally:
+        go_on.set()
+        stopped.set()
+        serving.join(PATIENCE)
+    assert not serving.is_alive()
+    return shown, opened
+
+
+def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
+    """Its values at a click, its diagrams, the least base circle, another law, a section."""
+    open_tab(page, "View")
+    page.get_by_role("button", name="Front", exact=True).click()
+    open_tab(page, "Edit")
+    caught_up(viewer, page)
+    _click(page, viewer, np.array([0.0, -0.02]))
+    until(page, lambda: viewer.inspector.closer.item == "cam K", "a click on the cam")
+    row = page.locator("tr", has_text="contact force").first
+    force = next(q for q in viewer.inspector.show.quantities if q.label == "cam K: contact force").values()[0, 0]
+    until(page, lambda: f"{force:.5g}" in row.inner_text(), "its contact force")
+    open_tab(page, "Diagrams")
+    page.get_by_role("img", name="Pressure angle [°] of cam K", exact=True).wait_for()
+    page.get_by_label("Diagram", exact=True).click()
+    page.get_by_role("option", name="Curvature [1/m] of cam K", exact=True).click()
+    page.get_by_role("img", name="Curvature [1/m] of cam K", exact=True).wait_for()
+    _type(page, "K base [mm]", "8")
+    page.get_by_role("alert").filter(has_text="undercut").filter(has_text="Reachable: 10.6").first.wait_for()
+    page.get_by_label("K lift 1 law", exact=True).click()
+    page.get_by_role("option", name="harmonic", exact=True).click()
+    until(page, lambda: viewer.run.scene.document.pairs["K"].profile.lift[0].law == "harmonic", "another law")
+    until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
+    assert viewer.studio.wait(rested=True)
+    whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}
+    open_tab(page, "View")
+    _type(page, "Section", "30")
+    scene3d = viewer.inspector.scene
+    until(page, lambda: {piece.color for piece in scene3d.links._drawn["cam"].pieces} - whole != set(), "a cut of another colour")
+    until(page, lambda: not page.evaluate(SEEN, "/bodies/spring.return_spring"), "the spring before the cut is away")
+    _type(page, "Section", "0")
+    until(page, lambda: page.evaluate(SEEN, "/bodies/spring.return_spring"), "whole again")
+
+
+def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
+    from mechviz.outputs.rerun.reader import Recording
+    from mechviz.outputs.rerun.writer import write_recording
+
+    write_recording(run_scene(scene.load("kinetostatic-four-bar"), frames=120), folder / "short.rrd")
+    with Viewer(Recording(folder / "short.rrd"), port=0) as shown:
+        opened = open_viewer(browser, shown, SIZE, NODES)
+        try:
+            assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
+            open_tab(opened, "Diagrams")
+            opened.get_by_role("img", name="Phase: velocity [rad/s] against angle [°], E", exact=True).wait_for()
+            open_tab(opened, "Plots")
+            opened.get_by_role("button", name="Play", exact=True).click()
+            until(opened, lambda: shown.player.aside, "played by the browser")
+            opened.get_by_role("button", name="Pause", exact=True).click()
+            until(opened, lambda: not shown.playing, "paused")
+            opened.get_by_role("button", name="Edit this scene").click()
+            opened.get_by_role("tab", name="Edit", exact=True).wait_for()
+            until(
+                opened, lambda: shown._studio is not None and shown.run.motion.frames == 121, "the scene, solved as it was recorded"
+            )
+            _type(opened, CRANK, "0.12")
+            until(opened, lambda: shown.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.12), "edited")
+            until(opened, lambda: _drawn(shown, opened), "drawn")
+        finally:
+            opened.close()
+
+
+def test_who_comes_later_or_reloads_sees_what_has_been_made_of_the_scene(viewer, page):
+    _type(page, CRANK, "0.125")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.125), "edited")
+    until(page, lambda: _drawn(viewer, page), "drawn")
+    longer = _width(viewer)
+    until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=1e-4), "the longer crank")
+    reload(page, NODES)
+    _until_drawn(viewer, page)
+    until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(longer, abs=1e-4), "the longer crank after a reload")
+    uuid = page.locator("label", has_text=CRANK).first.get_attribute("for")
+    assert float(page.locator(f'[id="{uuid}"] ~ div input').input_value()) == pytest.approx(0.125)
+    until(page, lambda: len(viewer.server.get_clients()) == 1, "the old page has gone")
+
+
+def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("a test made this fail")
+
+    monkeypatch.setattr("mechviz.outputs.viewer.session.show_of_run", fail)
+    _type(page, CRANK, "0.115")
+    page.get_by_text("RuntimeError: a test made this fail").first.wait_for(state="attached")
+    monkeypatch.undo()
+    _type(page, CRANK, "0.116")
+    until(page, lambda: viewer.run.motion.mechanism.links[1].points["B"][0] == pytest.approx(0.116), "the editor lives")
+    _until_drawn(viewer, page)
+
+
+def test_every_control_has_a_name(page):
+    """For screen readers: each input, slider and list is labelled, each button says what it does."""
+    for tab in ("Edit", "Effects", "View"):
+        open_tab(page, tab)
+        until(page, lambda: page.evaluate(NAMELESS) == [], f"a name for every control under {tab}")
+
+
+def _on_screen(page: Any, viewer: Viewer, xy: np.ndarray) -> tuple[float, float]:
+    """Where a place in front of the mechanism is on the page."""
+    left, top, width, height = page.evaluate(CANVAS)
+    z = viewer.scene.current.z_top
+    next_frames(page)  # a camera that has been told where to be is there
+    at = page.evaluate(
+        """([x, y, z]) => { const m = window.__viserMutable; const root = m.nodeRefFromName[''];
+            const v = m.camera.position.clone().set(x, y, z).applyMatrix4(root.matrixWorld).project(m.camera);
+            return [v.x, v.y]; }""",
+        [float(xy[0]), float(xy[1]), float(z)],
+    )
+    return left + width * (at[0] + 1.0) / 2.0, top + height * (1.0 - at[1]) / 2.0
+
+
+def _click(page: Any, viewer: Viewer, xy: np.ndarray) -> None:
+    x, y = _on_screen(page, viewer, xy)
+    page.mouse.move(x, y)
+    page.wait_for_function(
+        "() => document.querySelector('canvas[data-engine]').style.cursor === 'pointer'"
+    )  # the page sees that the mouse is on it
+    page.mouse.click(x, y)

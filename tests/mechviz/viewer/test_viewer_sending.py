@@ -1,0 +1,230 @@
+"""What the viewer sends to browsers: only what moved, in one piece, encoded once for all. Sockets stand for the browsers."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import viser
+import zstandard
+from viser import _messages
+from websockets.sync.client import ClientConnection, connect
+
+from mechviz import scene
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.server import SharedBuffer, send_now
+from mechviz.outputs.viewer.world.solids import link_path, place
+from mechviz.run import run_scene
+
+PATIENCE = 30.0  # [s]
+POSES = ("SetPositionMessage", "SetOrientationMessage")
+
+
+@pytest.fixture(scope="module")
+def viewer() -> Iterator[Viewer]:
+    with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
+        assert shown.studio.wait(rested=True)
+        yield shown
+
+
+@contextlib.contextmanager
+def sockets(viewer: Viewer, count: int) -> Iterator[list[ClientConnection]]:
+    """Browsers of which only the sockets are there, after all that was before them."""
+    with contextlib.ExitStack() as stack:
+        protocol: Any = f"viser-v{viser.__version__}"
+        opened = [
+            stack.enter_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None))
+            for _ in range(count)
+        ]
+        for socket in opened:
+            while "ReplayDoneMessage" not in types(messages(socket)):
+                pass
+        yield opened
+
+
+def messages(socket: ClientConnection) -> list[dict[str, Any]]:
+    return decoded(socket.recv(timeout=PATIENCE))
+
+
+def decoded(data: Any) -> list[dict[str, Any]]:
+    size, packed = (int.from_bytes(data[k : k + 8], "little") for k in (0, 8))
+    inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + packed], max_output_size=size)
+    return list(msgspec.msgpack.decode(inner)["messages"])
+
+
+def types(found: list[dict[str, Any]]) -> set[str]:
+    return {m["type"] for m in found}
+
+
+def buffer_of(viewer: Viewer) -> SharedBuffer:
+    buffer = viewer.server._websock_server._broadcast_buffer
+    assert isinstance(buffer, SharedBuffer)
+    return buffer
+
+
+# -- poses ------------------------------------------------------------------------------------------------------------
+def test_messages_are_those_of_viser_and_only_of_nodes_that_moved(viewer):
+    nodes = [viewer.server.scene.add_frame(f"/test/{k}", show_axes=False) for k in range(3)]
+    buffer, still = buffer_of(viewer), np.array([1.0, 0.0, 0.0, 0.0])
+    turned = np.array([0.6, 0.0, 0.0, 0.8])
+    assert place(viewer.server, [(node, np.zeros(3), still) for node in nodes]) == 0, "they stand there already"
+    assert place(viewer.server, [(nodes[0], np.array([1, 2, 3]), turned), (nodes[1], np.zeros(3), None)]) == 2
+    assert nodes[0].position.tolist() == [1.0, 2.0, 3.0] and nodes[0].wxyz.tolist() == turned.tolist()
+    for ours in [buffer.message_from_id[buffer.message_counter - k] for k in (1, 2)]:
+        kind = type(ours).__mro__[1]
+        theirs = kind(ours.name, ours.position if kind is _messages.SetPositionMessage else ours.wxyz)
+        assert kind.__name__ in POSES and ours.redundancy_key() == theirs.redundancy_key()
+        assert msgspec.msgpack.encode(ours.as_serializable_dict([])) == msgspec.msgpack.encode(theirs.as_serializable_dict([]))
+        assert ours.entity_state_key() == theirs.entity_state_key() == ("scene", "/test/0")
+    for node in nodes:
+        node.remove()
+    left = [
+        m for m in buffer.message_from_id.values() if getattr(m, "name", "").startswith("/test/") and m.lifecycle_phase != "remove"
+    ]
+    assert not left, "viser's removal takes our messages with it"
+    assert place(viewer.server, [(nodes[0], np.ones(3), still)]) == 0, "of a node that is no more"
+
+
+def test_what_is_not_a_number_is_not_sent_and_what_follows_is(viewer):
+    node = viewer.server.scene.add_frame("/test/lost", show_axes=False)
+    assert place(viewer.server, [(node, np.array([1.0, np.nan, 0.0]), None)]) == 0
+    assert node.position.tolist() == [0.0, 0.0, 0.0]
+    assert place(viewer.server, [(node, np.array([1.0, 1e-14, 0.0]), None)]) == 1
+    assert place(viewer.server, [(node, np.array([1.0, 0.0, 0.0]), None)]) == 0, "round-off"
+    node.remove()
+
+
+def test_only_the_newest_pose_of_a_node_is_kept_and_all_of_a_frame_are_queued_under_one_lock(viewer, monkeypatch):
+    buffer = buffer_of(viewer)
+    viewer.set_frame(3)
+    kept = len(buffer.message_from_id)
+    pushed: list[Any] = []
+    real = type(buffer).push
+    monkeypatch.setattr(type(buffer), "push", lambda self, message: (pushed.append(message), real(self, message)))
+    for frame in range(4, 44):
+        viewer.inspector.draw(frame, False)
+    assert len(buffer.message_from_id) == kept
+    assert pushed and not [m for m in pushed if isinstance(m, (_messages.SetPositionMessage, _messages.SetOrientationMessage))]
+
+
+# -- sockets ----------------------------------------------------------------------------------------------------------
+def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
+    viewer.set_frame(0)
+    with sockets(viewer, 1) as (socket,):
+        viewer.set_frame(12)
+        found = messages(socket)
+        moved = {(m["type"], m["name"]) for m in found if m["type"] in POSES}
+        crank, fixed = link_path("crank"), viewer.inspector.show.frame
+        assert ("SetOrientationMessage", crank) in moved and ("SetOrientationMessage", link_path("coupler")) in moved
+        assert ("SetPositionMessage", crank) not in moved, "it turns about the origin"
+        assert not [name for _, name in moved if name == link_path(fixed)]
+        nodes = {name: viewer.server.scene.get_handle_by_name(name) for _, name in moved}
+        for m in (m for m in found if m["type"] in POSES):
+            state = nodes[m["name"]].position if "position" in m else nodes[m["name"]].wxyz
+            assert list(m.get("position", m.get("wxyz"))) == state.tolist()
+
+
+def test_all_browsers_get_the_same_bytes_which_are_made_once(viewer):
+    buffer = buffer_of(viewer)
+    with sockets(viewer, 4) as opened:
+        assert send_now(viewer.server, PATIENCE)
+        made, sent = buffer.encodings, buffer.sendings
+        for frame in (5, 15, 25, 35):
+            viewer.set_frame(frame)
+            assert send_now(viewer.server, PATIENCE)
+            first, *others = [socket.recv(timeout=PATIENCE) for socket in opened]
+            assert all(other == first for other in others)
+        assert (buffer.encodings - made, buffer.sendings - sent) == (4, 16)
+
+
+def test_a_browser_that_comes_later_is_told_where_everything_is_now(viewer):
+    viewer.set_frame(7)
+    viewer.set_frame(31)
+    protocol: Any = f"viser-v{viser.__version__}"
+    with connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None) as socket:
+        found: list[dict[str, Any]] = []
+        while "ReplayDoneMessage" not in types(found):
+            found += messages(socket)
+        for link in ("crank", "coupler", "rocker"):
+            said = [m for m in found if m["type"] == "SetOrientationMessage" and m["name"] == link_path(link)]
+            angle = viewer.run.motion.pose(link)[31, 2]
+            assert len(said) == 1 and said[0]["wxyz"] == pytest.approx([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], abs=1e-9)
+            made = [k for k, m in enumerate(found) if m["type"] == "FrameMessage" and m["name"] == link_path(link)]
+            assert made and made[0] < found.index(said[0])
+        assert [m["type"] for m in found].index("ReplayDoneMessage") == len(found) - 1
+
+
+def test_a_browser_that_comes_after_hours_of_play_does_not_ask_for_each_message_that_has_been_replaced(viewer):
+    buffer = buffer_of(viewer)
+    kept = len(buffer.message_from_id)
+    buffer.message_counter += 10**12
+    with sockets(viewer, 1) as (socket,):
+        viewer.set_frame(9)
+        assert any(m["type"] == "SetOrientationMessage" and m["name"] == link_path("crank") for m in messages(socket))
+        assert abs(len(buffer.message_from_id) - kept) <= 5
+
+
+def test_who_has_changed_a_value_is_not_told_of_it_and_others_are(viewer):
+    buffer, uuid = buffer_of(viewer), viewer.timeline.slider._impl.uuid
+    with sockets(viewer, 2) as opened:
+        own = min(buffer.generator_cursors)
+        made = buffer.encodings
+        message = _messages.GuiUpdateMessage(uuid, {"value": 17})
+        message.excluded_self_client = own
+        viewer.server._websock_server.queue_message(message)
+        viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"hint": "for all"}))
+        assert send_now(viewer.server, PATIENCE)
+        said = [[m["updates"] for m in messages(socket) if m.get("uuid") == uuid] for socket in opened]
+        assert sorted(said, key=len) == [[{"hint": "for all"}], [{"value": 17}, {"hint": "for all"}]]
+        assert buffer.encodings - made == 2
+
+
+def test_nothing_of_a_piece_goes_before_it_is_whole(viewer):
+    buffer = buffer_of(viewer)
+    uuid = viewer.timeline.slider._impl.uuid
+    with sockets(viewer, 1) as (socket,):
+        with viewer.server.atomic():
+            viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"value": 1}))
+            assert not send_now(viewer.server, 0.05), "it waits for the rest"
+            viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"hint": "last"}))
+        assert send_now(viewer.server, PATIENCE)
+        assert [m["updates"] for m in messages(socket)] == [{"value": 1}, {"hint": "last"}]
+        assert set(buffer.generator_cursors) and buffer.message_counter - 1 == max(buffer.generator_cursors.values())
+
+
+def test_nobody_is_waited_for_when_nobody_is_there(viewer):
+    with sockets(viewer, 2):
+        pass
+    assert send_now(viewer.server, PATIENCE)
+
+
+def test_while_it_plays_numbers_change_now_and_then(viewer, monkeypatch):
+    timeline, buffer = viewer.timeline, buffer_of(viewer)
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.timeline.RATE", 1e-9)
+    viewer.set_frame(2)
+    for frame in range(3, 20):
+        viewer.inspector.draw(frame, True)
+    assert timeline.slider.value == 2 and timeline.buttons.options[2] == "Pause"
+    before = buffer.message_counter
+    timeline.show(20, True)
+    assert buffer.message_counter == before
+    timeline.show(20, False)
+    assert timeline.slider.value == 20 and timeline.buttons.options[2] == "Play"
+    viewer.set_frame(0)
+
+
+def test_another_server_of_viser_keeps_its_own_way():
+    plain = viser.infra.WebsockServer("127.0.0.1", 0, _messages.Message, verbose=False)
+    plain.start()
+    try:
+        assert not isinstance(plain._broadcast_buffer, SharedBuffer)
+        protocol: Any = f"viser-v{viser.__version__}"
+        with connect(f"ws://127.0.0.1:{plain._port}", subprotocols=[protocol]) as socket:
+            plain.queue_message(_messages.GuiUpdateMessage("a", {"value": 3}))
+            assert messages(socket)[0]["updates"] == {"value": 3}
+    finally:
+        plain.stop()

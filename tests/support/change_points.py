@@ -1,0 +1,34 @@
+"""Shared by tests: coupled, misses_by."""
+
+from __future__ import annotations
+
+import numpy as np
+from mechanisms import four_bar
+
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.spec.mechanism import Drive
+
+
+def coupled(modes: tuple[str, ...], turns: tuple[float, ...], frame: float):
+    """Four-bars with two pairs of equal links in a row; each crank stands ``turns`` ahead of the output before it."""
+    from mechcore.spec.mechanism import Link, Mechanism, Revolute
+
+    n = len(modes)
+    links = [Link(name="frame", points={f"A{i}": (frame * i, 0.0) for i in range(n + 1)})]
+    pairs = []
+    for i in range(n + 1):
+        ahead = turns[i]
+        links.append(Link(name=f"c{i}", points={"A": (0.0, 0.0), "in": (1.0, 0.0), "out": (np.cos(ahead), np.sin(ahead))}))
+        pairs.append(Revolute(name=f"A{i}", links=("frame", f"c{i}"), points=(f"A{i}", "A")))
+    for i in range(n):
+        links.append(Link(name=f"k{i}", points={"L": (0.0, 0.0), "R": (frame, 0.0)}))
+        pairs.append(Revolute(name=f"L{i}", links=(f"c{i}", f"k{i}"), points=("out", "L")))
+        pairs.append(Revolute(name=f"R{i}", links=(f"k{i}", f"c{i + 1}"), points=("R", "in")))
+    drive = Drive(pair="A0", law=ConstantSpeed(0.5, 1.0))
+    modes_at = {f"R{i}": m for i, m in enumerate(modes)}
+    return Mechanism(name="coupled", frame="frame", links=tuple(links), pairs=tuple(pairs), drives=(drive,), modes=modes_at)
+
+
+def misses_by(margin: float):
+    """Frame and crank in line are longer than coupler and rocker by ``margin``: only there the links do not reach."""
+    return four_bar(E=(3.0, 0.0), AB=1.0, BD=2.5, DE=1.5 - margin, start=0.3)

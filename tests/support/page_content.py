@@ -1,0 +1,13 @@
+"""Shared by tests: content."""
+
+from __future__ import annotations
+
+import re
+
+from mechviz.outputs.page.pack import unpack
+
+
+def content(page: str):
+    """Header and arrays of a page."""
+    (text,) = re.findall(r'<script type="application/octet-stream" id="data">(.*?)</script>', page, flags=re.DOTALL)
+    return unpack(text)

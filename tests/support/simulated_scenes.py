@@ -1,0 +1,23 @@
+"""Shared by tests: STOPPED."""
+
+from __future__ import annotations
+
+PENDULUM = """
+title = "pendulum"
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+[run]
+frames = 100
+duration = "2 s"
+[links]
+frame = { points = { O = [0, 0] } }
+bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
+[pairs]
+O = { revolute = ["frame", "bar"], free = { position = -30, speed = "10 rpm" } }
+"""
+
+
+STOPPED = PENDULUM.replace(
+    'speed = "10 rpm" } }',
+    'speed = "10 rpm" }, stops = [{ at = -100, side = "lower", restitution = 0.5 }, { at = 80, side = "upper", name = "roof" }] }',
+)
