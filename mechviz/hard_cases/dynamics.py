@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk, ellipkinc, ellipkm1
 
 from mechcore.dynamics.event_integrator import Method
-from mechcore.dynamics.events import Stop, Watch
+from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import Simulation
 from mechcore.laws.timed import Free
@@ -248,7 +248,7 @@ def _release() -> Outcome:
 
 
 def _watch() -> Outcome:
-    bottom = Watch(name="bottom", pair="O", at=-np.pi / 2, ends=True)
+    bottom = EventTrigger(name="bottom", pair="O", at=-np.pi / 2, ends=True)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 100.0, watches=[bottom], tolerance=1e-11)
     want = np.sqrt(0.4 / (1.5 * G * 0.35)) * ellipk(np.sin(0.5) ** 2)
     return _outcome(

@@ -13,8 +13,8 @@ from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils
-from mechviz.picture.strut_glyphs import find_linkers
-from mechviz.picture.surface_marks import find_riders
+from mechviz.picture.strut_glyphs import find_strut_glyphs
+from mechviz.picture.surface_marks import find_surface_marks
 from mechviz.quantities.vectors import point_name
 from mechviz.scene.bodies.shapes import lumps_of
 from mechviz.scene.convert import Converter
@@ -115,7 +115,7 @@ def _springs(coils: list[Coil]) -> Iterator[Body]:
 
 def _marks(run: Run, solids: Solids) -> Iterator[Body]:
     """Marks on rollers and belts, which ride on their links."""
-    for mark in find_riders(run, solids):
+    for mark in find_surface_marks(run, solids):
         mesh = Mesh(mark.vertices, mark.faces, mark.normals, _one_color(mark.color, len(mark.vertices)))
         poses = Poses(_single(mark.places()), _single(mark.turns()))
         height = mark.centre[2] if mark.axis is None else 0.0
@@ -127,7 +127,7 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
     """Dampers, gas springs and torsion springs."""
     height = solids.z_top + 0.004 * solids.size
     frames = np.arange(run.motion.frames)
-    for strut in find_linkers(run, solids.size):
+    for strut in find_strut_glyphs(run, solids.size):
         strips = tuple(_in_space(strip, height) for strip in strut.strips(frames))
         entity = ("mechanism", "springs", strut.name)
         owner = ("load", strut.name)

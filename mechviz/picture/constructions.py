@@ -51,7 +51,7 @@ FILL = 1.0  # size of a drawing in sizes of the mechanism
 
 
 @dataclass(frozen=True, eq=False)
-class Ink:
+class Stroke:
     """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head; ``fine``: a thin arrow."""
 
     label: str
@@ -76,7 +76,7 @@ class Drawing:
 
     name: str
     title: str
-    inks: tuple[Ink, ...]
+    strokes: tuple[Stroke, ...]
     marks: tuple[Mark, ...]
     per_metre: float
     unit: str
@@ -88,7 +88,7 @@ class Drawing:
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
-        ends = [z for ink in self.inks for z in (ink.start, ink.start + ink.vector)] + [m.at for m in self.marks]
+        ends = [z for stroke in self.strokes for z in (stroke.start, stroke.start + stroke.vector)] + [m.at for m in self.marks]
         if not ends:
             return np.zeros((2, 2))
         z = np.array(ends)
@@ -123,7 +123,7 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
     heights = [float((high - low).imag) for low, high in boxes]
     rows = rows_of(widths, heights)
     gap = 0.12 * max([*widths, *heights, 1e-300])
-    inks: list[Ink] = []
+    strokes: list[Stroke] = []
     marks: list[Mark] = []
     whole = max(
         max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
@@ -142,7 +142,7 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
                     e.vector / per_metre,
                     e.kind == "absolute" and name != "velocity",
                 )
-                inks.append(Ink(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
+                strokes.append(Stroke(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
             for label, at in plans[i].images.items():
                 marks.append(Mark(plans[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
@@ -150,7 +150,7 @@ def draw_plans(name: str, plans: Sequence[Plan], size: float) -> Drawing:
     closing = np.max([plan.closing for plan in plans], axis=0) if plans else None
     unit = plans[0].unit if plans else "1"
     title = f"{name.capitalize()} plan: 1 m of the drawing = {amount(per_metre, unit)}"
-    return Drawing(name, title, tuple(inks), tuple(marks), per_metre, unit, closing)
+    return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
 
 
 def draw_funicular(run: Run, size: float) -> Drawing:
@@ -160,13 +160,13 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
-    inks: list[Ink] = []
-    for i in drawing.inks:  # where all forces are parallel the resultant stands beside them
+    strokes: list[Stroke] = []
+    for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
         shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
-        inks.append(Ink(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
+        strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
     title = f"Force polygon with pole and rays: 1 m of the drawing = {amount(drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
-    return Drawing("funicular/forces", title, tuple(inks), drawing.marks, drawing.per_metre, "N", closing)
+    return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
 
 
 def draw_shaking(run: Run, size: float) -> Drawing:
@@ -180,9 +180,9 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
-    inks = tuple(Ink(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
+    strokes = tuple(Stroke(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: 1 m of the drawing = {amount(per_metre, 'N')}"
-    return Drawing("shaking", title, inks, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
+    return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
 
 
 def _aside(f: Funicular) -> complex:

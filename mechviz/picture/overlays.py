@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.picture.strut_glyphs import linker_ends
+from mechviz.picture.strut_glyphs import strut_ends
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
@@ -40,7 +40,7 @@ def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
     """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, polodes, substitute masses."""
     low, high = (np.array(b, float) for b in solids.bounds)
     size = solids.size
-    spots: list[NDArray[np.float64]] = [*linker_ends(run)]
+    spots: list[NDArray[np.float64]] = [*strut_ends(run)]
     for body in run.studies.substitutes.values():
         spots.append(body.places.reshape(-1, 2))
         spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))

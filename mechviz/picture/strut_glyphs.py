@@ -47,7 +47,7 @@ def find_struts(mechanism: Mechanism) -> Iterator[Strut]:
 
 
 @dataclass(frozen=True, eq=False)
-class Linker:
+class StrutGlyph:
     """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
 
     name: str
@@ -55,14 +55,14 @@ class Linker:
     strips: Callable[[NDArray[np.int64]], tuple[Real, ...]]
 
 
-def find_linkers(run: Run, size: float) -> Iterator[Linker]:
+def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
     """The linkers of a run in which forces are computed; ``size`` [m] is the mechanism's."""
     if run.forces is None:
         return
     motion = run.motion
     for strut in find_struts(motion.mechanism):
         a, b = (motion.point(*end) for end in strut.ends)
-        yield Linker(strut.name, strut.kind, _between(a, b, strut.kind, size))
+        yield StrutGlyph(strut.name, strut.kind, _between(a, b, strut.kind, size))
     yield from _bushings(run, size)
     for load in motion.mechanism.loads:
         if isinstance(load, TorsionSpring):
@@ -70,16 +70,16 @@ def find_linkers(run: Run, size: float) -> Iterator[Linker]:
             if pin is not None:
                 centre = motion.pair_position(pin.name)
                 angles = [motion.pose(link)[:, 2] for link in load.links]
-                yield Linker(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
+                yield StrutGlyph(load.name, "torsion spring", _around(centre, angles[0], angles[1], size))
 
 
-def _bushings(run: Run, size: float) -> Iterator[Linker]:
+def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
     """A ring about the first point of each bushing, and a cross on the second link at the second point."""
     for load in run.motion.mechanism.loads:
         if isinstance(load, Bushing):
             (first, a), (second, b) = zip(load.links, load.points, strict=True)
             centre, place, angle = run.motion.point(first, a), run.motion.point(second, b), run.motion.pose(second)[:, 2]
-            yield Linker(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
+            yield StrutGlyph(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
 
 
 def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: NDArray[np.int64]) -> tuple[Real, Real, Real]:
@@ -92,7 +92,7 @@ def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames
     return ring, bar, other
 
 
-def linker_ends(run: Run) -> list[Real]:
+def strut_ends(run: Run) -> list[Real]:
     """Where springs, dampers, gas springs and actuators between two points end, (F, 2) [m] each."""
     if run.forces is None:
         return []

@@ -26,7 +26,7 @@ COLORS: dict[Kind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236
 
 
 @dataclass(frozen=True, eq=False)
-class Rider:
+class SurfaceMark:
     """A mark below a link: the mesh about ``centre`` (x, y, z) [m] in the link's axes, or about the places ``path`` (F, 3) [m] that
     it goes to; turned by ``angle`` (F) [rad] against the link, about z or about the direction ``axis`` in the plane."""
 
@@ -62,7 +62,7 @@ class Rider:
         return np.tile(np.array(self.centre, float), (len(self.angle), 1)) if self.path is None else self.path
 
 
-def find_riders(run: Run, solids: Solids) -> list[Rider]:
+def find_surface_marks(run: Run, solids: Solids) -> list[SurfaceMark]:
     """All that rides on the links of a run."""
 
     return [*find_rollers(run, solids), *find_belt_marks(run, solids)]
@@ -75,7 +75,7 @@ SECTORS, SIDES = 3, 16
 THICK = 0.012  # of a mark, in radii
 
 
-def find_rollers(run: Run, solids: Solids) -> list[Rider]:
+def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
     """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
 
     Those of turrets have none: they take turns.
@@ -90,7 +90,7 @@ def find_rollers(run: Run, solids: Solids) -> list[Rider]:
 
     pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
     links = {link.name: link for link in run.motion.mechanism.links}
-    found: list[Rider] = []
+    found: list[SurfaceMark] = []
     for cam in placed_cams(run.motion):
         if not isinstance(cam.face, Roller):
             continue
@@ -111,11 +111,11 @@ def find_rollers(run: Run, solids: Solids) -> list[Rider]:
             top = _face(solids, link, (x, y), radius)
             if top is not None:
                 turned = roller_angle(run.motion, rolling, pressed)
-                found.append(Rider("roller", name, link, (x, y, top), turned, *_sectors(radius)))
+                found.append(SurfaceMark("roller", name, link, (x, y, top), turned, *_sectors(radius)))
     return found
 
 
-def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
+def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
     """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
     from mechcore.cams.placed_spatial import roller_angle
 
@@ -132,10 +132,10 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
         low, high = (float(f(part.vertices[wide, 2])) for f in (np.min, np.max))
         name = {0: cam.name, 1: f"{cam.name} upper", -1: f"{cam.name} lower"}[above]
         turned = roller_angle(run.motion, cam, force, above)
-        yield Rider("roller", name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
+        yield SurfaceMark("roller", name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
 
 
-def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[Rider]:
+def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
     """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
     from mechcore.cams.placed_spatial import roller_angle
 
@@ -155,7 +155,7 @@ def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[fl
     frame = np.array([[-way.imag, way.real, 0.0], [0.0, 0.0, 1.0], axis])  # across, towards the viewer, along: a rotation
     x, y, z = (start + low * axis).tolist()
     shape = (vertices @ frame).astype(np.float32), faces, (normals @ frame).astype(np.float32)
-    yield Rider("roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
+    yield SurfaceMark("roller", cam.name, link, (x, y, z), roller_angle(run.motion, cam, force), *shape, axis=(way.real, way.imag))
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
@@ -230,7 +230,7 @@ LONG = 1.1  # of a mark, in thicknesses of the belt
 OVER = 0.09  # how far it stands out, in thicknesses
 
 
-def find_belt_marks(run: Run, solids: Solids) -> Iterator[Rider]:
+def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
     """The marks of all belts of a run, below the links that carry the pulleys."""
     for loop in solids.loops:
         way = way_of(run, loop)
@@ -241,7 +241,7 @@ def find_belt_marks(run: Run, solids: Solids) -> Iterator[Rider]:
             at, direction = loop.at(way + k * loop.length / MARKS)
             path = np.column_stack([at.real, at.imag, np.full(len(at), height)])
             first = (float(path[0, 0]), float(path[0, 1]), height)
-            yield Rider("belt", f"{loop.pair} {k + 1}", loop.carrier, first, direction, *box, path=path)
+            yield SurfaceMark("belt", f"{loop.pair} {k + 1}", loop.carrier, first, direction, *box, path=path)
 
 
 def way_of(run: Run, loop: Loop) -> Real:

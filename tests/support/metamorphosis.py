@@ -14,7 +14,7 @@ from random_mechanisms import FRAME, Case, stated, wrapped
 
 from mechcore import spec as sp
 from mechcore.cams.followers import Flat
-from mechcore.dynamics.events import Stop, Watch
+from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.indicator import Compressor, Diagram
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Piecewise, Table
@@ -268,7 +268,7 @@ class Change:
         side: Any = s.side if gain > 0.0 else {"upper": "lower", "lower": "upper"}[s.side]
         return replace(s, pair=self.names[s.pair], at=gain * s.at + shift, side=side)
 
-    def watch(self, w: Watch) -> Watch:
+    def watch(self, w: EventTrigger) -> EventTrigger:
         assert w.pair is not None
         gain, shift = self.coordinate(w.pair)
         return replace(w, pair=self.names[w.pair], at=gain * w.at + shift)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
-from mechcore.dynamics.events import Stop, Watch
+from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.laws.indicator import Compressor, Diagram
 from mechcore.laws.program import Segment, program
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Table, zones
@@ -96,7 +96,7 @@ class Case:
     start: dict[str, float] = field(default_factory=dict)  # pair -> coordinate at the start, angles in (-pi, pi]
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)  # link -> x, y, angle at the start
     stops: tuple[Stop, ...] = ()
-    watches: tuple[Watch, ...] = ()
+    watches: tuple[EventTrigger, ...] = ()
 
     @property
     def name(self) -> str:
@@ -706,7 +706,7 @@ def _finished(
     return Case(kind, seed, mechanism, time, dict(d.coordinate), poses, stops, watches)
 
 
-def _looked_for(d: Draft, free: bool) -> tuple[tuple[Stop, ...], tuple[Watch, ...]]:
+def _looked_for(d: Draft, free: bool) -> tuple[tuple[Stop, ...], tuple[EventTrigger, ...]]:
     """A stop and a watch near the start of a motion under forces, or none."""
     if not free:
         return (), ()
@@ -721,5 +721,5 @@ def _looked_for(d: Draft, free: bool) -> tuple[tuple[Stop, ...], tuple[Watch, ..
     if d.uniform(0, 1) < 0.5:
         pair = d.among(joints)
         far = d.uniform(-0.4, 0.4) * (0.5 if pair in d.slides else 1.0)
-        watches.append(Watch(name="watch", pair=pair, at=d.coordinate[pair] + far))
+        watches.append(EventTrigger(name="watch", pair=pair, at=d.coordinate[pair] + far))
     return tuple(stops), tuple(watches)

@@ -269,7 +269,7 @@ def flat_instants(
     sharp = False
     step = float(time[1] - time[0])
     flat, miss = max(FLAT, rounding), max(MISS, rounding)
-    for height in bl.flatness(model, block, state):
+    for height in bl.dead_point_margin(model, block, state):
         h = np.broadcast_to(height, time.shape)
         gaps += _below(time, h, max(BLUR, rounding))
         inner = h[1:-1]

@@ -131,7 +131,7 @@ def _flat_at_ends(course: Course) -> bool:
         model, _positions(course.laws, (), p), course.assembly.modes, course.track.starts(p), constants=course.assembly.constants
     )
     two = (b for b in model.blocks if b.kind in TWO_MODES)
-    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in bl.flatness(model, b, state))
+    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in bl.dead_point_margin(model, b, state))
 
 
 def _reaches_dead_points(course: Course) -> bool:
@@ -249,17 +249,17 @@ def _flat_start(model: Model, assembly: Assembly, drives: Drives, start: float, 
     """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
     where that position lies just ahead; 0 where none is near."""
 
-    def flatness(p: float) -> Array:
+    def dead_point_margin(p: float) -> Array:
         positions = [np.float64(q) for q in drives(p)[0]]
         state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
-        found = [np.min([float(h) for h in bl.flatness(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
+        found = [np.min([float(h) for h in bl.dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
         return np.array(found)
 
-    here = flatness(start)
+    here = dead_point_margin(start)
     if not (here < FLAT).any() or _singular(model, assembly, drives, start):
         return 0.0
     off = 1e-3 * step
-    before, after = flatness(start - off)[here < FLAT], flatness(start + off)[here < FLAT]
+    before, after = dead_point_margin(start - off)[here < FLAT], dead_point_margin(start + off)[here < FLAT]
     grows = after - before
     return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
 
@@ -314,7 +314,10 @@ def _flat_on(
     for i in two:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             instants, missing, _ = flat_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
-            ends = [min(float(np.broadcast_to(h, p.shape)[k]) for h in bl.flatness(model, model.blocks[i], state)) for k in (0, -1)]
+            ends = [
+                min(float(np.broadcast_to(h, p.shape)[k]) for h in bl.dead_point_margin(model, model.blocks[i], state))
+                for k in (0, -1)
+            ]
         if any(flips for _, flips in instants) or (track.singular and min(ends) < STUCK):
             flat.add(i)
         gaps += [(a, b, i) for a, b in missing]

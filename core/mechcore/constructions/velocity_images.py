@@ -66,9 +66,9 @@ def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
                 first.extend(second)
                 heaps[:] = [h for h in heaps if h is not second]
         else:
-            rider, guide = (b, p) if joint.guide == 0 else (a, q)
-            heap(rider)
-            sliding.append((j, guide, rider))
+            surface_mark, guide = (b, p) if joint.guide == 0 else (a, q)
+            heap(surface_mark)
+            sliding.append((j, guide, surface_mark))
     for link, point in model.mechanism.traced:
         k = model.index[link]
         heap((k, model.points[k][point]))
@@ -80,21 +80,21 @@ def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
         return next(i for i, c in enumerate(corners) if any(k == key[0] and abs(z - key[1]) <= near for k, z in c.keys))
 
     known = {i for i, c in enumerate(corners) if c.fixed}
-    riders = {index(rider): guide for _, guide, rider in sliding}
+    surface_marks = {index(surface_mark): guide for _, guide, surface_mark in sliding}
     spans = []
     for group in groups(model):
         members = [model.index[name] for name in group.links]
         while members:
             own = {k: [i for i, c in enumerate(corners) if any(m == k for m, _ in c.keys)] for k in members}
-            ready = [k for k in members if any(i in known or riders.get(i) == 0 for i in own[k])]
+            ready = [k for k in members if any(i in known or surface_marks.get(i) == 0 for i in own[k])]
             k = (ready or members)[0]
             members.remove(k)
-            places = sorted(own[k], key=lambda i: (not corners[i].fixed, i not in known, i not in riders))
+            places = sorted(own[k], key=lambda i: (not corners[i].fixed, i not in known, i not in surface_marks))
             if not places:
                 continue
             spans += [Span(k, places[0], i) for i in places[1:]]
             known |= set(places)
-    return corners, spans, [Slide(j, guide, index(rider)) for j, guide, rider in sliding]
+    return corners, spans, [Slide(j, guide, index(surface_mark)) for j, guide, surface_mark in sliding]
 
 
 def _label(model: Model, keys: list[Key], joint_at: dict[Key, str]) -> str:

@@ -8,9 +8,9 @@ forces = simulation.forces(motion)
 
 from mechcore.dynamics.contact.separation import Liftoff
 from mechcore.dynamics.event_integrator import Method
-from mechcore.dynamics.events import Happening, Stop, Watch
+from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.dynamics.simulation import Simulation, cross_check
 from mechcore.laws.timed import Free
 
-__all__ = ["Free", "Happening", "Liftoff", "Method", "Simulation", "Stop", "Watch", "cross_check", "simulate"]
+__all__ = ["EventTrigger", "Free", "Liftoff", "Method", "Simulation", "SimulationEvent", "Stop", "cross_check", "simulate"]

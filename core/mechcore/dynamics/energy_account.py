@@ -61,7 +61,7 @@ class Ledger:
         return Ledger(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
 
 
-def ledger(powers: Callable[[Array], Array], edges: Array) -> Ledger:
+def work_integrals(powers: Callable[[Array], Array], edges: Array) -> Ledger:
     """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
     widths = np.diff(edges)
     x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()

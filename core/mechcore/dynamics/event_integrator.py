@@ -28,7 +28,7 @@ from mechcore.dynamics.equations.charts import STRAINED, Lead, best_chart, strai
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.handover import enter, waypoints
 from mechcore.dynamics.equations.reduced import integrating, motion_at, reduce, shifted
-from mechcore.dynamics.events import Gauge, Happened, Happening, Log, Stop, Watch, first_zero, gauge_of
+from mechcore.dynamics.events import EventTrigger, Gauge, Happened, Log, SimulationEvent, Stop, event_function_of, first_zero
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.parallel_shooting import Known, retrace
 from mechcore.dynamics.integration.windows import Solution, integrate
@@ -72,7 +72,7 @@ class Progress:
         tolerance: float,
         method: Method,
         stops: Sequence[Stop],
-        watches: Sequence[Watch],
+        watches: Sequence[EventTrigger],
         liftoffs: Sequence[Liftoff],
         progress: Callable[[float], None] | None,
         observe: Callable[[Simulation], None] | None = None,
@@ -108,8 +108,8 @@ class Progress:
         self.scale = np.array([*(1.0 if a else model.size for a in angle), *(1.0 for _ in integrating(compiled))])
         at = partial(motion_at, compiled)
         read = self.coordinates if compiled.angles.exact else {}
-        self.limits = [(s, gauge_of(s, read, at), s.side == "upper") for s in self.stops]
-        self.looks = [(w, gauge_of(w, read, at)) for w in self.watches]
+        self.limits = [(s, event_function_of(s, read, at), s.side == "upper") for s in self.stops]
+        self.looks = [(w, event_function_of(w, read, at)) for w in self.watches]
         self.borders: list[Gauge] = []
         if leads is not None:
             low, high = leads
@@ -118,8 +118,8 @@ class Progress:
     def go(self, q: Array, v: Array) -> Simulation:
         """Run from q, v (f,) to the end."""
         q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
-        for s, gauge, upper in self.limits:
-            beyond = float(gauge(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
+        for s, event_function, upper in self.limits:
+            beyond = float(event_function(q[None], v[None], np.zeros(1))[0]) * (1.0 if upper else -1.0)
             if beyond > 1e-12:
                 shown = partial(as_coordinate, rotary=self._rotary(s.pair))
                 why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
@@ -151,7 +151,7 @@ class Progress:
         v = self._unpressed(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
-        dry, led = self.friction.gauges()
+        dry, led = self.friction.event_functions()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
@@ -162,33 +162,33 @@ class Progress:
             self._leave_waypoints(window.start + window.length * WAYPOINTS, window)
             if not len(q):
                 self.friction.follow(self.compiled, window)
-            for k, (_, gauge, upper) in enumerate(self.limits):
+            for k, (_, event_function, upper) in enumerate(self.limits):
                 if k not in self.resting:
-                    at = first_zero(gauge, window, t, upper)
+                    at = first_zero(event_function, window, t, upper)
                     if at is not None:
                         first.append((at, ("stop", k)))
-            for k, (w, gauge) in enumerate(self.looks):
-                at = first_zero(gauge, window, t + 1e-12 * self.duration, w.rising)
+            for k, (w, event_function) in enumerate(self.looks):
+                at = first_zero(event_function, window, t + 1e-12 * self.duration, w.rising)
                 if at is not None:
                     first.append((at, ("watch", k)))
             for k, s in self.resting.items():
                 at = first_zero(self._pull(system, s), window, t + 1e-12 * self.duration, None)
                 if at is not None:
                     first.append((at, ("release", k)))
-            for gauge, rising, loose in dry:
-                at = first_zero(gauge, window, t + 1e-12 * self.duration, rising)
+            for event_function, rising, loose in dry:
+                at = first_zero(event_function, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
                     first.append((at, ("dry", loose)))
-            for gauge in led:
-                at = first_beyond(gauge, window, t, 0.5, LED_SAMPLES, again=True)
+            for event_function in led:
+                at = first_beyond(event_function, window, t, 0.5, LED_SAMPLES, again=True)
                 if at is not None:
                     first.append((at, ("dry", None)))
             for border in self.borders:
                 at = first_zero(border, window, t, True)
                 if at is not None:
                     first.append((at, ("border", 0)))
-            for name, gauge, limit in cams:
-                at = first_beyond(gauge, window, t, limit, self._samples(window), again=name in self.lifted)
+            for name, event_function, limit in cams:
+                at = first_beyond(event_function, window, t, limit, self._samples(window), again=name in self.lifted)
                 if at is not None:
                     first.append((at, ("cam", name)))
             strained = self._strained(window) if self.charted and not first else None
@@ -250,7 +250,7 @@ class Progress:
             else:
                 watch = self.looks[k][0]
                 rotary = watch.pair is not None and self._rotary(watch.pair)
-                self.log.tell(Happening(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
+                self.log.tell(SimulationEvent(time, "end" if watch.ends else "watch", watch.name, _passed(watch, rotary=rotary)))
                 ended = ended or watch.ends
         return end, q, v, ended
 
@@ -349,12 +349,12 @@ class Progress:
     def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
         for k in range(len(self.limits)):
-            stop, gauge, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
+            stop, event_function, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
             if k in self.resting:
                 continue
             sign = 1.0 if upper else -1.0
             size = 1.0 if self._rotary(stop.pair) else self.compiled.model.size
-            if abs(float(gauge(q[None], v[None], np.array([t]))[0])) > TOUCH * size:
+            if abs(float(event_function(q[None], v[None], np.array([t]))[0])) > TOUCH * size:
                 continue
             speed = sign * self._rates(stop, q, v, t)[0]
             tiny = TOUCH * max(1.0, float(np.abs(v).max()))
@@ -385,7 +385,7 @@ class Progress:
 
     # -- cams that only press -----------------------------------------------------------------------------------------
     def _contacts(self) -> list[tuple[str, Gauge, float]]:
-        """What ends the contact of every cam and follower, or their flight: a gauge and the value that it then exceeds."""
+        """What ends contact or flight of every cam and follower: an event function and the value that it then exceeds."""
         out: list[tuple[str, Gauge, float]] = []
         if self.lifting is None:
             return out
@@ -438,7 +438,7 @@ class Progress:
             compiled, q, v = self.lifting.compiled(more, q, v, t, name)
             self.lifted = more
             self._lead(compiled, Chart(compiled), None)
-            self.log.tell(Happening(t, "lost", name, f"contact lost at {where}"))
+            self.log.tell(SimulationEvent(t, "lost", name, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
         return q, v
@@ -475,7 +475,7 @@ class Progress:
         pace = as_quantity(hit, "angular speed" if self.lifting.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
-        self.log.tell(Happening(t, kind, name, f"{what} at {where}, hit at {pace}"))
+        self.log.tell(SimulationEvent(t, kind, name, f"{what} at {where}, hit at {pace}"))
         if not stays:
             self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
@@ -503,7 +503,7 @@ class Progress:
         stop = self.limits[k][0]
         left = self._rates(stop, q, v, t)[0]
         self.resting[k] = stop
-        self.log.tell(Happening(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
+        self.log.tell(SimulationEvent(t, "contact", stop.name, f"{stop.pair} rests on stop {stop.name}"))
         g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
         return shifted(v, -g * (left / float(g @ g)))
 
@@ -511,7 +511,7 @@ class Progress:
         """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
         stop = self.resting.pop(k)
         self.left[k] = t
-        self.log.tell(Happening(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
+        self.log.tell(SimulationEvent(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
         return self._settle(t, q, v)
 
     def _unpressed(self, t: float, q: Array, v: Array) -> Array:
@@ -544,7 +544,7 @@ class Progress:
         self.log.lose(t, lost)
         self._push(t, lost, q, before, v)
         pace = as_quantity(abs(hit), "angular speed" if self._rotary(stop.pair) else "linear speed")
-        self.log.tell(Happening(t, "impact", stop.name, f"{stop.pair} hits stop {stop.name} at {pace}"))
+        self.log.tell(SimulationEvent(t, "impact", stop.name, f"{stop.pair} hits stop {stop.name} at {pace}"))
         if rests and towards > 0:
             v = self._rest(t, k, q, v)
         return v
@@ -559,7 +559,7 @@ class Progress:
         return self.compiled.model.rotary(pair)
 
 
-def _passed(watch: Watch, *, rotary: bool) -> str:
+def _passed(watch: EventTrigger, *, rotary: bool) -> str:
     """What a watch has seen, in words; ``rotary``: its pair turns."""
     what = watch.pair if watch.pair is not None else ".".join(watch.point or ())
     if watch.of == "velocity":

@@ -17,7 +17,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text
 
 Array = NDArray[np.float64]
-SAMPLES = 25  # of a window, in which a gauge is a polynomial to rounding or nearly so
+SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
 _X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
 _PLACES = np.concatenate([_X, [-1.0, 1.0]])
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
@@ -54,7 +54,7 @@ def with_slot_ends(mechanism: Mechanism, stops: Sequence[Stop]) -> tuple[Stop, .
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watch:
+class EventTrigger:
     """A value to look out for: ``of`` "position" or "velocity" of a ``pair``, or "x", "y" of a ``point`` (link, point), passes
     ``at``.
 
@@ -71,7 +71,7 @@ class Watch:
 
 
 @dataclass(frozen=True)
-class Happening:
+class SimulationEvent:
     """Something that happened: when [s], what kind ("impact", "contact", "release", "watch", "end", ...), to which item, in
     words."""
 
@@ -84,9 +84,11 @@ class Happening:
         object.__setattr__(self, "text", Text.of(self.text))
 
 
-def gauge_of(watch: Watch | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]) -> Gauge:
+def event_function_of(
+    watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]
+) -> Gauge:
     """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
-    of = watch.of if isinstance(watch, Watch) else "position"
+    of = watch.of if isinstance(watch, EventTrigger) else "position"
     if watch.pair in coordinates and of in ("position", "velocity"):
         i = coordinates[watch.pair]
         return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
@@ -98,15 +100,15 @@ def gauge_of(watch: Watch | Stop, coordinates: dict[str, int], motion_at: Callab
             assert watch.pair is not None
             value = motion.coordinate(watch.pair)[:, 0 if of == "position" else 1]
         else:
-            assert isinstance(watch, Watch) and watch.point is not None
+            assert isinstance(watch, EventTrigger) and watch.point is not None
             value = motion.point(*watch.point)[:, 0 if of == "x" else 1]
         return np.asarray(value) - watch.at
 
     return measured
 
 
-def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) -> float | None:
-    """The first time in a window, later than ``after`` [s], at which a gauge passes zero; None where it does not."""
+def first_zero(event_function: Gauge, window: Window, after: float, rising: bool | None) -> float | None:
+    """The first time in a window, later than ``after`` [s], at which an event function passes zero; None where it does not."""
     low, high = max(window.start, after), window.start + window.length
     if high - low <= 0:
         return None
@@ -114,7 +116,7 @@ def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) 
     def at(x: Array) -> Array:
         t = low + 0.5 * (high - low) * (x + 1.0)
         q, v, _ = window(t)
-        return gauge(q, v, t)
+        return event_function(q, v, t)
 
     y, ends = np.split(at(_PLACES), [SAMPLES])
     size = float(np.abs(y).max())
@@ -137,7 +139,7 @@ def first_zero(gauge: Gauge, window: Window, after: float, rising: bool | None) 
 
 
 def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float) -> float:
-    """A zero of the gauge itself, from one of its polynomial at x and that one's slope there: secants until steps are below
+    """A zero of an event function, from one of its polynomial at x and the slope there: secants until steps are below
     ``least``, or no smaller than those before."""
     last, before = np.inf, None
     for _ in range(POLISHED):
@@ -160,7 +162,7 @@ def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float
 class Happened:
     """Happenings; time and energy [J] that was ``lost`` in every impact; time and work [J] that prescribed drives did in it."""
 
-    happenings: tuple[Happening, ...]
+    happenings: tuple[SimulationEvent, ...]
     lost: tuple[tuple[float, float], ...]
     pushed: tuple[tuple[float, float], ...]
 
@@ -169,12 +171,12 @@ class Log:
     """What has happened, in order of time; `news` is what has not been asked for yet."""
 
     def __init__(self) -> None:
-        self.happenings: list[Happening] = []
+        self.happenings: list[SimulationEvent] = []
         self._lost: list[tuple[float, float]] = []
         self._pushed: list[tuple[float, float]] = []
         self._told = (0, 0, 0)
 
-    def tell(self, happening: Happening) -> None:
+    def tell(self, happening: SimulationEvent) -> None:
         self.happenings.append(happening)
 
     def lose(self, t: float, energy: float) -> None:

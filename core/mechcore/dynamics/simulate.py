@@ -21,7 +21,7 @@ from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.reduced import free_of, integrating, reduce
 from mechcore.dynamics.event_integrator import Method, Progress, table_tolerance
-from mechcore.dynamics.events import Happening, Stop, Watch, with_slot_ends
+from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.rest.equilibrium import Fastest, check_periods, fastest_vibration
@@ -46,7 +46,7 @@ def simulate(
     tolerance: float = 1e-9,
     method: Method = "auto",
     stops: Sequence[Stop] = (),
-    watches: Sequence[Watch] = (),
+    watches: Sequence[EventTrigger] = (),
     liftoffs: Sequence[Liftoff] = (),
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
@@ -117,7 +117,7 @@ def simulate(
     run = way.go(q, v)
     if unseen is None:
         return run
-    happenings = (Happening(0.0, "stiff", unseen.load, unseen.stepped_over), *run.happenings)
+    happenings = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.happenings)
     return replace(run, unseen=(unseen.amplitude, unseen.frequency), happenings=happenings)
 
 
@@ -178,7 +178,7 @@ def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
         )
 
 
-def _rest(compiled: Compiled, q: Array, v: Array, system: Any) -> Happening | None:
+def _rest(compiled: Compiled, q: Array, v: Array, system: Any) -> SimulationEvent | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
@@ -201,4 +201,4 @@ def _rest(compiled: Compiled, q: Array, v: Array, system: Any) -> Happening | No
         return None
     names = ", ".join(d.pair for d in drives)
     why = "the forces have no arm or balance here, start a little beside it to see it move" if size else "no force acts on it"
-    return Happening(0.0, "equilibrium", drives[0].pair, f"{names}: at rest in an equilibrium, it stays: {why}")
+    return SimulationEvent(0.0, "equilibrium", drives[0].pair, f"{names}: at rest in an equilibrium, it stays: {why}")

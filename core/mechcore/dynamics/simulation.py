@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import Lifting, Liftoff
-from mechcore.dynamics.energy_account import Ledger, kinetic_energy_of, ledger, powers_of
+from mechcore.dynamics.energy_account import Ledger, kinetic_energy_of, powers_of, work_integrals
 from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
-from mechcore.dynamics.events import Happening, Stop
+from mechcore.dynamics.events import SimulationEvent, Stop
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import Piece
@@ -41,7 +41,7 @@ class Simulation:
 
     compiled: Compiled
     pieces: tuple[Piece, ...]
-    happenings: tuple[Happening, ...]
+    happenings: tuple[SimulationEvent, ...]
     method: str
     tolerance: float
     evaluations: int
@@ -168,14 +168,14 @@ class Simulation:
         return np.asarray(np.mod(away + np.pi, TURN) - np.pi if lifting.contacts[cam].rotary else away)
 
     @cached_property
-    def _ledger(self) -> Ledger:
+    def _work_integrals(self) -> Ledger:
         end, period = self.duration, None
         way = self.pieces[0].way
         if isinstance(way, EnergyMotion) and way.repeats is not None and way.repeats < end:
             end, period = way.repeats, way.period  # forces depend on the position alone: their powers repeat
         edges = np.unique(np.concatenate([self._borders(end), [self.start, end]]))
         tiny = 1e-15 * self.duration
-        return replace(ledger(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
+        return replace(work_integrals(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
     def _powers(self, t: Array) -> Array:
         """Powers (n, 3) [W]: of forces with a potential, of drives and process, of losses."""
@@ -188,13 +188,13 @@ class Simulation:
     def work(self, t: ArrayLike) -> Array:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
         t = np.atleast_1d(np.asarray(t, float))
-        return np.asarray(self._ledger(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
+        return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
 
     def energies(self, t: ArrayLike) -> Array:
         """Kinetic and potential energy, work done by drives and process forces so far, energy dissipated so far, impacts
         included (n, 4) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
-        works = self._ledger(t)
+        works = self._work_integrals(t)
         stored = np.empty(len(t))
         for piece, rows in self._rows(t):
             stored[rows] = potential(piece.motion(t[rows]))

@@ -100,7 +100,7 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     Wrenches that the sums did without (of inertia and constant forces) are formed if that function is called.
     """
     model = at.model
-    known, _, others = model.told
+    known, _, others = model.known_loads
     evaluated = {effect: effect.wrenches(at) for effect in others}
     force: list[Any] = [None] * len(model.links)
     moment: list[Any] = [None] * len(model.links)

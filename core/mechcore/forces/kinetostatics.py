@@ -297,7 +297,7 @@ def solve_forces(motion: Motion) -> Forces:
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
     with np.errstate(**CALM):  # one for all, as each costs as much as two sums
-        if model.told.accelerated:
+        if model.known_loads.accelerated:
             motion.accelerate()
         force, moment, formed = totals(motion)
         return Forces(motion, formed, *_transmit(motion, force, moment)[:2])
@@ -322,10 +322,10 @@ def _transmit(
 ) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
     """`transmit` with None for loads that are nothing; the lists are used up."""
     model = motion.model
-    if model.spread:
+    if model.needs_global_solve:
         return least_norm(motion, [0j if f is None else f for f in force], [0.0 if m is None else m for m in moment], flanks)
     contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
-    cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
+    cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.subtree_in_cuts))
     for r, multiplier in ties.items():
         relation = model.relations[r]
         place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
@@ -341,7 +341,7 @@ def _transmit(
                 k = model.index[link]
                 moment[k] = plus(moment[k], sign * couple)
     if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
-        cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.hanging_in_cuts))
+        cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.subtree_in_cuts))
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
         j, on = model.closings[c]

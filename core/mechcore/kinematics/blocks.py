@@ -243,7 +243,7 @@ def apply(model: Model, block: Block, state: State, patch: Patch, *, onto: bool 
         state.slide[j] = slide
 
 
-def flatness(model: Model, block: Block, state: State) -> list[Array]:
+def dead_point_margin(model: Model, block: Block, state: State) -> list[Array]:
     """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
     target, arms, slides = _split(model, block, block.contours[0], state)
     if block.kind == "theta_theta":

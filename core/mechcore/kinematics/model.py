@@ -22,13 +22,13 @@ from mechcore.kinematics.statics import (
     Arm,
     Balance,
     Hanging,
+    KnownLoads,
     Put,
-    Told,
     balances,
     carried,
     closings,
     hanging,
-    hung,
+    subtree_loads,
     weights,
 )
 from mechcore.kinematics.terms import Split, Terms, Turning, driven_spins, point_terms, split, turning
@@ -150,7 +150,7 @@ class Model:
         return bool(self.angles.spare) or any(b.redundant for b in self.blocks)
 
     @cached_property
-    def spread(self) -> bool:
+    def needs_global_solve(self) -> bool:
         """Whether the reactions are solved for all joints together, instead of block by block."""
         return self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
 
@@ -191,11 +191,11 @@ class Model:
         return tuple(effect for effect in effects_of(self.mechanism) if "reactions" not in effect.needs)
 
     @cached_property
-    def told(self) -> Told:
+    def known_loads(self) -> KnownLoads:
         """What effects put on links at points that are known beforehand, and the applied effects that have to be evaluated."""
         acting = [(effect, effect.acting(self)) for effect in self.applied]
         known = carried(self, [a for _, own in acting if own is not None for a in own])
-        return Told(known, any(c.mass or c.inertia for c in known), tuple(effect for effect, own in acting if own is None))
+        return KnownLoads(known, any(c.mass or c.inertia for c in known), tuple(effect for effect, own in acting if own is None))
 
     @cached_property
     def splits(self) -> Mapping[int, Split]:
@@ -260,14 +260,14 @@ class Model:
         return self.tree.order[::-1]
 
     @cached_property
-    def hung(self) -> tuple[int, ...]:
+    def subtree_loads(self) -> tuple[int, ...]:
         """Links, inwards, whose hanging force decides the forces in the cuts."""
-        return hung(self)
+        return subtree_loads(self)
 
     @cached_property
-    def hanging_in_cuts(self) -> Hanging:
+    def subtree_in_cuts(self) -> Hanging:
         """What hangs where, as far as the forces in the cuts need it."""
-        return hanging(self, self.grouped, self.hung)
+        return hanging(self, self.grouped, self.subtree_loads)
 
     @cached_property
     def hanging(self) -> Hanging:

@@ -61,7 +61,7 @@ class Carried(NamedTuple):
     opposed: Terms | None
 
 
-class Told(NamedTuple):
+class KnownLoads(NamedTuple):
     """What `Acting` says of all effects. ``accelerated``: whether inertia is among it."""
 
     carried: tuple[Carried, ...]
@@ -141,7 +141,7 @@ def hanging(model: Model, wanted: Container[int], order: Sequence[int]) -> Hangi
     return tuple(found)
 
 
-def hung(model: Model) -> tuple[int, ...]:
+def subtree_loads(model: Model) -> tuple[int, ...]:
     """Links, inwards, whose hanging force decides the forces in the cuts; that of the others only passes to the frame."""
     parent = model.tree.parent
     needed = {model.child[j] for b in model.blocks for j in b.slides if j in model.child}

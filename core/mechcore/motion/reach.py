@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.branches.singular_points import TWO_MODES, flat_instants, rounding_of
 from mechcore.branches.tracking import STEP, walk
-from mechcore.kinematics.blocks import flatness
+from mechcore.kinematics.blocks import dead_point_margin
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.motion import Motion
@@ -116,7 +116,7 @@ def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
             model, [q[:, None], *places], compiled.assembly.modes, compiled.assembly.starts, constants=compiled.assembly.constants
         )
         shape = len(q), len(t)
-        rows = [h for b in model.blocks if b.kind in TWO_MODES for h in flatness(model, b, state)]
+        rows = [h for b in model.blocks if b.kind in TWO_MODES for h in dead_point_margin(model, b, state)]
         rows += room_in_slots(model, state)
         values = [*(r for r in state.rot if r is not None), *state.slide.values()]
         ok = np.all([np.broadcast_to(np.isfinite(v), shape).all(axis=1) for v in values], axis=0)

@@ -75,8 +75,12 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
         places = path.strips[0][0]
         if len(places) < 2:
             continue
-        ink = out.material(path.color, line=True)
-        line = {"attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)}, "mode": LINE_STRIP, "material": ink}
+        stroke = out.material(path.color, line=True)
+        line = {
+            "attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)},
+            "mode": LINE_STRIP,
+            "material": stroke,
+        }
         name = f"path of {path.owner[1]}"
         tree.add(name, 0, out.mesh(name, [line]))
     document: dict[str, Any] = {

@@ -96,7 +96,7 @@ def find_marks(run: Run, solids: Solids, picture: Picture, families: Iterable[st
         moment, family = arc.moment, FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
         found.append(_moment(name, moment.origin, moment.value / largest, arc.height, picture.size, family.color))
-    return [*found, *_linkers(run, solids)]
+    return [*found, *_strut_glyphs(run, solids)]
 
 
 def _largest(values: Real) -> float:
@@ -140,7 +140,7 @@ def _moment(name: str, origin: Real, part: Real, height: float, size: float, col
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------
-def _linkers(run: Run, solids: Solids) -> list[Mark]:
+def _strut_glyphs(run: Run, solids: Solids) -> list[Mark]:
     if run.forces is None:
         return []
     motion, size = run.motion, solids.size

@@ -67,7 +67,7 @@ def svg_of(
 
     shown = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
     pieces = sorted(_solids(header, arrays, frame, shown), key=lambda piece: piece[0])
-    ground, ink = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
+    ground, stroke = ("#1b212b", "#e8ecf2") if dark else ("#fbfcfd", "#1b2330")
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
         'font-family="system-ui, sans-serif">',
@@ -76,7 +76,7 @@ def svg_of(
     ]
     for _, color, edge, shape in pieces:
         lines.append(f'<path d="{_path(shape, place)}" fill="{color}" stroke="{edge}" stroke-width="0.7" stroke-linejoin="round"/>')
-    lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, ink, height)]
+    lines += [line for d in header["drawables"] for line in _drawn(d, header, arrays, frame, place, shown, scale, stroke, height)]
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 
@@ -129,7 +129,7 @@ def _drawn(
     place: Any,
     shown: dict[str, str | None],
     scale: float,
-    ink: str,
+    stroke: str,
     height: int,
 ) -> Iterator[str]:
     """Arrows, lines and names as SVG elements; what moves with a link only is left out."""
@@ -140,11 +140,11 @@ def _drawn(
         if d["labels"] and d["labels"][0]:
             x, y = place(_at(arrays[d["points"]].reshape(frames, -1), frame)[:2]) if d["moves"] else place(arrays[d["points"]][:2])
             spot = f'x="{x + 7:.1f}" y="{y - 7:.1f}"'
-            yield f'<text {spot} fill="{ink}" font-size="13" font-weight="600">{escape(d["labels"][0])}</text>'
+            yield f'<text {spot} fill="{stroke}" font-size="13" font-weight="600">{escape(d["labels"][0])}</text>'
         return
     if name not in shown:
         return
-    colors = [shown[name] or c for c in d["colors"]] or [ink]
+    colors = [shown[name] or c for c in d["colors"]] or [stroke]
     widths = [max(1.2, 2.0 * r * scale) for r in d["radii"]] or [1.5]
     if d["kind"] == "arrows":
         starts = _at(arrays[d["origins"]].reshape(frames, -1), frame).reshape(-1, 2)

@@ -42,10 +42,10 @@ def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, ever
 
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
-        arrows = [i for i in drawing.inks if not i.plain]
+        arrows = [i for i in drawing.strokes if not i.plain]
         if arrows:
             yield Stream(path, _arrows([(i.start, i.vector) for i in arrows]), every)
-        lines = [i for i in drawing.inks if i.plain]
+        lines = [i for i in drawing.strokes if i.plain]
         if lines:
             yield Stream(f"{path}/rays", _strips([np.stack([i.start, i.start + i.vector], axis=1) for i in lines]), every)
         if drawing.marks:
@@ -86,7 +86,7 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
     size = solids.size
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
-        arrows, lines = [i for i in drawing.inks if not i.plain], [i for i in drawing.inks if i.plain]
+        arrows, lines = [i for i in drawing.strokes if not i.plain], [i for i in drawing.strokes if i.plain]
         known = {"title": drawing.title, "unit": drawing.unit, "per_metre": float(drawing.per_metre)}
         yield Static(path, rr.AnyValues(**known, least=float(drawing.least), whole=drawing.whole))
         labels = [i.label for i in arrows]

@@ -25,8 +25,8 @@ from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import HOST, ViewerError, report, safely, start_server, stop_server
-from mechviz.outputs.viewer.session import Studio
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.run import Run, run_scene
 
@@ -50,7 +50,7 @@ class Viewer:
     """
 
     def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
-        self._studio: Studio | None = None
+        self._studio: EditSession | None = None
         self._growth: Growth | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
         show = _read(shown) if isinstance(shown, Recording) else None
@@ -68,7 +68,7 @@ class Viewer:
             self.close()
             raise
 
-    def _play_recording(self, recording: Recording, show: Show) -> None:
+    def _play_recording(self, recording: Recording, show: ViewModel) -> None:
         """Show a recording as it is."""
         note = f"A recording, played as it is: {recording.path.name}." + (
             "" if recording.properties.get("complete", True) else " It was interrupted: the frames up to then are here."
@@ -126,7 +126,7 @@ class Viewer:
 
     def _edit(self, run: Run, note: str) -> None:
         """Show a run that can be edited."""
-        self._studio = Studio(
+        self._studio = EditSession(
             run,
             present=lambda show: self.inspector.present(show),
             told=lambda status: self.inspector.tell(status),
@@ -137,7 +137,7 @@ class Viewer:
         self._build(self._studio.show, note, None)
         self._studio.weigh()
 
-    def _build(self, show: Show, note: str, edit: Callable[[], None] | None) -> None:
+    def _build(self, show: ViewModel, note: str, edit: Callable[[], None] | None) -> None:
         server = self.server
 
         def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
@@ -157,7 +157,7 @@ class Viewer:
         self.set_frame(show.opening)
 
     @property
-    def studio(self) -> Studio:
+    def studio(self) -> EditSession:
         """Where the scene is edited. Raises `ViewerError` of a recording that is only played."""
         if self._studio is None:
             raise ViewerError("A recording is played as it is: press 'Edit this scene' first.")
@@ -228,7 +228,7 @@ class Viewer:
         self.close()
 
 
-def _read(recording: Recording) -> Show:
+def _read(recording: Recording) -> ViewModel:
     """What a recording shows, or words about what is wrong with it."""
     from mechviz.outputs.viewer.show_recording import show_of_recording
 

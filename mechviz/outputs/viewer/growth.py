@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from mechviz.outputs.viewer.show_run import build, show_of_run
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.run import Run
 from mechviz.running import Running
 
@@ -37,7 +37,7 @@ class Growth:
         self.words = ""
         self._bar = server.gui.add_html("", order=-1.0)
 
-    def take(self, run: Run, duration: float) -> tuple[Show, bool]:
+    def take(self, run: Run, duration: float) -> tuple[ViewModel, bool]:
         """What is shown of more frames, and whether the solids are new: slots are as long and layers as many as the run needs.
         ``duration`` of the whole run [s]."""
         reshaped = run.motion.frames >= REBUILT * self._for

@@ -15,7 +15,7 @@ from mechviz.outputs.viewer.browser import open_tab
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
-from mechviz.outputs.viewer.panels.detail import Closer, items_of
+from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
 from mechviz.outputs.viewer.panels.pivots import Pivots
@@ -27,8 +27,8 @@ from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
 from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import report, send_now
-from mechviz.outputs.viewer.session import Contribution, Status, Studio
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.session import Contribution, EditSession, Status
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.hover import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 
@@ -49,9 +49,9 @@ class Inspector:
     def __init__(
         self,
         server: viser.ViserServer,
-        show: Show,
+        show: ViewModel,
         player: Player,
-        studio: Studio | None,
+        studio: EditSession | None,
         folder: Path,
         callback: Callback,
         playback: BrowserPlayback,
@@ -102,7 +102,7 @@ class Inspector:
             self._legend = gui.add_html("")
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
-        self.closer = Closer(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, callback, self._picked)
+        self.closer = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, callback, self._picked)
         if studio is not None:
             with self.closer.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
@@ -122,7 +122,7 @@ class Inspector:
         self._explain()
 
     @property
-    def show(self) -> Show:
+    def show(self) -> ViewModel:
         """What is shown now."""
         return self.scene.current
 
@@ -135,7 +135,7 @@ class Inspector:
                 self._panels(frame, playing)
             self._server.flush()
 
-    def present(self, show: Show) -> None:
+    def present(self, show: ViewModel) -> None:
         """Take another run of the same scene. The picture changes in one step and is sent first; plots and numbers come right
         after it, or with the next run where that waits already."""
         with self._lock:
@@ -159,13 +159,13 @@ class Inspector:
             if self._player.aside:
                 self._player.refresh()
 
-    def _plot(self, show: Show, frame: int) -> None:
+    def _plot(self, show: ViewModel, frame: int) -> None:
         """Bring along plots and numbers."""
         self._drew, self._plotted = time.perf_counter(), show
         self.plots.update(show, frame)
         self.timeline.place(show, frame)
 
-    def _follow(self, show: Show, frame: int) -> None:
+    def _follow(self, show: ViewModel, frame: int) -> None:
         """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
         self._slow = time.perf_counter()
         self._followed = show

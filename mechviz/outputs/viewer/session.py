@@ -18,7 +18,7 @@ from mechviz.editor.limits import assembles, reachable
 from mechviz.editor.parameters import Parameter, find_parameters
 from mechviz.editor.worker import Latest
 from mechviz.outputs.viewer.show_run import Built, build, show_of_run
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.run import Run, run_scene
 from mechviz.scene.kinds.reachable import swinging, swings
 
@@ -63,7 +63,7 @@ class _Value:
     value: float
 
 
-class Studio:
+class EditSession:
     """A scene in work. ``present(show)`` brings what is shown to the browsers, ``told(status)`` says how a change went,
     ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
     studio's own threads."""
@@ -71,7 +71,7 @@ class Studio:
     def __init__(
         self,
         run: Run,
-        present: Callable[[Show], None],
+        present: Callable[[ViewModel], None],
         told: Callable[[Status], None],
         contributed: Callable[[tuple[Contribution, ...]], None],
         settled: Callable[[], None],

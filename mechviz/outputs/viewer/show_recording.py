@@ -17,8 +17,8 @@ from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.read_picture import picture_in
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.show_run import bodies_of
-from mechviz.outputs.viewer.view_model import Overlay, Rolling, Show
-from mechviz.picture.constructions import Drawing, Ink, Mark
+from mechviz.outputs.viewer.view_model import Overlay, Rolling, ViewModel
+from mechviz.picture.constructions import Drawing, Mark, Stroke
 from mechviz.picture.nodes import Body
 from mechviz.quantities.catalogue import Catalogue
 
@@ -52,12 +52,14 @@ class RecordedPlans:
                 continue
             title, unit, per_metre, least, whole = (value[0] for value in known.values() if value is not None)
             name = "/".join(parts_of(path)[1:])
-            inks = (*self._arrows(path), *self._lines(f"{path}/rays"))
-            lost = np.all([(i.start == 0) & (i.vector == 0) for i in inks], axis=0) if inks else np.zeros(len(self.ticks), bool)
+            strokes = (*self._arrows(path), *self._lines(f"{path}/rays"))
+            lost = (
+                np.all([(i.start == 0) & (i.vector == 0) for i in strokes], axis=0) if strokes else np.zeros(len(self.ticks), bool)
+            )
             at = self._points(f"{path}/points")
             marks = [Mark(label, np.where(lost, np.nan, z)) for label, z in at]
             found[name] = Drawing(
-                name, str(title), inks, tuple(marks), float(per_metre), str(unit), least=float(least), whole=bool(whole)
+                name, str(title), strokes, tuple(marks), float(per_metre), str(unit), least=float(least), whole=bool(whole)
             )
         return found
 
@@ -109,8 +111,8 @@ class RecordedPlans:
             paths = [p for p in self._below("/polygons/") if parts_of(p)[1] == key]
             plans = {p for p in paths if self.recording.static(p, component="per_metre") is not None}
             paths = [p for p in paths if not any(p == plan or p.startswith(f"{plan}/") for plan in plans)]
-            lines = [ink for p in paths for ink in self._lines(p)]
-            arrows = [ink for p in paths for ink in self._arrows(p)]
+            lines = [stroke for p in paths for stroke in self._lines(p)]
+            arrows = [stroke for p in paths for stroke in self._arrows(p)]
             points = [mark for p in paths for mark in self._points(p)]
             if lines or arrows or points:
                 found[words] = Overlay((*lines, *arrows), tuple(Mark(label, z) for label, z in points))
@@ -151,15 +153,15 @@ class RecordedPlans:
         thick = np.ones(count) if radii is None or len(radii) != count else np.abs(np.asarray(radii, float))
         return texts, colors, [bool(r < FINE * thick.max()) for r in thick]
 
-    def _arrows(self, path: str) -> tuple[Ink, ...]:
+    def _arrows(self, path: str) -> tuple[Stroke, ...]:
         starts, vectors = self._rows(path, "Arrows3D:origins"), self._rows(path, "Arrows3D:vectors")
         if starts is None or vectors is None or starts.shape != vectors.shape:
             return ()
         z, along = _complex(starts), _complex(vectors)
         looks = zip(*self._looks(path, "Arrows3D", z.shape[1]), strict=True)
-        return tuple(Ink(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
+        return tuple(Stroke(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
 
-    def _lines(self, path: str) -> tuple[Ink, ...]:
+    def _lines(self, path: str) -> tuple[Stroke, ...]:
         """Strips as plain lines, one for each of their parts; the first has the label."""
         try:
             rows = self.recording.rows(path, component="LineStrips3D:strips")
@@ -176,7 +178,7 @@ class RecordedPlans:
                 continue
             z = np.stack([_complex(np.asarray(strip, float)) for strip in strips])[row_of]
             for part in range(z.shape[1] - 1):
-                found.append(Ink(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
+                found.append(Stroke(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
         return tuple(found)
 
     def _points(self, path: str) -> list[tuple[str, Array]]:
@@ -202,7 +204,7 @@ def _complex(xy: Real) -> Array:
     return np.asarray(xy[..., 0] + 1j * xy[..., 1], complex)
 
 
-def show_of_recording(recording: Recording) -> Show:
+def show_of_recording(recording: Recording) -> ViewModel:
     """What is shown of a recording, complete or interrupted. KeyError and ValueError where it does not keep to the contract."""
     numbers = numbers_in(recording)
     for link, pose in numbers.poses.items():
@@ -214,7 +216,7 @@ def show_of_recording(recording: Recording) -> Show:
     plans = RecordedPlans(recording, ticks, dict(numbers.poses), {k: v for k, v in places.items() if np.isfinite(v).all()})
     head, cut, rest = recording.notes.partition("\n## ")
     said = recording.properties
-    return Show(
+    return ViewModel(
         title=str(said.get("title") or said.get("scene") or recording.path.stem),
         # in the notes it stands between the title and what was computed
         teaches=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),

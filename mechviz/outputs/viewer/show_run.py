@@ -16,7 +16,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechviz.editor.comparison import alike
 from mechviz.outputs.rerun.diagrams import find_diagrams
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, Show
+from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, ViewModel
 from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warped_body
 from mechviz.picture.arrows import arrows_of
 from mechviz.picture.build import picture_of, solid_nodes
@@ -93,7 +93,7 @@ def split_by_color(vertices: NDArray[np.float32], faces: NDArray[np.uint32], col
     return tuple(found)
 
 
-def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
+def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
     """What is shown of a run with solids that were built for it, or for the same mechanism with other lengths.
 
     ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
@@ -113,7 +113,7 @@ def show_of_run(run: Run, built: Built, before: Show | None = None) -> Show:
     arrows = arrows_of(run, solids.size)
     if before is not None:
         arrows = replace(arrows, scales=_kept(before.scales, arrows.scales))
-    return Show(
+    return ViewModel(
         title=run.scene.title,
         teaches=run.scene.teaches,
         picture=picture_of(run, solids, arrows, None if before is None or exact else before.picture),

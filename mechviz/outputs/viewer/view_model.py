@@ -18,7 +18,7 @@ from mechviz.quantities.vectors import FAMILIES, Scales
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.diagrams import Diagram
-    from mechviz.picture.constructions import Drawing, Ink, Mark
+    from mechviz.picture.constructions import Drawing, Mark, Stroke
     from mechviz.run import Run
 
 
@@ -65,12 +65,12 @@ class Rolling:
 class Overlay:
     """Lines, arrows and points that were drawn on the mechanism of a recording."""
 
-    inks: tuple[Ink, ...]
+    strokes: tuple[Stroke, ...]
     marks: tuple[Mark, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Show:
+class ViewModel:
     """Everything that is shown, of a run or of a recording."""
 
     title: str

@@ -16,7 +16,7 @@ from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_v
 if TYPE_CHECKING:
     from mechviz.editor.parameters import Parameter
     from mechviz.outputs.viewer.session import Contribution
-    from mechviz.outputs.viewer.view_model import Show
+    from mechviz.outputs.viewer.view_model import ViewModel
     from mechviz.run import Run
 
 
@@ -172,7 +172,7 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
     )
 
 
-def place_in_run(show: Show, frame: int) -> str:
+def place_in_run(show: ViewModel, frame: int) -> str:
     """Drive positions, time and frame number."""
     parts = [
         f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d.sliding, float(d.position[frame]))}</b>'

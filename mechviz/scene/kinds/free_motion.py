@@ -31,7 +31,7 @@ from mechviz.scene.kinds.friction import clearance_faults
 
 if TYPE_CHECKING:
     from mechcore.dynamics.contact.separation import Liftoff
-    from mechcore.dynamics.events import Stop, Watch
+    from mechcore.dynamics.events import EventTrigger, Stop
     from mechcore.laws.timed import Free, Law
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
@@ -148,7 +148,7 @@ class SimulationSpec:
     tolerance: float
     method: Method
     stops: tuple[Stop, ...]
-    watches: tuple[Watch, ...]
+    watches: tuple[EventTrigger, ...]
     liftoffs: tuple[Liftoff, ...] = ()
     steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
 
@@ -200,7 +200,7 @@ def simulation_spec(
     if not starts and not any(entry.liftoff or entry.clearance for entry in document.pairs.values()):
         return None
     from mechcore.dynamics.contact.separation import Liftoff
-    from mechcore.dynamics.events import Stop, Watch
+    from mechcore.dynamics.events import EventTrigger, Stop
 
     liftoffs = tuple(
         Liftoff(pair=name, restitution=entry.liftoff.restitution)
@@ -226,7 +226,7 @@ def simulation_spec(
         kind = _rate_kind(sort) if w.what == "velocity" else sort
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)
-        watches.append(Watch(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
+        watches.append(EventTrigger(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
     run = document.run
     duration = math.nan if run.duration is None else _duration(document, convert)
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance

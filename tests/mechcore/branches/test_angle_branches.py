@@ -14,7 +14,7 @@ from wound_springs import AT_REST, FIVE_BAR, FOUR_BAR, GEARED, SLIDER_CRANK, SPR
 import mechviz
 from mechcore.branches.unwrapped import StartPose
 from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.events import Stop, Watch
+from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
@@ -261,7 +261,7 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     free = replace(compiled.mechanism.drives[0], law=Free(np.radians(170.0), 10.0))
     mechanism = replace(compiled.mechanism, links=links, drives=(free,), effects=("inertia",))
     first = np.degrees(solve_motion(compiled, [0.0]).coordinate("E")[0, 0])
-    looks = tuple(Watch(name=str(at), pair="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
+    looks = tuple(EventTrigger(name=str(at), pair="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
     found = simulate(mechanism, 3.0, watches=looks)
     passed = [float(h.item) for h in found.happenings]
     last = np.degrees(found.view([3.0]).coordinate("E")[0, 0])

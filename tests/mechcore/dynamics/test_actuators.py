@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore.dynamics.simulate import simulate
-from mechviz.picture.strut_glyphs import find_linkers
+from mechviz.picture.strut_glyphs import find_strut_glyphs
 from mechviz.run import run_scene
 from recordings import vectors_of
 
@@ -70,10 +70,10 @@ def test_a_recording_shows_it():
     """The arrow has its size, a strut is drawn between its points; along a slide there is only the arrow."""
     run = run_scene(mechviz.loads(made('actuator = ["frame.P", "block.S"]')), frames=24)
     assert vectors_of(run)[0]["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
-    assert [(x.name, x.kind) for x in find_linkers(run, 0.3)] == [("push", "actuator")]
+    assert [(x.name, x.kind) for x in find_strut_glyphs(run, 0.3)] == [("push", "actuator")]
     run = run_scene(mechviz.loads(made('actuator = "S"')), frames=24)
     assert vectors_of(run)[0]["applied"]["push"].magnitude == pytest.approx(np.full(25, 10.0))
-    assert not list(find_linkers(run, 0.3))
+    assert not list(find_strut_glyphs(run, 0.3))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from mechcore.dynamics.simulate import simulate
 from mechviz.outputs.exports.gltf_marks import find_marks
 from mechviz.picture.build import picture_of
 from mechviz.picture.solids import solids_of
-from mechviz.picture.strut_glyphs import find_linkers
+from mechviz.picture.strut_glyphs import find_strut_glyphs
 from mechviz.run import run_scene
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_of
 from recordings import vectors_of
@@ -137,7 +137,7 @@ def test_a_recording_shows_it():
     arrow = vectors_of(run)[0]["applied"]["front"]
     assert arrow.value[0] == pytest.approx([200e3 * 5e-3, 0.0])
     assert vectors_of(run)[1]["applied"]["front"].value[0] == pytest.approx(-9e3 * np.radians(3.0))
-    ring, bar, _ = next(x for x in find_linkers(run, 0.4) if x.name == "front").strips(np.array([0, 3]))
+    ring, bar, _ = next(x for x in find_strut_glyphs(run, 0.4) if x.name == "front").strips(np.array([0, 3]))
     assert ring.shape == (2, 37, 2) and bar.shape == (2, 2, 2)
     assert bar[0].mean(axis=0) == pytest.approx([5e-3, 0.0]) and ring.mean(axis=1) == pytest.approx(np.zeros((2, 2)), abs=1e-3)
 

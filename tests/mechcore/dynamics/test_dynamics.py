@@ -16,7 +16,7 @@ from scipy.special import ellipj, ellipkinc
 from mechcore.dynamics.equations import energy
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.reduced import reduce
-from mechcore.dynamics.events import Stop, Watch
+from mechcore.dynamics.events import EventTrigger, Stop
 from mechcore.dynamics.integration.collocation import gauss, radau
 from mechcore.dynamics.integration.windows import integrate
 from mechcore.dynamics.simulate import simulate
@@ -298,8 +298,8 @@ def test_an_impact_spreads_over_the_mechanism():
 
 def test_watch_finds_and_ends():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
-    bottom = Watch(name="bottom", pair="O", at=-np.pi / 2)
-    end = Watch(name="second top", of="velocity", pair="O", at=0.0, rising=True, ends=True)
+    bottom = EventTrigger(name="bottom", pair="O", at=-np.pi / 2)
+    end = EventTrigger(name="second top", of="velocity", pair="O", at=0.0, rising=True, ends=True)
     simulation = simulate(body, 100.0, watches=[bottom, end], tolerance=1e-11)
     from scipy.special import ellipk
 

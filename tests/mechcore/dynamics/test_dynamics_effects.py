@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.dynamics.energy_account import ledger
+from mechcore.dynamics.energy_account import work_integrals
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.simulate import simulate
 from mechcore.effects.base import power_of
@@ -199,7 +199,7 @@ def checked(text: str) -> Any:
 
     edges = np.unique(np.concatenate([found._borders(), [0.0, end]]))
     t = np.linspace(0.0, end, 41)
-    works = ledger(powers, edges)(t)
+    works = work_integrals(powers, edges)(t)
     kinetic = found.kinetic_energy(t)
     lost = np.array([sum(e for at, e in found.lost if at < x) - sum(e for at, e in found.pushed if at < x) for x in t])
     size = max(np.abs(works).max(), np.ptp(kinetic))

@@ -142,7 +142,9 @@ def chain_of_four() -> Mechanism:
 
 
 def test_more_than_one_freedom_left_is_counted():
-    with pytest.raises(MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, such as .*, at 2 of these pairs"):
+    with pytest.raises(
+        MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, such as .*, at 2 of these pairs"
+    ):
         compile_mechanism(chain_of_four())
 
 

@@ -14,7 +14,7 @@ from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
-from mechviz.outputs.viewer.session import Status, Studio
+from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.run import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.reachable import MARGIN, swinging
@@ -227,7 +227,7 @@ def test_check_and_the_refusal_of_a_full_turn_name_the_key(tmp_path):
 def test_crossing_grashof_with_a_slider_swings():
     told: list[Status] = []
     grashof = ROCKER.replace("[120, 0]", "[20, 0]").replace("C = [110, 0]", "C = [125, 0]")
-    studio = Studio(
+    studio = EditSession(
         run_scene(rocker('speed = "60 rpm"', grashof)), lambda _: None, told.append, lambda _: None, lambda: None, lambda _: None
     )
     try:

@@ -31,7 +31,7 @@ def test_labels_of_small_plans_do_not_hide_each_other(name):
     assert drawings
     plain = left = 0
     for drawing in drawings.values():
-        named = [i for i in drawing.inks if i.label]
+        named = [i for i in drawing.strokes if i.label]
         halves = half_sizes([i.label for i in named], PIXEL), half_sizes([m.label for m in drawing.marks], PIXEL)
         stand = LabelPlaces(*halves, 3.0 * PIXEL)
         starts, vectors = (np.array([getattr(i, key) for i in named]) for key in ("start", "vector"))

@@ -12,7 +12,7 @@ from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import SPIRAL
 from mechviz.picture.solids import solids_of
-from mechviz.picture.strut_glyphs import find_linkers, spiral_strips, strut_strips
+from mechviz.picture.strut_glyphs import find_strut_glyphs, spiral_strips, strut_strips
 from mechviz.run import run_scene
 from recordings import made, vectors_of
 
@@ -55,8 +55,8 @@ def test_struts_are_drawn_between_their_points(name, load):
 
 
 def test_linkers_only_where_loads_are_computed():
-    assert list(find_linkers(run_scene(mechviz.load("crank-rocker"), frames=12), 1.0)) == []
-    found = list(find_linkers(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
+    assert list(find_strut_glyphs(run_scene(mechviz.load("crank-rocker"), frames=12), 1.0)) == []
+    found = list(find_strut_glyphs(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
     assert {x.kind for x in found} == {"torsion spring", "damper"}
     run = run_scene(mechviz.load("door-closer"), frames=12)
     (damper,) = (x for x in picture_of(run, solids_of(run)).of(Lines) if x.key == "spring.damper")

@@ -280,7 +280,7 @@ def test_the_polar_plot_has_room_for_the_whole_curve():
     run = run_scene(mechviz.load("shaking-four-bar"))
     drawing = drawings_of(run, 0.5)["shaking"]
     low, high = drawing.bounds
-    tips = drawing.inks[0].vector
+    tips = drawing.strokes[0].vector
     assert (low <= [tips.real.min(), tips.imag.min()]).all() and (high >= [tips.real.max(), tips.imag.max()]).all()
 
 
@@ -296,7 +296,7 @@ def test_drawings_are_to_scale():
     drawings = drawings_of(run, 0.3)
     assert set(drawings) == {"velocity", "acceleration", "force", "funicular/forces", "shaking"}
     velocity = drawings["velocity"]
-    v = next(i for i in velocity.inks if i.label == "v_B")
+    v = next(i for i in velocity.strokes if i.label == "v_B")
     assert np.abs(v.vector) * velocity.per_metre == pytest.approx(np.full(37, 2.0))
     assert f"{velocity.per_metre:.4g}" in velocity.title
     for d in drawings.values():

@@ -29,7 +29,7 @@ from mechviz.outputs.viewer.panels.saving import file_name
 from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
 from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
 from mechviz.outputs.viewer.server import ViewerError
-from mechviz.outputs.viewer.session import Contribution, Status, Studio
+from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.show_recording import show_of_recording
 from mechviz.outputs.viewer.show_run import Built, build, show_of_run
 from mechviz.outputs.viewer.view_model import Body, Piece
@@ -54,7 +54,7 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
             monkeypatch.setattr(owner, name, lambda *a, _r=real, _n=name: (done.append(_n), _r(*a)))
         inspector.present(shows[0])
         assert done == ["show", "flush", "update", "flush"], "the picture is on its way before the plots are made"
-        monkeypatch.setattr(Studio, "overtaken", property(lambda _: True))
+        monkeypatch.setattr(EditSession, "overtaken", property(lambda _: True))
         monkeypatch.setattr("mechviz.outputs.viewer.inspector.PLOTS", 1e9)
         done.clear()
         for show in shows[1:]:
@@ -290,7 +290,7 @@ class Screen:
 @pytest.fixture
 def studio():
     screen = Screen()
-    made = Studio(
+    made = EditSession(
         run_scene(scene.load("kinetostatic-four-bar")),
         screen.shows.append,
         screen.told.append,
@@ -304,7 +304,7 @@ def studio():
     assert not screen.failures
 
 
-def _value(studio: Studio, label: str):
+def _value(studio: EditSession, label: str):
     return next(p for p in studio.parameters if p.label == label)
 
 
@@ -346,7 +346,7 @@ def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_fa
 
 def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
     told: list[Status] = []
-    made = Studio(
+    made = EditSession(
         run_scene(scene.load("cam-flat"), frames=90), lambda _: None, told.append, lambda _: None, lambda: None, lambda _: None
     )
     try:
@@ -379,7 +379,7 @@ def test_each_effect_is_weighed_by_the_peak_without_it(studio):
 def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
     found: list[tuple[Contribution, ...]] = []
     run = run_scene(scene.load("pendulum-near-the-top"), frames=20)
-    made = Studio(run, lambda _: None, lambda _: None, found.append, lambda: None, lambda _: None)
+    made = EditSession(run, lambda _: None, lambda _: None, found.append, lambda: None, lambda _: None)
     made.weigh(asked=True)
     assert made.wait(rested=True)
     made.close()
@@ -416,7 +416,7 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
         assert (found.title, found.unit, found.whole) == (drawing.title, drawing.unit, drawing.whole)
         assert found.per_metre == pytest.approx(drawing.per_metre)
         np.testing.assert_allclose(found.bounds, drawing.bounds, atol=1e-6 * solved.size)
-        for a, b in zip(found.inks, drawing.inks, strict=True):
+        for a, b in zip(found.strokes, drawing.strokes, strict=True):
             assert (a.label, a.color, a.plain, a.fine) == (b.label, b.color, b.plain, b.fine)
             np.testing.assert_allclose(a.start, b.start, atol=1e-6 * solved.size)
             np.testing.assert_allclose(a.vector, b.vector, atol=1e-6 * solved.size)

@@ -179,8 +179,8 @@ def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch
             viewer.set_frame(frame)
             for name, d in drawings_of(constructed, viewer.scene.size).items():
                 lines = viewer.scene.plans.constructions[d.title.split(":")[0]].nodes[0].points
-                drawn = lines[: len(d.inks), 1] - lines[: len(d.inks), 0]
-                wanted = np.array([i.vector[frame] for i in d.inks])
+                drawn = lines[: len(d.strokes), 1] - lines[: len(d.strokes), 0]
+                wanted = np.array([i.vector[frame] for i in d.strokes])
                 assert np.abs(drawn[:, 0] + 1j * drawn[:, 1] - wanted).max() <= 1e-5 * viewer.scene.size, name
         assert (viewer.scene.bounds[0, :2] <= viewer.scene.plans.bounds[0]).all()
         assert (viewer.scene.bounds[1, :2] >= viewer.scene.plans.bounds[1]).all()

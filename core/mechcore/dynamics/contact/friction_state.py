@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.phases import WORDS, Key, Phases, keys_of, rubbing, senses
 from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.events import Happening, Log
+from mechcore.dynamics.events import Log, SimulationEvent
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.forces.friction.elements import elements_of
 from mechcore.motion.solve import Compiled
@@ -50,9 +50,9 @@ class FrictionState:
         phases.decide(t, q, v, rests=rests)
         return phases.system()
 
-    def gauges(self) -> tuple[list[Any], list[Any]]:
+    def event_functions(self) -> tuple[list[Any], list[Any]]:
         """What ends the present phase: as `Phases.gauges` and `Phases.led_gauges` say it."""
-        return ([], []) if self._phases is None else (self._phases.gauges(), self._phases.led_gauges())
+        return ([], []) if self._phases is None else (self._phases.event_functions(), self._phases.independent_event_functions())
 
     def settle(self, t: float, q: Array, v: Array, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Array:
         """Decide what slides and what sticks from now on, pairs ``rests`` resting on stops, ``loose`` as in `Phases.decide`;
@@ -80,6 +80,6 @@ class FrictionState:
         """A pair begins to stick or to slide."""
         kind = "stick" if word == "stick" else "slip"
         text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
-        found = Happening(t, kind, pair, text)
+        found = SimulationEvent(t, kind, pair, text)
         if found not in self._log.happenings[-4:]:  # a pair may have friction of several kinds
             self._log.tell(found)

@@ -126,8 +126,8 @@ class Phases:
         motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
         return np.array([float(np.sign(e.rate[0])) for e in elements_of(motion)])
 
-    def gauges(self) -> list[tuple[Any, bool, tuple[int, float] | None]]:
-        """What ends the phase: gauge, the way in which it has to pass zero, and what then comes loose, as `decide` wants it."""
+    def event_functions(self) -> list[tuple[Any, bool, tuple[int, float] | None]]:
+        """What ends the phase: event function, the direction in which it passes zero, and what then comes loose (see `decide`)."""
         system = self.system()
         out: list[tuple[Any, bool, tuple[int, float] | None]] = []
         for i, s in enumerate(self.signs):
@@ -149,7 +149,7 @@ class Phases:
             out.append((margin, False, (int(stuck), 0.0)))
         return out
 
-    def led_gauges(self) -> list[Any]:
+    def independent_event_functions(self) -> list[Any]:
         """Gauges that are 1 where an element that is led does not slide as it does now, else 0."""
         return [
             lambda q, v, t, i=int(i), s=self.signs[i]: np.asarray(self._senses(q, v, t)[:, i] != s, float)

@@ -34,7 +34,7 @@ TURN = 2.0 * np.pi
 SAMPLES = 48  # for an eighth of a turn of the cam
 SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
 ROUNDS = 10
-CLOSE, NEARLY = 3, 0.02  # looks at a peak that is by less than this part of the gauge's range below the limit
+CLOSE, NEARLY = 3, 0.02  # looks at a peak that is by less than this part of the event function's range below the limit
 PARTS = 17
 
 
@@ -246,7 +246,7 @@ def _slope(compiled: Compiled, relation: Relation, guide: str) -> float:
 
 
 def first_beyond(
-    gauge: Callable[[Array, Array, Array], Array],
+    event_function: Callable[[Array, Array, Array], Array],
     window: Window,
     after: float,
     limit: float,
@@ -254,9 +254,9 @@ def first_beyond(
     *,
     again: bool = False,
 ) -> float | None:
-    """The first time in a window, later than ``after`` [s], at which a gauge exceeds ``limit``; it may have kinks and jumps.
+    """The first time in a window after ``after`` [s] at which an event function, with kinks and jumps perhaps, exceeds ``limit``.
 
-    ``again``: a gauge that exceeds it at the beginning, by rounding, has to come below it first.
+    ``again``: an event function that exceeds it at the beginning, by rounding, has to come below it first.
     """
     low, high = max(window.start, after), window.start + window.length
     if high <= low:
@@ -265,7 +265,7 @@ def first_beyond(
     last, close = high, 0
     for _ in range(ROUNDS + CLOSE):
         q, v, _ = window(t)
-        value = gauge(q, v, t)
+        value = event_function(q, v, t)
         beyond = value > limit
         if not beyond.any() and close < CLOSE and float(value.max()) > limit - NEARLY * float(np.ptp(value)):
             k = int(np.argmax(value))  # it nearly does: look closer there

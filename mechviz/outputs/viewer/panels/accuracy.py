@@ -16,7 +16,7 @@ from mechviz.accuracy.ladder import Point, ladder, pareto
 from mechviz.outputs.rerun.describe import accuracy_words
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
-from mechviz.outputs.viewer.session import Studio
+from mechviz.outputs.viewer.session import EditSession
 
 NOW = "as it is"
 WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
@@ -38,7 +38,7 @@ class AccuracyTab:
     """A wanted error, from which all dials follow; and a button that measures the scene's ladder beside everything else: a point of
     its diagrams, or of the list, the quickest first, is applied."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
         self._studio = studio
         self._points: tuple[Point, ...] = ()
         self._named: dict[str, Point] = {}

@@ -13,7 +13,7 @@ import viser
 from mechviz.editor.parameters import GROUPS, Choice, Parameter, find_choices, find_parameters
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback, finite
-from mechviz.outputs.viewer.session import Status, Studio
+from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.scene.scene import Scene
 
 OPEN_FIRST = ("Lengths", "Drive", "Cam")
@@ -25,7 +25,7 @@ UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
 class Controls:
     """The tab in which a scene is edited. ``update(scene)`` takes other values, ``tell(status)`` says how a change went."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
         self._gui, self._tab, self._studio, self._callback = server.gui, tab, studio, callback
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}

@@ -13,30 +13,30 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.plots import CURSOR_RATE, ROUND_OFF, Slot
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Axis, Quantity
 
 FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
 
 
-def items_of(show: Show) -> tuple[str, ...]:
+def items_of(show: ViewModel) -> tuple[str, ...]:
     """What can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
     return tuple(dict.fromkeys(q.item for q in show.quantities if q.item and q.item != "health"))
 
 
-def members(show: Show, item: str) -> tuple[Quantity, ...]:
+def members(show: ViewModel, item: str) -> tuple[Quantity, ...]:
     """The quantities of an item."""
     return tuple(q for q in show.quantities if q.item == item)
 
 
-class Closer:
+class DetailPanel:
     """A tab with the values of one item; ``look_at`` chooses it, as does a click on a solid or a joint.
 
     ``picked(item)`` is called with what is looked at.
     """
 
     def __init__(
-        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback, picked: Callable[[str], None]
+        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback, picked: Callable[[str], None]
     ):
         self._picked, self.tab = picked, tab
         self._show = show
@@ -65,7 +65,7 @@ class Closer:
         self.choice.value = self.item
         self.show(self._frame, False)
 
-    def update(self, show: Show, frame: int) -> None:
+    def update(self, show: ViewModel, frame: int) -> None:
         """Take another run."""
         before, self._show, self._frame = items_of(self._show), show, frame
         if items_of(show) != before:

@@ -20,8 +20,8 @@ from mechviz.outputs.rerun.diagrams import Diagram as Chart
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
-from mechviz.outputs.viewer.session import Studio
-from mechviz.outputs.viewer.view_model import Rolling, Show
+from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.outputs.viewer.world.constructions import on_light
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.picture.constructions import Drawing
@@ -82,19 +82,19 @@ class Diagram:
     @cached_property
     def places(self) -> LabelPlaces:
         """Where the labels of the drawing stand: beside each other, and where they were a moment ago."""
-        inks, marks = ((), ()) if self.drawing is None else (self.drawing.inks, self.drawing.marks)
-        sides, points = [i.label for i in inks if i.label], [m.label for m in marks]
+        strokes, marks = ((), ()) if self.drawing is None else (self.drawing.strokes, self.drawing.marks)
+        sides, points = [i.label for i in strokes if i.label], [m.label for m in marks]
         return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
 
 
-def diagrams_of(show: Show) -> dict[str, Diagram | Chart]:
+def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
     """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
     found: dict[str, Diagram | Chart] = {}
     for drawing in show.drawings().values():
         title = drawing.title.split(":")[0]
         curves: tuple[Curve, ...] = ()
         if drawing.name == "shaking":
-            ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.inks]
+            ways = [(i.label, on_light(i.color), i.start + i.vector) for i in drawing.strokes]
             curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in ways)
         found[title] = Diagram(title, drawing.bounds, drawing.per_metre, drawing.unit.replace("^2", "²"), drawing, curves)
     for name, polodes in show.polodes().items():
@@ -108,7 +108,7 @@ def diagrams_of(show: Show) -> dict[str, Diagram | Chart]:
     return found
 
 
-def cam_charts(show: Show) -> list[Chart]:
+def cam_charts(show: ViewModel) -> list[Chart]:
     """Pressure angle and curvature of the profile of every cam over the run."""
     axis, found = show.axes[0], []
     a_turn = axis.unit == "°" and bool(np.all((axis.values > -1e-6) & (axis.values < 360.0 + 1e-6)))
@@ -121,7 +121,7 @@ def cam_charts(show: Show) -> list[Chart]:
     return found
 
 
-def _polodes(show: Show, polodes: Rolling, title: str, name: str) -> Diagram:
+def _polodes(show: ViewModel, polodes: Rolling, title: str, name: str) -> Diagram:
     """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
     pose, size = show.poses[name], show.size
     fixed, moving = polodes.fixed, polodes.moving
@@ -171,17 +171,17 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
             x, y = place(now)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{_hex(curve.color)}"/>')
     if diagram.drawing is not None:
-        inks, marks = diagram.drawing.inks, diagram.drawing.marks
-        starts = at(np.array([ink.start[frame] for ink in inks], complex))
-        vectors = np.asarray(scale * np.array([ink.vector[frame] for ink in inks], complex), complex)
-        for ink, start, vector in zip(inks, starts, vectors, strict=True):
+        strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
+        starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
+        vectors = np.asarray(scale * np.array([stroke.vector[frame] for stroke in strokes], complex), complex)
+        for stroke, start, vector in zip(strokes, starts, vectors, strict=True):
             if np.isfinite(start + vector):
-                width = 1.2 if ink.fine else 2.0
-                parts.append(_arrow(place(start), place(start + vector), _hex(on_light(ink.color)), ink.plain, width))
-        named = [k for k, ink in enumerate(inks) if ink.label]
+                width = 1.2 if stroke.fine else 2.0
+                parts.append(_arrow(place(start), place(start + vector), _hex(on_light(stroke.color)), stroke.plain, width))
+        named = [k for k, stroke in enumerate(strokes) if stroke.label]
         long: Array = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
         spots = at(np.array([mark.at[frame] for mark in marks], complex))
-        texts = [inks[k].label for k in named], [mark.label for mark in marks]
+        texts = [strokes[k].label for k in named], [mark.label for mark in marks]
         for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
             parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
     parts.append(_scale_bar(diagram, scale))
@@ -199,7 +199,12 @@ class Diagrams:
     """
 
     def __init__(
-        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback, studio: Studio | None = None
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        show: ViewModel,
+        callback: Callback,
+        studio: EditSession | None = None,
     ):
         self._moved = 0.0
         self._frame, self._wanted = 0, False
@@ -227,7 +232,7 @@ class Diagrams:
         self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
         self.show(0, False)
 
-    def update(self, show: Show, frame: int) -> None:
+    def update(self, show: ViewModel, frame: int) -> None:
         """Take another run."""
         before = tuple(self._found)
         self._found = diagrams_of(show)
@@ -242,7 +247,7 @@ class Diagrams:
                 self.choice.value = kept
             self._wanted = False
 
-    def mirror(self, show: Show) -> None:
+    def mirror(self, show: ViewModel) -> None:
         """Take the switches of what is shown: one that could not be had goes back."""
         if show.run is None:
             return

@@ -17,8 +17,8 @@ from mechcore.spec.mechanism import EFFECTS, Mechanism
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.panels.charts import svg_text
-from mechviz.outputs.viewer.session import Contribution, Studio
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.session import Contribution, EditSession
+from mechviz.outputs.viewer.view_model import ViewModel
 
 MOTION = ("motion under forces", "positions", "velocities", "accelerations")
 REACTIONS, ENERGY, HEALTH = "reactions and drive efforts", "energy and power balance", "closure and condition"
@@ -181,7 +181,7 @@ def _text(x: float, y: float, text: str, more: str = "") -> str:
 class EffectsTab:
     """A checkbox for every effect and load; ``weighed`` shows what they contribute, ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: Studio, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, studio: EditSession, callback: Callback):
         gui = server.gui
         self._studio = studio
         self.effects: dict[str, viser.GuiCheckboxHandle] = {}
@@ -206,7 +206,7 @@ class EffectsTab:
                 self.diagram = gui.add_html(self._diagram(studio.show))
                 self.plan = gui.add_html(studio.show.notes)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take the switches and the plan of another run."""
         assert show.run is not None
         for name, box in self.effects.items():
@@ -222,7 +222,7 @@ class EffectsTab:
             self.plan.content = show.notes
 
     @staticmethod
-    def _diagram(show: Show) -> str:
+    def _diagram(show: ViewModel) -> str:
         assert show.run is not None
         return plan_svg(show.run.motion.mechanism, show.run.plan)
 

@@ -12,8 +12,8 @@ import viser
 
 from mechviz.editor.parameters import Parameter, find_parameters
 from mechviz.outputs.viewer.callbacks import Callback
-from mechviz.outputs.viewer.session import Studio
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.scene.units import Units
 
 
@@ -32,7 +32,7 @@ class Pivot:
         return self.x.value * self.metres[0], self.y.value * self.metres[1]
 
 
-def pivots_of(studio: Studio) -> dict[str, Pivot]:
+def pivots_of(studio: EditSession) -> dict[str, Pivot]:
     """The points of the fixed link that pairs use, by name: from its table of points, or from the sketch."""
     scene = studio.run.scene
     document = scene.document
@@ -57,7 +57,7 @@ def pivots_of(studio: Studio) -> dict[str, Pivot]:
 class Pivots:
     """Handles that are made when they are first wanted; ``update`` puts them where the pivots are."""
 
-    def __init__(self, server: viser.ViserServer, studio: Studio, callback: Callback):
+    def __init__(self, server: viser.ViserServer, studio: EditSession, callback: Callback):
         self._server, self._studio, self._callback = server, studio, callback
         self._nodes: dict[str, Any] = {}
         self._pivots: Mapping[str, Pivot] = {}
@@ -71,7 +71,7 @@ class Pivots:
         for node in self._nodes.values():
             node.visible = on
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Put the handles where the pivots are, except for the one that is held."""
         if not self.on:
             return

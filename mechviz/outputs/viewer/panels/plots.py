@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import number
 from mechviz.quantities.catalogue import Axis, Quantity
 
@@ -99,7 +99,7 @@ Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
 class Plots:
     """A column of plots in a tab; ``show`` moves their cursors, ``update`` takes the curves of another run."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: Show, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback):
         gui = server.gui
         self._lock = threading.RLock()
         self._frame, self._moved = 0, 0.0
@@ -119,7 +119,7 @@ class Plots:
         self.changed: Callable[[], None] = lambda: None
         self.show(0, playing=False)
 
-    def update(self, show: Show, frame: int) -> None:
+    def update(self, show: ViewModel, frame: int) -> None:
         """Draw the same quantities of another run, as far as they are there."""
         with self._lock:
             self._frame = frame

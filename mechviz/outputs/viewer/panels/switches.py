@@ -10,7 +10,7 @@ import viser
 
 from mechviz.outputs.viewer.callbacks import Callback, finite
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.camera import PRESETS, reset_to
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES
@@ -76,7 +76,7 @@ class Switches:
         """The slider of the forces' size, or of whatever there is."""
         return next(iter(self.sizes.values()))
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Offer what another run has."""
         for name, box in self.families.items():
             if box.visible != (name in show.families):

@@ -17,7 +17,7 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback, finite
 from mechviz.outputs.viewer.playback import NumberTrack
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Health
 
 Real = NDArray[np.float64]
@@ -125,7 +125,7 @@ class Speeds:
 class Timeline:
     """The panel below the mechanism; ``show`` brings it to a frame, ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, show: Show, player: Player, callback: Callback):
+    def __init__(self, server: viser.ViserServer, show: ViewModel, player: Player, callback: Callback):
         gui = server.gui
         self._player = player
         self._last = show.frames - 1
@@ -162,7 +162,7 @@ class Timeline:
         for label, key, action in keys:
             gui.add_command(label, hotkey=key).on_trigger(callback(label, partial(_ignoring_event, action)))
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take another run: other frames, another cycle, other events."""
         before, self._show = self._show, show
         self._last = show.frames - 1
@@ -191,7 +191,7 @@ class Timeline:
     def _none(self) -> str:
         return f"{NO_EVENT} {len(self._happenings)}" if self._happenings else "nothing happens"
 
-    def place(self, show: Show, frame: int) -> None:
+    def place(self, show: ViewModel, frame: int) -> None:
         """Say where in another run it is."""
         self._place.content = words.place_in_run(show, frame)
         if self.slider.max != max(show.frames - 1, 1):

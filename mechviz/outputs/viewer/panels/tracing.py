@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.errors import Fault
 from mechviz.editor.history import Draft
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.scene.document import Place
 from mechviz.scene.faults import SceneError
 from mechviz.scene.units import Units
@@ -17,7 +17,9 @@ from mechviz.scene.units import Units
 NEAR = 0.02  # of the mechanism's size: a click this near to a named point means that point
 
 
-def traced_at(show: Show, link: str, frame: int, origin: Sequence[float], direction: Sequence[float]) -> tuple[float, float, float]:
+def traced_at(
+    show: ViewModel, link: str, frame: int, origin: Sequence[float], direction: Sequence[float]
+) -> tuple[float, float, float]:
     """Where the ray of a click meets a link, x, y [m] in its own frame, and how near a named point would mean that one."""
     vertices = np.concatenate([piece.vertices for piece in show.bodies[link].pieces])
     height = float(vertices[:, 2].max())

@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack, ragged
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.picture.nodes import Arc, Arrow
 from mechviz.picture.proportions import (
     ARC_RADIUS,
@@ -55,7 +55,7 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
 class ArrowNodes:
     """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._size = show.size  # shafts and heads keep the size of the mechanism as it was opened
         self._on = dict.fromkeys(FAMILIES, False)
@@ -64,7 +64,7 @@ class ArrowNodes:
         self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
         self.update(show)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take the vectors and moments of ``show`` from the next ``show(frame)`` on."""
         self._present = tuple(family for family in FAMILIES if family in show.families)
         self._tracks: dict[str, tuple[Real, Real, Real]] = {}
@@ -190,7 +190,7 @@ class ArrowNodes:
         )
 
 
-def arrows_by_family(show: Show) -> dict[str, list[Arrow]]:
+def arrows_by_family(show: ViewModel) -> dict[str, list[Arrow]]:
     """The arrows that share a node, in the order in which they are drawn."""
     found: dict[str, list[Arrow]] = {}
     for arrow in show.picture.of(Arrow):

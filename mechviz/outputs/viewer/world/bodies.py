@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.solids import Posed, link_path
 from mechviz.picture.nodes import Body, Mesh
 
@@ -22,7 +22,7 @@ class BodyNodes:
     """A node for every body, below its link's where it has one; ``poses`` says where they are, ``show`` stretches them, ``update``
     takes those of another run."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on = dict.fromkeys(GROUPS, True)
         self._height: float | None = None
@@ -36,7 +36,7 @@ class BodyNodes:
         """Groups of which there is anything to draw."""
         return frozenset(body.group for body in self._bodies.values())
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take the bodies of ``show``; a mesh is sent anew only where it is another."""
         before, self._bodies = self._bodies, {body_path(body): body for body in show.picture.of(Body, *GROUPS)}
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:

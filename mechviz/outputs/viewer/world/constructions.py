@@ -15,7 +15,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechcore.reduction.systems import KINDS
-from mechviz.outputs.viewer.view_model import Overlay, Rolling, Show
+from mechviz.outputs.viewer.view_model import Overlay, Rolling, ViewModel
 from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
@@ -108,13 +108,13 @@ class Construction:
 class PlanNodes:
     """All constructions of a run by the words of their switches; ``show`` brings those that are on to a frame."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on: dict[str, bool] = {}
         self.constructions: dict[str, Construction] = {}
         self.update(show)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Draw the constructions of ``show`` instead of those so far; of a recording as it holds them."""
         for construction in self.constructions.values():
             for node in construction.nodes:
@@ -198,23 +198,23 @@ class PlanNodes:
 
     def _drawing(self, name: str, drawing: Drawing, at: complex) -> Construction:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
-        inks, marks, size = drawing.inks, drawing.marks, self._size
+        strokes, marks, size = drawing.strokes, drawing.marks, self._size
         path = f"/drawings/{name}"
         frames = self._show.frames
-        starts = np.array([i.start for i in inks], complex).reshape(len(inks), frames) + at
-        vectors = np.array([i.vector for i in inks], complex).reshape(len(inks), frames)
-        heads = np.array([not i.plain for i in inks], bool)
-        shades = [on_light(i.color) for i in inks] * 3
+        starts = np.array([i.start for i in strokes], complex).reshape(len(strokes), frames) + at
+        vectors = np.array([i.vector for i in strokes], complex).reshape(len(strokes), frames)
+        heads = np.array([not i.plain for i in strokes], bool)
+        shades = [on_light(i.color) for i in strokes] * 3
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         arrows = None
-        if inks:
+        if strokes:
             arrows = self._lines(path, arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size), shades, 2.0)
             nodes.append(arrows)
-        words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(inks) if i.label]
-        named = [k for k, i in enumerate(inks) if i.label]
+        words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(strokes) if i.label]
+        named = [k for k, i in enumerate(strokes) if i.label]
         points = [self._label(f"{path}/point {k}", m.label) for k, m in enumerate(marks)]
         per_pixel = self._per_pixel()
-        texts = [inks[k].label for k in named], [m.label for m in marks]
+        texts = [strokes[k].label for k in named], [m.label for m in marks]
         stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel)
         spots = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
         low, high = drawing.bounds + np.array([at.real, at.imag])
@@ -228,11 +228,11 @@ class PlanNodes:
         caption.position = (0.5 * (low[0] + high[0]), high[1] + 0.4 * CAPTION * size, self._z)
         nodes += [*words, *points, caption]
         if name == "shaking":
-            for k, ink in enumerate(inks):
-                z = ink.start + ink.vector + at
+            for k, stroke in enumerate(strokes):
+                z = stroke.start + stroke.vector + at
                 z = z[np.isfinite(z)]
                 if len(z) > 1:
-                    faded = tuple(int(128 + 0.5 * c) for c in on_light(ink.color))
+                    faded = tuple(int(128 + 0.5 * c) for c in on_light(stroke.color))
                     curve = np.stack([z[:-1], z[1:]], axis=1)
                     nodes.append(self._lines(f"{path}/polar {k}", curve, [faded] * len(curve), 2.0))  # type: ignore[list-item]  # three numbers
 
@@ -306,18 +306,18 @@ class PlanNodes:
         """Lines, arrows and points on the mechanism, as a recording holds them."""
         path, size = f"/overlays/{words}", self._size
         frames = self._show.frames
-        starts = np.array([i.start for i in overlay.inks], complex).reshape(-1, frames)
-        vectors = np.array([i.vector for i in overlay.inks], complex).reshape(-1, frames)
-        heads = np.array([not i.plain for i in overlay.inks], bool)
+        starts = np.array([i.start for i in overlay.strokes], complex).reshape(-1, frames)
+        vectors = np.array([i.vector for i in overlay.strokes], complex).reshape(-1, frames)
+        heads = np.array([not i.plain for i in overlay.strokes], bool)
         spots = np.array([m.at for m in overlay.marks], complex).reshape(-1, frames)
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         lines = None
-        if overlay.inks:
-            shades = [on_light(i.color) for i in overlay.inks] * 3
+        if overlay.strokes:
+            shades = [on_light(i.color) for i in overlay.strokes] * 3
             lines = self._lines(path, arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size), shades, 2.5)
             nodes.append(lines)
-        named = [k for k, i in enumerate(overlay.inks) if i.label]
-        labels = [self._label(f"{path}/line {k}", overlay.inks[k].label) for k in named]
+        named = [k for k, i in enumerate(overlay.strokes) if i.label]
+        labels = [self._label(f"{path}/line {k}", overlay.strokes[k].label) for k in named]
         pins = [self._label(f"{path}/point {k}", m.label or "•", 0.9, "bottom-left") for k, m in enumerate(overlay.marks)]
         nodes += [*labels, *pins]
 

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.marks import path_segments
 from mechviz.outputs.viewer.world.solids import Posed, quaternions
 
@@ -21,7 +21,7 @@ OPACITY = 0.28
 class Ghost:
     """The links and paths of ``show`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server, self._show = server, show
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._base: viser.FrameHandle | None = None

@@ -14,7 +14,7 @@ from typing import Any
 import viser
 from viser import _messages
 
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.arrows import arc_path, arrows_by_family
 from mechviz.outputs.viewer.world.marks import dot_path, joint_groups, joint_path
 from mechviz.outputs.viewer.world.solids import link_path
@@ -27,7 +27,7 @@ Name = tuple[str, str, tuple[str, ...]]
 KINDS = {"pin_slot": "pin in a slot"}
 
 
-def hover_names(show: Show) -> dict[str, Name]:
+def hover_names(show: ViewModel) -> dict[str, Name]:
     """By the node that is drawn: what it is called, more words, and the names of its parts where it draws several things."""
     found: dict[str, Name] = {}
     for link in show.poses:
@@ -50,7 +50,7 @@ def hover_names(show: Show) -> dict[str, Name]:
     return found
 
 
-def _joint(show: Show, name: str) -> str:
+def _joint(show: ViewModel, name: str) -> str:
     """What a joint is: ``revolute, crank and coupler``."""
     joint = show.numbers.joints[name]
     return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
@@ -59,12 +59,12 @@ def _joint(show: Show, name: str) -> str:
 class HoverNames:
     """Tells all browsers, now and later, what is called how; ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._names: Mapping[str, Name] = {}
         self.update(show)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         names = hover_names(show)
         if names == self._names:
             return

@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import LINKER
 from mechviz.quantities.vectors import FAMILIES
@@ -27,7 +27,7 @@ def segments(node: Lines, frame: int) -> NDArray[np.float32]:
 class LineNodes:
     """The lines of some groups; ``show`` bends them to a frame, ``update`` takes those of another run."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on = dict.fromkeys(LOOKS, True)
         self._nodes: dict[str, viser.LineSegmentsHandle] = {}
@@ -39,7 +39,7 @@ class LineNodes:
         """Groups of which there is anything to draw."""
         return frozenset(lines.group for lines in self._lines.values())
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *LOOKS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.solids import Posed, link_path
 from mechviz.picture.nodes import Points
 
@@ -28,7 +28,7 @@ def path_segments(places: Real) -> NDArray[np.float32]:
 class Paths:
     """Paths of the traced points over the run, each on the front of its link."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on = True
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
@@ -39,7 +39,7 @@ class Paths:
     def __len__(self) -> int:
         return len(self._places)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         for name, xyz in show.paths.items():
             lines = path_segments(xyz)
             if not len(lines):
@@ -78,7 +78,7 @@ class Joints:
     Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
     """
 
-    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[tuple[str, ...], Any], None] | None = None):
+    def __init__(self, server: viser.ViserServer, show: ViewModel, clicked: Callable[[tuple[str, ...], Any], None] | None = None):
         self._server, self._clicked = server, clicked
         self._on = True
         self._groups: list[tuple[tuple[str, ...], Real]] = []
@@ -88,7 +88,7 @@ class Joints:
         self._picked: frozenset[str] = frozenset()
         self.update(show)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         self._size = show.size
         self._beside = 0.018 * show.size  # from a joint to its name, along each axis
         driven = {drive.name for drive in show.drives}
@@ -170,7 +170,7 @@ def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str
 class Masses:
     """Balls for point masses, below the nodes of their links, with what they weigh."""
 
-    def __init__(self, server: viser.ViserServer, show: Show):
+    def __init__(self, server: viser.ViserServer, show: ViewModel):
         self._server = server
         self._on = True
         self._nodes: list[Any] = []
@@ -180,7 +180,7 @@ class Masses:
     def __len__(self) -> int:
         return len(self._nodes)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         wanted = list(show.picture.of(Points, "masses"))
         if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
             return

@@ -12,7 +12,7 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
-from mechviz.outputs.viewer.view_model import Show
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.outputs.viewer.world.camera import FittedCameras, set_first_view
@@ -43,7 +43,7 @@ class Scene3D:
     def __init__(
         self,
         server: viser.ViserServer,
-        show: Show,
+        show: ViewModel,
         clicked_link: Callable[[str, Any], None] = _ignore,
         clicked_joints: Callable[[tuple[str, ...], Any], None] = _ignore,
     ):
@@ -82,7 +82,7 @@ class Scene3D:
         """The mechanism's size [m]."""
         return self.current.size
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take the solids, the motion and the forces of ``show``, which is of the same scene with other values."""
         self.current = show
         self.links.update(show)
@@ -139,7 +139,7 @@ class Scene3D:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
 
-    def _box(self, show: Show) -> Real:
+    def _box(self, show: ViewModel) -> Real:
         box = _joined(show.bounds, self.arrows.reach(), BEYOND * show.size)
         first = _joined(show.bounds, self.arrows.reach(show.opening), BEYOND_FIRST * show.size)
         box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])

@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from viser import _messages
 
-from mechviz.outputs.viewer.view_model import Body, Piece, Show
+from mechviz.outputs.viewer.view_model import Body, Piece, ViewModel
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
 
@@ -182,7 +182,7 @@ class SolidNodes:
     ``clicked(link, event)`` is called when somebody clicks on a solid.
     """
 
-    def __init__(self, server: viser.ViserServer, show: Show, clicked: Callable[[str, Any], None] | None = None):
+    def __init__(self, server: viser.ViserServer, show: ViewModel, clicked: Callable[[str, Any], None] | None = None):
         self._server, self._clicked = server, clicked
         self._opacity: float | None = None
         self._picked = ""
@@ -195,7 +195,7 @@ class SolidNodes:
         self._moving: dict[str, tuple[Real, Real]] = {}
         self.update(show)
 
-    def update(self, show: Show) -> None:
+    def update(self, show: ViewModel) -> None:
         """Take the solids and the motion of ``show``; only what differs is sent."""
         for link in [name for name in self._nodes if name not in show.poses]:
             self._nodes.pop(link).remove()
