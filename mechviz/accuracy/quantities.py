@@ -136,7 +136,6 @@ def worst_by_kind(found: list[Quantity], errors: dict[str, Real]) -> dict[str, R
     return out
 
 
-Real = NDArray[np.float64]
 MARKED = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
 NEAREST = 0.01  # of the distance of two frames: so near to a pole a value is told; nearer it has no bound
 

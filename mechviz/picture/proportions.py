@@ -69,8 +69,6 @@ def _own_height(run: Run, heights: Heights, item: Vector | Moment) -> float:
     return 0.0  # a load: from the back on, whatever is in the way of it is cleared
 
 
-Real = NDArray[np.float64]
-
 SHAFT, HEAD_RADIUS, HEAD = 0.0042, 0.0115, 0.03  # of an arrow: radii of its shaft and its head, length of its head
 LEAST_ARROW = 1.3 * HEAD  # a shorter arrow is left out, or drawn smaller
 ARC_RADIUS, ARC_WIDTH = 0.085, 0.0085  # of the arc of a moment

@@ -68,8 +68,6 @@ def find_surface_marks(run: Run, solids: Solids) -> list[SurfaceMark]:
     return [*find_rollers(run, solids), *find_belt_marks(run, solids)]
 
 
-Real = NDArray[np.float64]
-
 INNER, OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
 SECTORS, SIDES = 3, 16
 THICK = 0.012  # of a mark, in radii
@@ -209,9 +207,6 @@ def _stripes(radius: float, height: float) -> tuple[NDArray[np.float32], NDArray
     )
 
 
-Real = NDArray[np.float64]
-
-
 def held(values: Real, known: NDArray[np.bool_]) -> Real:
     """Values (F,) with those that are not known taken from the nearest one before, at the start from the first known; zero where
     none is."""
@@ -222,8 +217,6 @@ def held(values: Real, known: NDArray[np.bool_]) -> Real:
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
 
-
-Real = NDArray[np.float64]
 
 MARKS = 8  # on a belt
 LONG = 1.1  # of a mark, in thicknesses of the belt

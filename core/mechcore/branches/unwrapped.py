@@ -98,8 +98,6 @@ def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, driv
     return starts
 
 
-Array = Any
-Real = NDArray[np.float64]
 Range = tuple[float, float]
 
 TURN = 2.0 * math.pi
@@ -173,8 +171,6 @@ def start_pose(model: Model, spins: Real) -> StartPose:
     )
 
 
-Array = Any
-Real = NDArray[np.float64]
 Frames = tuple[Sequence[Array], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
 Place = Callable[[Real], Frames]  # places (n, c) on the way -> what is there
 

@@ -310,10 +310,6 @@ def _knife(task: Task, angle: Real, pieces: NDArray, us: Real, points: Complex, 
     return out[0], out[1], np.where(best > -np.inf, best, np.nan), corner
 
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
-
 @dataclass(frozen=True)
 class Bridge:
     """The contact leaps over a part of the profile that the follower never touches (hollow too tight, undercut), or a knife

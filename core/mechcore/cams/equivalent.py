@@ -92,10 +92,6 @@ def _solve(a: Complex, b: Complex, c: Complex) -> tuple[Real, Real]:
         return np.imag(np.conj(c) * b) / det, np.imag(np.conj(a) * c) / det
 
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
-
 def simplified_profile(law: MotionCurve, offset: float, angle: ArrayLike) -> Complex:
     """The lecture's profile sqrt(h^2 + m^2) exp(i theta) at angles (n) [m]."""
     theta = np.asarray(angle, float)

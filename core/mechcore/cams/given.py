@@ -141,9 +141,6 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
     return np.mod(np.array(found), 2.0 * np.pi)
 
 
-Real = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Graphical:
     """Angles (n) and what the drawing gives there: coordinate, velocity, acceleration, (3, n); ``exact`` (3, n); their

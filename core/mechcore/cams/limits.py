@@ -236,9 +236,6 @@ def check_limits(cam: Cam, want: Requirement, count: int = 3600) -> list[Verdict
     return judge(find_limits(cam, count=count), want)
 
 
-Real = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Design:
     """A cam of least base circle: its radius [m], the coordinate at zero lift, the offset, the limits it reaches, the verdicts.

@@ -101,8 +101,6 @@ class PlacedRoller:
         return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
 
 
-Array = Any
-Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 STEEPEST = np.radians(89.0)
@@ -214,9 +212,6 @@ class PlacedInverse(PlacedRoller):
         )
 
 
-Array = Any
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 RIB = 0.05  # of the distance of two rollers: what a rib between them needs
 
 
@@ -422,9 +417,6 @@ class PlacedSpatial(PlacedRoller):
             coordinate=s[0],
             lift=s[0] - float(self.cam.law.pieces[0].at(0.0, 0)[0]),
         )
-
-
-Real = NDArray[np.float64]
 
 
 def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Any = 1.0, above: int = 0) -> Real:

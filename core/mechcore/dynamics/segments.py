@@ -58,7 +58,6 @@ def piece_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Seque
     return Forces(motion, applied, *transmit(motion, *loads)[:2], forces.friction)
 
 
-Array = NDArray[np.float64]
 SAMPLES = 257  # of a piece, by which its way is measured
 
 

@@ -247,9 +247,6 @@ def _until(entries: tuple[tuple[float, float], ...], t: Array) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(values)])[np.searchsorted(times, t, side="left")])
 
 
-Array = NDArray[np.float64]
-
-
 def right_hand_side(system: Any, freedoms: int) -> Any:
     """(t, y) -> y' of a system of accelerations, y = positions and speeds (2 f,): as scipy wants it, one state at a time."""
 

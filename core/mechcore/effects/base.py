@@ -89,8 +89,6 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Array], list[Ar
     return force, moment
 
 
-Array = Any
-
 NEEDS = ("positions", "time", "velocities", "accelerations", "reactions")
 """Quantities that an effect can need; one that needs positions alone depends on nothing else, not even on the time."""
 
@@ -217,9 +215,6 @@ class Effect:
     def stores(self) -> bool:
         """Whether its work is a change of its potential energy."""
         return self.cause in ("gravity", "elastic")
-
-
-Array = Any
 
 
 def pair_wrench(at: Configuration, pair: str, effort: Array, *, name: str, kind: str, cause: str) -> Wrench:

@@ -36,7 +36,6 @@ class Free:
         return self.start + self.speed * t, np.full_like(t, self.speed), np.zeros_like(t)
 
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 Smoothness = bool | Literal["spline"]
 

@@ -132,7 +132,6 @@ def _same(motion: Motion, other: Compiled, q: Array, v: Array, t: float) -> bool
     return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
 
 
-Array = NDArray[np.float64]
 POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
 FAIR = 0.2  # below this another pair takes over, well before it gets poor
 SAMPLES = 721

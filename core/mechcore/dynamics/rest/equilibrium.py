@@ -236,7 +236,6 @@ def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
             raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Move the stop, or leave it out."))
 
 
-Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 TOLD = 1_000  # periods in a run, from which on it is said before the work begins
 DECAYED = 35.0  # exponent of decay, after which nothing is left of a vibration

@@ -49,8 +49,6 @@ def circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
     return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
 
 
-Real = NDArray[np.float64]
-
 _STEPS = 360  # sections of the rib in a turn of the cam
 _SUNK = 0.03  # of the groove's depth: the rib's foot below the floor
 _RINGS = 33  # of a hollow core
