@@ -83,7 +83,7 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
     from mechcore.cams.followers import Roller
     from mechcore.cams.placed import PlacedCam
     from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
-    from mechcore.forces.cam_events import contact_force, placed_cams
+    from mechcore.forces.cam_rating import contact_force, placed_cams
     from mechcore.spec.mechanism import CamPair
 
     pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}

@@ -37,7 +37,8 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
     """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
     if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
         return
-    from mechcore.forces.cam_events import limit_events, placed_cams
+    from mechcore.forces.cam_events import limit_events
+    from mechcore.forces.cam_rating import placed_cams
 
     lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.liftoffs}
     for cam in placed_cams(run.motion):

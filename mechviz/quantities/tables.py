@@ -20,7 +20,7 @@ from mechviz.quantities.exactness import onto_centres, without_noise
 from mechviz.quantities.vectors import centre_name, point_name
 
 if TYPE_CHECKING:
-    from mechcore.forces.cam_events import AnyCam
+    from mechcore.forces.cam_rating import AnyCam
     from mechcore.forces.kinetostatics import LoadResult
     from mechcore.spec.mechanism import CamRating
     from mechviz.run import Run
@@ -213,7 +213,7 @@ def _cams(run: Run) -> Iterator[Table]:
     motion = run.motion
     if not any(r.geometry is not None for r in motion.model.relations):
         return
-    from mechcore.forces.cam_events import placed_cams
+    from mechcore.forces.cam_rating import placed_cams
 
     for cam in placed_cams(motion):
         columns: Columns = (
@@ -239,7 +239,7 @@ def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
 
 def _contact(run: Run, cam: AnyCam) -> Real:
     """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
-    from mechcore.forces.cam_events import contact_force
+    from mechcore.forces.cam_rating import contact_force
 
     force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
     rows = cam.rows(run.motion, np.where(np.isnan(force), 1.0, force))
@@ -250,8 +250,7 @@ def _contact(run: Run, cam: AnyCam) -> Real:
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
     """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
-    from mechcore.forces.cam_events import pair_of
-    from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows
+    from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows, pair_of
 
     pair = pair_of(run.motion, cam)
     if pair.rating is not None and pair.rating.width is not None and run.forces is not None:

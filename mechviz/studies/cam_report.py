@@ -14,7 +14,7 @@ from mechcore.spec.mechanism import CamDrawn, CamPair
 from mechcore.texts import Text, as_angle, as_coordinate, as_force, as_length, as_quantity
 
 if TYPE_CHECKING:
-    from mechcore.forces.cam_events import AnyCam
+    from mechcore.forces.cam_rating import AnyCam
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.motion import Motion
     from mechcore.texts import UnitSystem
@@ -46,7 +46,7 @@ Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
     """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
-    from mechcore.forces.cam_events import pair_of, placed_cams
+    from mechcore.forces.cam_rating import pair_of, placed_cams
 
     found: list[CamFact] = []
     for cam in placed_cams(motion):
@@ -57,7 +57,7 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 
 def law_facts(motion: Motion) -> list[CamFact]:
     """What the laws of all cams tell by themselves, whatever the run is."""
-    from mechcore.forces.cam_events import placed_cams
+    from mechcore.forces.cam_rating import placed_cams
 
     rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
     return [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
@@ -65,7 +65,7 @@ def law_facts(motion: Motion) -> list[CamFact]:
 
 def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[str]:
     """Every cam with what is known of it, as lines in the units of a scene."""
-    from mechcore.forces.cam_events import pair_of, placed_cams
+    from mechcore.forces.cam_rating import pair_of, placed_cams
 
     lines: list[str] = []
     for cam in placed_cams(motion):
@@ -84,7 +84,7 @@ def _kind(pair: CamPair, cam: AnyCam) -> str:
 
 
 def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[Row]:
-    from mechcore.forces.cam_events import contact_force
+    from mechcore.forces.cam_rating import contact_force
 
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
@@ -255,8 +255,7 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
 
     ``drawn``: instead of what the scene says. Lift in mm or °, its derivatives with respect to the cam's angle [rad].
     """
-    from mechcore.forces.cam_events import pair_of, placed_cams
-    from mechcore.forces.cam_rating import drawn_lift
+    from mechcore.forces.cam_rating import drawn_lift, pair_of, placed_cams
 
     lines: list[str] = []
     for cam in placed_cams(motion):

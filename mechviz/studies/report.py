@@ -136,7 +136,8 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     motion = forces.motion
     if not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
         return []
-    from mechcore.forces.cam_events import cam_events, placed_cams
+    from mechcore.forces.cam_events import cam_events
+    from mechcore.forces.cam_rating import placed_cams
 
     pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
     if not pressed:

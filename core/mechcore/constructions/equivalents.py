@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.cams.equivalent import equivalent_linkage
+from mechcore.cams.followers import Flat, Oscillating
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
@@ -63,9 +65,6 @@ def equivalent(motion: Motion, pair: str, forces: Forces | None = None) -> Equiv
 
 
 def _cam(motion: Motion, pair: CamPair) -> Equivalent:
-    from mechcore.cams.equivalent import equivalent_linkage
-    from mechcore.cams.followers import Flat, Oscillating
-
     placed = next(r for r in motion.model.relations if r.name == pair.name).geometry
     s = placed.at(motion)
     found = equivalent_linkage(s)

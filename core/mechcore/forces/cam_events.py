@@ -9,37 +9,18 @@ from numpy.typing import NDArray
 
 from mechcore.cams.followers import Flat
 from mechcore.cams.placed import PlacedCam
-from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, pair_of, placed_cams
 from mechcore.forces.crossings import crossing
 from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.factors import jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import CamDrawn, CamPair, CamRating, Revolute
+from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length
 
 Real = NDArray[np.float64]
 
 NOISE = 1e-9  # pull below this part of the largest force is rounding
-
-
-AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
-
-
-def placed_cams(motion: Motion) -> list[AnyCam]:
-    """The cams of a mechanism, in the order of its pairs."""
-    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
-
-
-def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
-    """What the mechanism says of a cam."""
-    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
-
-
-def contact_force(forces: Forces, cam: AnyCam) -> Real:
-    """Force along the common normal (F) [N], positive where the cam presses on the follower."""
-    reaction = forces.pressed(cam.name)
-    return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
 
 
 def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
@@ -64,8 +45,6 @@ def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
 
 def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
     """Hertz pressure beyond its limit, and contact force below its margin."""
-    from mechcore.forces.cam_rating import contact_stress
-
     motion = forces.motion
     x = _arguments(motion, cam)
     if rating.width is not None and rating.limit is not None:
@@ -94,8 +73,6 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
 
 def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
     """How far off the graphical method is."""
-    from mechcore.forces.cam_rating import drawn_lift
-
     s, v, a = 100.0 * drawn_lift(cam, drawn).largest
     text = (
         f"drawn every {as_angle(drawn.step, 4)} and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +13,31 @@ from mechcore.cams.given import Graphical, graphical
 from mechcore.cams.placed import PlacedCam
 from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.motion import Motion
+from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
-from mechcore.spec.mechanism import CamDrawn, CamRating, braked
-
-if TYPE_CHECKING:
-    from mechcore.forces.cam_events import AnyCam
-    from mechcore.forces.kinetostatics import Forces
-    from mechcore.motion.motion import Motion
-
+from mechcore.spec.mechanism import CamDrawn, CamPair, CamRating, braked
 
 Real = NDArray[np.float64]
+
+AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
+
+
+def placed_cams(motion: Motion) -> list[AnyCam]:
+    """The cams of a mechanism, in the order of its pairs."""
+    return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
+
+
+def pair_of(motion: Motion, cam: AnyCam) -> CamPair:
+    """What the mechanism says of a cam."""
+    return next(p for p in motion.mechanism.pairs if p.name == cam.name and isinstance(p, CamPair))
+
+
+def contact_force(forces: Forces, cam: AnyCam) -> Real:
+    """Force along the common normal (F) [N], positive where the cam presses on the follower."""
+    reaction = forces.pressed(cam.name)
+    return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
 
 
 # -- stress ---------------------------------------------------------------------------------------------------------------
@@ -34,8 +48,6 @@ def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzConta
 
     Of two flanks (groove, yoke, conjugate pair) the one that carries at the moment, with its own curvature.
     """
-    from mechcore.forces.cam_events import contact_force
-
     if rating.width is None:
         raise MechanismError(Fault("rating.width", "it is not known how wide the contact is.", "Give it a width."))
     force = contact_force(forces, cam)
@@ -107,10 +119,6 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
     ``N = N_other + P b``, with b from one more solution of the forces. Each frame then bounds k and L0. Raises where friction or
     forces decide.
     """
-    from mechcore.forces.cam_events import contact_force
-    from mechcore.forces.kinetostatics import solve_forces
-    from mechcore.motion.solve import compile_mechanism, solve_motion
-
     motion = forces.motion
     mechanism = motion.mechanism
     if "friction" in mechanism.effects and braked(mechanism.pairs):

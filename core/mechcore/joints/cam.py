@@ -5,30 +5,29 @@ from __future__ import annotations
 import cmath
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mechcore.cams.closures import conjugate
+from mechcore.cams.contour import Contour, moved
+from mechcore.cams.cutting import CutProfile, cut_profile
+from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
+from mechcore.cams.given import GivenLift, lift_of
+from mechcore.cams.limits import find_limits
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Bearing, Builder, point_of
 from mechcore.joints.cam_guides import bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
 from mechcore.joints.inverse_cam import build_inverse
+from mechcore.joints.spatial_cam import place_spatial
 from mechcore.laws.curve import MotionCurve
 from mechcore.spec.mechanism import CamPair, Prismatic, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_length
 
-if TYPE_CHECKING:
-    from mechcore.cams.contour import Contour
-    from mechcore.cams.cutting import CutProfile
-    from mechcore.cams.followers import Follower
-    from mechcore.cams.given import GivenLift
-    from mechcore.cams.placed import PlacedCam
-    from mechcore.cams.synthesis import Cam
-
 
 def build(pair: CamPair, builder: Builder) -> None:
-    from mechcore.cams.placed import PlacedCam  # only where there is a cam
-
     guide = next((p for p in builder.mechanism.pairs if p.name == pair.guide), None)
     if not isinstance(guide, Prismatic | Revolute) or pair.links[1] not in guide.links:
         raise fault_of(
@@ -47,8 +46,6 @@ def build(pair: CamPair, builder: Builder) -> None:
     try:
         placed: Any
         if pair.spatial is not None:
-            from mechcore.joints.spatial_cam import place_spatial
-
             placed = place_spatial(pair, builder, carrier, guide)
         else:
             made = _wedge(pair, builder, carrier, guide) if pair.bed else _disc(pair, builder, carrier, guide)
@@ -111,10 +108,6 @@ def _guide_of(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | 
 
 
 def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
-    from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
-    from mechcore.cams.limits import find_limits
-    from mechcore.cams.synthesis import Cam, cam_on_base
-
     centre, own = builder.axis_between(pair, pair.links[0], carrier)
     place, up, arm = _guide_of(pair, builder, carrier, guide)
     if isinstance(guide, Prismatic):
@@ -163,10 +156,6 @@ def _disc(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
 
 def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute, cam: Cam, made: dict[str, Any]) -> PlacedCam:
     """The second cam of a conjugate pair: its roller stands on the follower, fixed against the first."""
-    from mechcore.cams.closures import conjugate
-    from mechcore.cams.followers import Oscillating
-    from mechcore.cams.placed import PlacedCam
-
     assert pair.second is not None
     name, radius = pair.second
     follower = builder.links[pair.links[1]]
@@ -202,27 +191,17 @@ def _mate(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revo
 @lru_cache(maxsize=16)
 def _given(contour: Contour, own: complex, axes: complex, follower: Follower) -> tuple[Contour, GivenLift]:
     """A profile of the link's axes in the theory's, and the lift that it gives; a mechanism is built several times in a run."""
-    from mechcore.cams.contour import moved
-    from mechcore.cams.given import lift_of
-
     profile = moved(contour, -own / axes, 1.0 / axes)
     return profile, lift_of(profile, follower)
 
 
 @lru_cache(maxsize=16)
 def _as_cut(law: MotionCurve, follower: Follower, base: float, sense: int) -> tuple[CutProfile, GivenLift]:
-    from mechcore.cams.cutting import cut_profile
-    from mechcore.cams.given import lift_of
-    from mechcore.cams.synthesis import cam_on_base
-
     left = cut_profile(cam_on_base(law, follower, base, turn=sense))
     return left, lift_of(left.contour, follower, sense)
 
 
 def _wedge(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> dict[str, Any]:
-    from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
-    from mechcore.cams.synthesis import Cam
-
     bed = bed_of(pair, builder, carrier, "the follower")
     if isinstance(pair.face, Flat):
         raise fault_of(pair, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import cmath
 import math
 
+from mechcore.cams.closures import InverseCam
+from mechcore.cams.followers import Roller
+from mechcore.cams.placed_spatial import PlacedInverse
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Builder, point_of
 from mechcore.joints.cam_guides import Terms, bed_of, fault_of, guide_in, levelled, place_on, relate, renamed
@@ -15,10 +18,6 @@ from mechcore.texts import as_angle
 
 def build_inverse(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
     """The roller on the driving link, a crank or a slide, the groove on the driven link."""
-    from mechcore.cams.closures import InverseCam
-    from mechcore.cams.followers import Roller
-    from mechcore.cams.placed_spatial import PlacedInverse
-
     driving = builder.links[pair.links[0]]
     if pair.point not in driving.points:
         known = ", ".join(driving.points)

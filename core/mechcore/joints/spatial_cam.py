@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from mechcore.cams.followers import Roller
+from mechcore.cams.placed_spatial import PlacedSpatial, room_of_rollers
+from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam
 from mechcore.joints.base import Builder, point_of
 from mechcore.joints.cam_guides import fault_of, guide_in, place_on
 from mechcore.laws.curve import MotionCurve
@@ -17,10 +20,6 @@ _SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
 
 def place_spatial(pair: CamPair, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> Any:
     """The placed cam; raises where its parts do not lie as its kind wants them."""
-    from mechcore.cams.followers import Roller
-    from mechcore.cams.placed_spatial import PlacedSpatial
-    from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam
-
     blank = pair.spatial
     assert blank is not None and pair.lift is not None
     if not isinstance(pair.face, Roller):
@@ -121,8 +120,6 @@ def _check_turret(pair: CamPair, blank: SpatialBlank, guide: Prismatic | Revolut
 
 def _check_room(pair: CamPair, blank: SpatialBlank, mount: Any, r: float, arm: float, inner: float) -> None:
     """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
-    from mechcore.cams.placed_spatial import room_of_rollers
-
     step = 2.0 * math.pi / blank.rollers
     room = room_of_rollers(blank, arm, inner)
     if not r < room:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.laws.factors import jumps
 from mechcore.laws.timed import ConstantSpeed, Law, polynomial_through
 
 Array = NDArray[np.float64]
@@ -121,8 +122,6 @@ class Follow:
     @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Times within a cycle at which the acceleration may jump: the master's own and those of the program's knots."""
-        from mechcore.laws.factors import jumps
-
         angles = [j.angle for j in jumps(self.curve, (1, 2), ends=False)]
         own = list(self.master.breaks)
         if not angles:

@@ -17,6 +17,7 @@ from mechcore.kinematics.blocks import Columns, Patch, State, Vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.terms import Terms
+from mechcore.motion.differences import numerical_rates
 from mechcore.numerics.frames import added, lazy, nothing, rows_of
 from mechcore.spec.mechanism import Mechanism
 
@@ -188,8 +189,6 @@ class Motion:
             self.accelerations = self._accelerations()
 
     def _by_differences(self, derivative: int) -> Rates:
-        from mechcore.motion.differences import numerical_rates  # here: nobody needs it who does not ask for it
-
         return numerical_rates(self, derivative)
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------

@@ -53,7 +53,7 @@ def cam_outlines(run: Run) -> list[Outline]:
     """
     from mechcore.cams.placed import PlacedCam
     from mechcore.cams.placed_spatial import PlacedSpatial
-    from mechcore.forces.cam_events import placed_cams
+    from mechcore.forces.cam_rating import placed_cams
     from mechviz.outputs.exports.cam_developments import developed
 
     found: list[Outline] = []
@@ -280,7 +280,8 @@ def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str],
 
 def _differences(run: Run) -> list[str]:
     """In words, where profiles differ from what their laws ask for."""
-    from mechcore.forces.cam_events import lost_ranges, placed_cams
+    from mechcore.forces.cam_events import lost_ranges
+    from mechcore.forces.cam_rating import placed_cams
 
     lines: list[str] = []
     for cam in placed_cams(run.motion):

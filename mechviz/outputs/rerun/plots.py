@@ -115,7 +115,7 @@ def cam_outputs(run: Run) -> list[Output]:
     names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
     if not names:
         return []
-    from mechcore.forces.cam_events import placed_cams
+    from mechcore.forces.cam_rating import placed_cams
 
     contacts = [entity("data", "cams", name, "contact") for name in names]
     single = len(names) == 1

@@ -13,7 +13,8 @@ from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Rol
 from mechcore.cams.given import lift_of
 from mechcore.cams.synthesis import cam_on_base
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_events import cam_events, placed_cams
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import placed_cams
 from mechcore.laws.program import Segment, program
 from mechcore.motion.solve import compile_mechanism
 from mechviz.outputs.exports.cam_profiles import cam_outlines, export_profiles

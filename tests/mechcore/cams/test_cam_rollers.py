@@ -7,7 +7,7 @@ import pytest
 
 import mechviz
 from mechcore.cams.placed_spatial import roller_angle, roller_speed
-from mechcore.forces.cam_events import contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechviz.picture.solids import solids_of
 from mechviz.picture.surface_marks import find_rollers
 from mechviz.run import run_scene

@@ -17,7 +17,7 @@ from mechcore.cams.forces import Closure, first_separation
 from mechcore.dynamics.contact.separation import Liftoff
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_events import contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, solve_motion

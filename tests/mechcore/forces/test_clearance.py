@@ -14,7 +14,7 @@ from mechcore.dynamics.simulate import simulate
 from mechcore.effects import journal
 from mechcore.effects.journal import loss_factor
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_events import contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, solve_motion

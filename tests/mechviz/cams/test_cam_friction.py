@@ -7,7 +7,8 @@ import pytest
 from cam_scenes import refused, solved, text_of
 
 from mechcore.cams.forces import jamming_angle
-from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import contact_force, placed_cams
 
 
 def rubbing(name: str, table: str) -> str:

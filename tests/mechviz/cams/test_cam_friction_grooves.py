@@ -12,7 +12,7 @@ import mechviz
 from mechcore.cams.forces import jamming_angle
 from mechcore.cams.placed_spatial import roller_speed
 from mechcore.cams.spatial import Barrel, BarrelArm
-from mechcore.forces.cam_events import contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.scene.folder import GALLERY_FOLDER

@@ -10,7 +10,8 @@ from mechcore.cams.followers import Flat, Follower, Roller, Translating
 from mechcore.cams.limits import Requirement, find_limits, least_base
 from mechcore.cams.synthesis import cam_on_base
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.program import Segment, program
 

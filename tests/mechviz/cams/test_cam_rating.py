@@ -16,8 +16,8 @@ from mechcore.cams.forces import Closure, least_spring
 from mechcore.cams.given import graphical
 from mechcore.errors import MechanismError
 from mechcore.forces import cam_rating as rating_module
-from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
-from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows, least_springs
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import contact_force, contact_stress, drawn_lift, drawn_rows, least_springs, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import CamDrawn, CamRating

@@ -9,7 +9,8 @@ from cam_scenes import changed, refused
 from sections import section
 
 import mechviz
-from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.picture.meshes.solids import build_solids

@@ -9,7 +9,8 @@ import pytest
 from cam_scenes import changed, refused, text_of
 
 import mechviz
-from mechcore.forces.cam_events import cam_events, contact_force, placed_cams
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.picture.meshes.kinds.spatial_cams import Spin, spin_transforms

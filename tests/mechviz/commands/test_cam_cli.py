@@ -12,7 +12,7 @@ import trimesh
 from typer.testing import CliRunner
 
 import mechviz
-from mechcore.forces.cam_events import placed_cams
+from mechcore.forces.cam_rating import placed_cams
 from mechviz.commands.main import app
 from mechviz.outputs.exports.cam_profiles import cam_outlines
 from mechviz.picture.solids import solids_of

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from mechcore.effects.registry import effects_of
-from mechcore.forces.cam_events import placed_cams
+from mechcore.forces.cam_rating import placed_cams
 from mechcore.laws.timed import Free
 from mechcore.motion.events import find_events
 from mechcore.spec.clearance import journals_of

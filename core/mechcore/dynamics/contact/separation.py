@@ -22,6 +22,7 @@ from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shif
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.joints.base import Relation
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
@@ -219,8 +220,6 @@ class Lifting:
 
 def pressing(motion: Motion, forces: Any, name: str) -> Array:
     """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""
-    from mechcore.forces.cam_events import contact_force, placed_cams
-
     force = contact_force(forces, next(cam for cam in placed_cams(motion) if cam.name == name))
     if np.isnan(force).any():
         t = float(motion.time[int(np.argmax(np.isnan(force)))])

@@ -22,6 +22,7 @@ from mechcore.dynamics.equations.reduced import motion_at, moving, reduce
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.friction.elements import elements_of
 from mechcore.laws.timed import Free
 from mechcore.motion.slots import has_ends
 from mechcore.motion.solve import Compiled, compile_mechanism, solve_motion
@@ -153,8 +154,6 @@ class _Machine:
 
     def signs(self, x: Array) -> Array:
         """Signs of the relative speeds of what rubs (n, e)."""
-        from mechcore.forces.friction.elements import elements_of
-
         motion = moving(self.compiled, *self.rows(x, np.ones(len(x))))[0]
         return np.stack([np.broadcast_to(np.sign(e.rate), x.shape) for e in elements_of(motion)], axis=1)
 

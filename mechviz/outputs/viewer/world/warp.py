@@ -73,7 +73,7 @@ def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
     if not any(r.geometry is not None for r in motion.model.relations):
         return {}
     from mechcore.cams.placed import PlacedCam
-    from mechcore.forces.cam_events import placed_cams
+    from mechcore.forces.cam_rating import placed_cams
 
     links = {pair.name: pair.links[0] for pair in motion.mechanism.pairs}
     return {cam.name: (links[cam.name], cam) for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.mate is None}
