@@ -19,7 +19,7 @@ import numpy as np
 from mechcore.accuracy import Accuracy
 from mechviz.accuracy.estimate import estimate_errors, integration_error
 from mechviz.accuracy.reference import between_error, integration_truth, position_errors, reaction_error
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.folder import gallery_names
 from mechviz.scene.scene import load
 

@@ -48,7 +48,7 @@ def works(folder: str) -> dict[str, Callable[[], object]]:
     from mechviz.accuracy.estimate import integration_error
     from mechviz.outputs.rerun.writer import write_recording
     from mechviz.picture.solids import solids_of
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
     from mechviz.scene.scene import load
 
     runs = [run_scene(load(name)) for name in MOVED]

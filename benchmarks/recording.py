@@ -20,7 +20,7 @@ import rerun as rr
 
 import mechviz
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import Run, run_scene
+from mechviz.runs import Run, run_scene
 
 
 def calls_of(run: Run, path: Path) -> list[tuple[tuple[Any, ...], dict[str, Any]]]:

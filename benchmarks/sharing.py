@@ -24,7 +24,7 @@ from mechviz.outputs.images.pictures import Look, Moment, shot
 from mechviz.outputs.page.frames import MOST_FRAMES
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
 
 # The command line, and then what it has used: processor time [s], most memory [KiB]

@@ -37,7 +37,7 @@ import websockets
 import mechviz
 from mechviz.outputs.viewer import playback
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 
 ARGS = ["--no-sandbox", "--disable-quic", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -21,7 +21,7 @@ from mechviz.accuracy.diagram import Canvas, diagram, write_diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder
 from mechviz.accuracy.timing import machine, used
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 
 HERE = Path(__file__).resolve().parent

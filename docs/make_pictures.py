@@ -15,7 +15,7 @@ from playwright.sync_api import sync_playwright
 import mechviz
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 HERE = Path(__file__).parent / "images"
 ARGS = [

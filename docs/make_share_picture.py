@@ -16,7 +16,7 @@ from mechviz.outputs.images.browser import Chromium
 from mechviz.outputs.images.pictures import SETTLED, moment
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.page.source import recorded
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 TO = Path(__file__).parent / "images" / "share.png"
 

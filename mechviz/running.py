@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.effects.plan import OUTPUTS, make_plan
-from mechviz.run import Run
+from mechviz.runs import Run
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

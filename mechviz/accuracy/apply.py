@@ -11,7 +11,7 @@ from mechviz.scene.fields import Table
 from mechviz.scene.kinds.accuracy import ORDERS
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.document import SceneDocument
 
 

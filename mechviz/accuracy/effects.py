@@ -88,7 +88,7 @@ def answer_of(scene: Scene) -> Answer:
 @in_scene_words
 def _compute(scene: Scene) -> tuple[Any, Any, Any]:
     if scene.simulation is not None:
-        from mechviz.run import run_scene
+        from mechviz.runs import run_scene
 
         run = run_scene(scene, outputs=("accelerations", "forces"))
         return run.motion, run.forces, run.simulation

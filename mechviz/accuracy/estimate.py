@@ -34,7 +34,7 @@ from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passage
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

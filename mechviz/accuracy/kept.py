@@ -16,7 +16,7 @@ from mechcore.accuracy import Accuracy
 from mechviz.accuracy.quantities import Quantity, quantities
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

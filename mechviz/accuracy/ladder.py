@@ -23,7 +23,7 @@ from mechviz.accuracy.words import ORDERS
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 
@@ -87,7 +87,7 @@ def ladder(
 
     Dials that it has no use for are left out: what is not iterated has no tolerance.
     """
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
 
     base = run_scene(scene)
     general = any(b.kind == "general" for b in base.compiled.model.blocks)
@@ -216,7 +216,7 @@ def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], b
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
     """The motion under forces with a setting, and nothing else."""
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
 
     found = run_scene(scene, accuracy=accuracy, outputs=()).simulation
     assert found is not None

@@ -26,7 +26,7 @@ from mechviz.accuracy.quantities import errors_between, quantities
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 

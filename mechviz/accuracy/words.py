@@ -11,7 +11,7 @@ from mechviz.accuracy.fit import MOST, MOST_FRAMES, Fit
 from mechviz.accuracy.kept import FINEST
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}

@@ -18,7 +18,7 @@ import typer
 from mechviz.files import OutputError, check_target
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 
@@ -121,7 +121,7 @@ def load_scene(source: str, *, reachable: bool = False) -> Scene:
 
 def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
     """A solved scene, with a bar of its stages; of a motion under forces how far it is known."""
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
 
     with progress_bar("solving") as bar:
         return run_scene(

@@ -32,7 +32,7 @@ from mechviz.commands.laws import laws
 from mechviz.commands.share import film, share, shot
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 
@@ -244,7 +244,7 @@ def record(
 def _solve_live(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int) -> Run:
     """Solve a motion under forces; what is known of it is in the unfinished recording, and can be watched."""
     from mechviz.outputs.rerun.live import live
-    from mechviz.run import run_scene, with_run
+    from mechviz.runs import run_scene, with_run
 
     scene = with_run(scene, frames, cycles)
     with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
@@ -383,7 +383,7 @@ def view(
             if live:
                 if loaded.simulation is None:
                     fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
-                from mechviz.run import run_scene, with_run
+                from mechviz.runs import run_scene, with_run
 
                 grown = with_run(loaded, frames, cycles)
                 serve_while(lambda observe: run_scene(grown, accuracy=accuracy, observe=observe), grown, port, folder)

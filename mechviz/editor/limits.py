@@ -8,7 +8,7 @@ import numpy as np
 
 from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 
 STEPS = 12  # from the good value to each end of the range

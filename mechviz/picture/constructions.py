@@ -16,7 +16,7 @@ from mechcore.constructions.funicular import Funicular
 from mechcore.constructions.polygons import Edge, Plan
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Array = NDArray[np.complex128]

@@ -14,7 +14,7 @@ from mechviz.picture.strut_glyphs import strut_ends
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Array = NDArray[np.complex128]

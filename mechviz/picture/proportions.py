@@ -11,7 +11,7 @@ from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.heights import Heights
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

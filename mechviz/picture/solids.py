@@ -10,7 +10,7 @@ from mechviz.accuracy.kept import PROFILE
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 LOOKS = 721

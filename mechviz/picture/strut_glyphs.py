@@ -18,7 +18,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechviz.picture.proportions import POT, TURNS, pot_length, spiral_radius
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

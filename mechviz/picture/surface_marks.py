@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
     from mechviz.picture.meshes.kinds.bands import Loop
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

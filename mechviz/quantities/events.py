@@ -18,7 +18,7 @@ from mechviz.quantities.tables import joints_of, pair_unit, rounding_of_efforts
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 def simulation_events(run: Run) -> list[Event]:

@@ -15,7 +15,7 @@ from mechviz.quantities.tables import JointInfo, Table, joints_of, links_of, tab
 from mechviz.quantities.vectors import centre_name, point_name
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from mechviz.quantities.tables import Columns, Table
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 _FORCE: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))

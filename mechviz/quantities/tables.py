@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mechcore.forces.cam_rating import AnyCam
     from mechcore.forces.kinetostatics import LoadResult
     from mechcore.spec.mechanism import CamRating
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechcore.laws.timed import Piecewise
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -114,7 +114,7 @@ class Scene:
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """In a notebook a scene is solved and shows itself. Raises `MechanismError`."""
         from mechviz.outputs.notebook import mime_bundle
-        from mechviz.run import run_scene
+        from mechviz.runs import run_scene
 
         return mime_bundle(run_scene(self))
 

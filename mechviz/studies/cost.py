@@ -15,7 +15,7 @@ from mechcore.effects.registry import effects_of, wrenches
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:

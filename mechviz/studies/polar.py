@@ -18,7 +18,7 @@ from mechviz.files import OutputError, replacing
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -22,7 +22,7 @@ from mechviz.picture.arrows import arrows_of
 from mechviz.picture.meshes.solids import Solids
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.vectors import Moment, Scales, Vector
-from mechviz.run import Run, run_scene
+from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
 
 NAMES = [entry.name for entry in mechviz.gallery()]

@@ -16,7 +16,7 @@ from mechviz.files import OutputError, replacing
 
 if TYPE_CHECKING:
     from mechcore.cams.placed import PlacedCam
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -23,7 +23,7 @@ from mechviz.picture.solids import solids_of
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Array = NDArray[Any]

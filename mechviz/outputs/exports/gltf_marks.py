@@ -39,7 +39,7 @@ from mechviz.quantities.vectors import FAMILIES
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

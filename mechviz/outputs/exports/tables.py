@@ -16,7 +16,7 @@ from mechviz.quantities.between_frames import read_between
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 ExportError = OutputError

@@ -17,7 +17,7 @@ from mechviz.picture.solids import solids_of
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 _TYPES = """<?xml version="1.0" encoding="UTF-8"?>

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 def is_recording(source: str) -> bool:

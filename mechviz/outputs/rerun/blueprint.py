@@ -26,7 +26,7 @@ from mechviz.quantities.tables import pair_unit
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 BACKGROUND = (24, 28, 36, 255)

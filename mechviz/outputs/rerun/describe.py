@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
     from mechviz.picture.meshes.solids import Solids
     from mechviz.picture.nodes import Picture
-    from mechviz.run import Run, Stage
+    from mechviz.runs import Run, Stage
 
 
 OBLIQUE = cmath.exp(1j)

@@ -24,7 +24,7 @@ from mechviz.outputs.rerun.streams import Index, Static, Stream
 from mechviz.quantities.tables import joints_of, pair_unit
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

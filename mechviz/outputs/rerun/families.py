@@ -24,7 +24,7 @@ from mechviz.quantities.tables import Table
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from mechviz.running import Running
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 

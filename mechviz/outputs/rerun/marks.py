@@ -16,7 +16,7 @@ from mechviz.quantities.power_table import steady_lines
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 MOST_MARKS = 16  # more lines than these would hide the curves, and say nothing

@@ -17,7 +17,7 @@ from mechviz.quantities.tables import JointInfo, Table, joints_of, pair_unit, ro
 from mechviz.quantities.vectors import point_name
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

@@ -26,7 +26,7 @@ from mechviz.picture.overlays import (
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Array = NDArray[np.complex128]

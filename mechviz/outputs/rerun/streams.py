@@ -15,7 +15,7 @@ from mechviz.picture.proportions import about_z
 from mechviz.quantities.tables import Table, pair_unit
 
 if TYPE_CHECKING:
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

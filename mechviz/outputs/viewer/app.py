@@ -28,7 +28,7 @@ from mechviz.outputs.viewer.server import HOST, ViewerError, report, safely, sta
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
-from mechviz.run import Run, run_scene
+from mechviz.runs import Run, run_scene
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

@@ -14,8 +14,8 @@ import viser
 
 from mechviz.outputs.viewer.show_run import build, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.run import Run
 from mechviz.running import Running
+from mechviz.runs import Run
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation

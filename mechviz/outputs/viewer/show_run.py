@@ -27,7 +27,7 @@ from mechviz.picture.nodes import Mesh
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import events_of
 from mechviz.quantities.vectors import Scales
-from mechviz.run import Run
+from mechviz.runs import Run
 
 Real = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from mechviz.quantities.vectors import FAMILIES, Scales
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.diagrams import Diagram
     from mechviz.picture.constructions import Drawing, Mark, Stroke
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 Real = NDArray[np.float64]

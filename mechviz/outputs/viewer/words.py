@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mechviz.editor.parameters import Parameter
     from mechviz.outputs.viewer.session import Contribution
     from mechviz.outputs.viewer.view_model import ViewModel
-    from mechviz.run import Run
+    from mechviz.runs import Run
 
 
 TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for

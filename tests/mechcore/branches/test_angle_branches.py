@@ -20,7 +20,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.motion.sweep import sweep
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 TURN = 2.0 * np.pi
 TURNS = [-40.0, -90.0, 180.0, 179.999, 31.7]

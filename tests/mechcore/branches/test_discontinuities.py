@@ -9,7 +9,7 @@ import mechviz
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.effects.torsion import AngleSpring
 from mechviz.accuracy.estimate import estimate_errors, lost_turns
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 SWINGING = """
 effects = ["inertia"]

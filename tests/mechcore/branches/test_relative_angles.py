@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from second_formulation import Second
 from wound_springs import AT_REST, FIVE_BAR, GEARED, SLIDER_CRANK, SPRING, STOPPED, TABLE, four_bar
 
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
 
 INVERTED = """

@@ -11,7 +11,7 @@ from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.studies.report import check_lines
 

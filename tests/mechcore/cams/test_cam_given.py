@@ -18,7 +18,7 @@ from mechcore.forces.cam_rating import placed_cams
 from mechcore.laws.program import Segment, program
 from mechcore.motion.solve import compile_mechanism
 from mechviz.outputs.exports.cam_profiles import cam_outlines, export_profiles
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.cams.files import read_dxf, read_points
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import GALLERY_FOLDER

@@ -10,7 +10,7 @@ from mechcore.cams.placed_spatial import roller_angle, roller_speed
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechviz.picture.solids import solids_of
 from mechviz.picture.surface_marks import find_rollers
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 
 def test_on_a_dwell_the_roller_turns_as_the_circles_ask():

@@ -14,7 +14,7 @@ from mechviz.outputs.exports.gltf_marks import find_marks
 from mechviz.picture.build import picture_of
 from mechviz.picture.solids import solids_of
 from mechviz.picture.strut_glyphs import find_strut_glyphs
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_of
 from recordings import vectors_of
 

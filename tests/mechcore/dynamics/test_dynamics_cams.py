@@ -27,7 +27,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.events import lanes_of, simulation_events
 from mechviz.quantities.tables import tables
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 MASS, STIFFNESS, CLOSED = 0.4, 4e3, 0.06 + 0.05  # of `translating` with a roller of 10 mm; spring's deflection at zero lift
 G = 9.81

@@ -21,7 +21,7 @@ from mechcore.spec import loads
 from mechcore.spec.loads import GasSpring
 from mechcore.spec.mechanism import Drive, Link, Mechanism
 from mechviz.hard_cases.mechanisms import pin
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.studies.report import check_lines
 
 FOUR_BAR = """

@@ -25,7 +25,7 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Factor, Force, Torque
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.hard_cases.mechanisms import bars
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 # --- order of the method ----------------------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ from mechcore.dynamics.integration.parallel_shooting import Known, retrace
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.simulate import simulate
 from mechviz.accuracy.estimate import integration_error
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 
 

@@ -17,7 +17,7 @@ from mechcore.texts import Text
 from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import NAMES, gallery_scene, made
 
 SIMULATED = [name for name in NAMES if gallery_scene(name).simulation is not None]

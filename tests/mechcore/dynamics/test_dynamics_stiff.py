@@ -15,7 +15,7 @@ from mechcore.errors import MechanismError
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.loads import TorsionDamper, TorsionSpring
 from mechviz.accuracy.estimate import estimate_errors
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 
 

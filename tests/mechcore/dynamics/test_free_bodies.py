@@ -16,7 +16,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of
 from mechviz.picture.solids import solids_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import vectors_of
 
 THROWN = """

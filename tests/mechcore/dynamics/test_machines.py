@@ -16,7 +16,7 @@ from mechcore.laws.timed import ConstantSpeed, Free, Table
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import ConstantPower, DcMotor, Factor, Governor, InductionMotor, Load, Torque
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Revolute
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 INERTIA = 0.5
 TIMES = np.linspace(0.0, 3.0, 61)

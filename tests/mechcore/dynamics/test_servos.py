@@ -21,7 +21,7 @@ from mechcore.spec.mechanism import Drive
 from mechviz.editor.parameters import find_parameters
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import vectors_of
 
 SLIDE = """

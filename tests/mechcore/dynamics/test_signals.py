@@ -15,7 +15,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.signals import Chirp, Ramp, Sine, Step
 from mechcore.motion.events import find_events
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 SIGNALS = [
     Sine(frequency=2.3, amplitude=0.7, mean=0.2, phase=0.4),

@@ -16,7 +16,7 @@ from mechcore.laws.timed import Free
 from mechcore.spec.loads import DcMotor, Factor, Load, Torque, Viscous
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Revolute
 from mechviz.commands.main import app
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 TURN = 2 * np.pi
 

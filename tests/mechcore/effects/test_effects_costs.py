@@ -14,7 +14,7 @@ from mechcore.effects import registry as effects
 from mechcore.effects.plan import make_plan
 from mechcore.kinematics.model import Model
 from mechcore.motion.solve import compile_mechanism, default_times
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.studies.cost import cost_lines, measure
 
 
@@ -34,12 +34,12 @@ def calls(monkeypatch) -> Counter:
 
     from mechcore.forces import kinetostatics as statics
     from mechcore.motion import motion
-    from mechviz import run
+    from mechviz import runs
 
     for stage in ("velocities", "accelerations"):
         count(motion, stage, stage)
     count(statics, "_transmit", "reactions")
-    count(run, "solve_forces", "forces")
+    count(runs, "solve_forces", "forces")
     for cls in {*effects.EFFECTS.values(), *effects.LOADS.values()}:
         count(cls, "wrenches", cls.__name__)
         if "acting" in vars(cls):  # told beforehand, without the wrenches

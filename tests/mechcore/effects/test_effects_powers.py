@@ -21,7 +21,7 @@ from mechcore.forces.powers import drive_shares, power_table, works
 from mechcore.numerics.frames import integral_so_far
 from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
 from mechviz.commands.main import app
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 
 @settings(max_examples=40)

@@ -12,7 +12,7 @@ import mechviz
 from mechcore.laws.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
 from mechcore.spec.loads import Damper, Drag, Force, GasPressure, GasSpring, Spring, Torque, TorsionDamper, TorsionSpring, Viscous
 from mechviz.outputs.exports.tables import wide_table
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 BASE = """
 units = { length = "mm", angle = "deg" }

@@ -22,7 +22,7 @@ from mechcore.spec.clearance import Clearance, as_drawn, journals_of, with_clear
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 SCENE = mechviz.load("loose-coupler-pin").text
 

@@ -17,7 +17,7 @@ from mechcore.spec.loads import Factor, Force
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene
 from mechviz.studies.report import check_lines

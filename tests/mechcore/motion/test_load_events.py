@@ -13,7 +13,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.strokes import strokes
 from mechviz.commands.main import app
 from mechviz.quantities.events import events_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 from mechviz.studies.report import check_lines
 

@@ -15,7 +15,7 @@ from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.viewer.session import EditSession, Status
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.reachable import MARGIN, swinging
 from mechviz.scene.scene import Scene

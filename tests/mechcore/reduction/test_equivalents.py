@@ -21,7 +21,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.overlays import chain_strips
 from mechviz.quantities.study_tables import study_tables
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 THETA = np.array([0.4, 1.3, 1.9, 3.6, 4.4, 5.0])
 SPEED, ACCELERATION = 3.0, 1.7

@@ -25,7 +25,7 @@ from mechviz.accuracy.quantities import Passage, Quantity, passages_of, quantiti
 from mechviz.accuracy.reference import between_error, position_errors, reaction_error
 from mechviz.accuracy.words import target_words
 from mechviz.hard_cases.dynamics import SQUEEZED
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, load, loads
 

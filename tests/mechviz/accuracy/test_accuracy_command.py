@@ -112,7 +112,7 @@ def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypat
 
 
 def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
 
     worked = []
     monkeypatch.setattr(ladder_module, "timed", lambda work, *_, **__: worked.append(work) or Timed(1e-3, 0.0, 1))
@@ -254,7 +254,7 @@ def test_a_setting_becomes_part_of_the_scene(options, changed):
 def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
     from mechviz.outputs.viewer.app import Viewer
     from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
 
     once(monkeypatch)
     monkeypatch.setattr(ladder_module, "FRAMES", (32, 128))
@@ -295,7 +295,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
 # -- effects -----------------------------------------------------------------------------------------------------------------------
 def test_what_effects_do_is_what_two_runs_differ_by():
     """The influence of friction and of gravity by hand: two scenes, one with and one without."""
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
     from mechviz.scene.scene import Scene
 
     scene = load("slider-crank-friction")

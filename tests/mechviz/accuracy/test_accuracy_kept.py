@@ -23,7 +23,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.meshes.kinds import cam_profiles as profiles
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.between_frames import read_between, slopes_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load
 
 

@@ -35,7 +35,7 @@ COMMANDS = {
 @pytest.mark.parametrize("fault", ["no folder", "a folder", "below a file"])
 def test_what_cannot_be_written_there_is_refused_before_anything_is_computed(tmp_path: Path, monkeypatch, command, fault):
     """The same words and the same exit code everywhere, whatever the command would write."""
-    monkeypatch.setattr("mechviz.run.run_scene", lambda *_, **__: pytest.fail("it was computed"))
+    monkeypatch.setattr("mechviz.runs.run_scene", lambda *_, **__: pytest.fail("it was computed"))
     monkeypatch.setattr("mechviz.accuracy.ladder.ladder", lambda *_, **__: pytest.fail("it was measured"))
     (tmp_path / "file").write_text("kept")
     place = {"no folder": "nowhere/out", "a folder": "out", "below a file": "file/out"}[fault]

@@ -23,7 +23,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import CamDrawn, CamRating
 from mechviz.commands.main import app
 from mechviz.quantities.tables import tables
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.cams.ratings import whole_step
 from mechviz.scene.units import Units
 from mechviz.studies.cam_report import cam_facts, cam_lines

@@ -15,7 +15,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.picture.meshes.solids import build_solids
 from mechviz.quantities.tables import tables
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.studies.report import check_lines
 
 SCENES = [

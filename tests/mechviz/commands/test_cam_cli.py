@@ -16,7 +16,7 @@ from mechcore.forces.cam_rating import placed_cams
 from mechviz.commands.main import app
 from mechviz.outputs.exports.cam_profiles import cam_outlines
 from mechviz.picture.solids import solids_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.cams.files import read_dxf
 
 CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -131,7 +131,7 @@ def test_solids_as_3mf(tmp_path, name):
         assert set(archive.namelist()) == {"[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"}
         model = ET.fromstring(archive.read("3D/3dmodel.model"))
     assert model.get("unit") == "millimeter"
-    solved = mechviz.run.run_scene(mechviz.load(name), frames=12)
+    solved = mechviz.runs.run_scene(mechviz.load(name), frames=12)
     solids = solids_of(solved)
     objects = {o.get("name"): o for o in model.iter(f"{CORE}object")}
     assert set(objects) == set(solids.links)

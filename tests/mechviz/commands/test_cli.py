@@ -19,7 +19,7 @@ from mechcore.motion.solve import compile_mechanism
 from mechviz.outputs.rerun.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.folder import gallery_names
 from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.report import check_lines

@@ -375,7 +375,7 @@ def changed(**keys):
 
 def test_scenes_drive_several_axes_from_one_master():
     from mechcore.motion.events import find_events
-    from mechviz.run import run_scene
+    from mechviz.runs import run_scene
     from mechviz.scene.scene import Scene, loads
 
     scene = Scene.build(**SCENE)

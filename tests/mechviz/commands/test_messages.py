@@ -18,7 +18,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.motion.events import Event
 from mechcore.texts import Kind, Text, as_angle, as_coordinate, as_force, as_length
 from mechviz.quantities.events import events_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.document import UnitsDocument
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import GALLERY_FOLDER, gallery, gallery_names

@@ -13,7 +13,7 @@ import mechviz
 from mechviz.outputs.exports import cam_profiles as cam_export
 from mechviz.outputs.exports.cam_profiles import _chain, biarcs, cam_outlines, dxf_text, export_profiles, profile_csv, svg_text
 from mechviz.outputs.exports.tables import ExportError
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 SCENES = ["cam-roller", "cam-knife", "cam-flat", "cam-groove", "cam-wedge", "cam-oscillating-flat"]
 

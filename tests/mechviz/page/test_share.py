@@ -33,7 +33,7 @@ from mechviz.outputs.page.page import make_page
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import made
 
 TEN = made("ten-link-forces", 360)
@@ -359,7 +359,7 @@ def run(*arguments: str):
 
 
 def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
-    monkeypatch.setattr("mechviz.run.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
+    monkeypatch.setattr("mechviz.runs.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
     path = tmp_path / "page.html"
     result = run("share", str(TEN.path), "-o", str(path), "--most", "100")
     assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output

@@ -18,7 +18,7 @@ from mechviz.picture.meshes.kinds.coils import SIDES, coil_shell
 from mechviz.picture.nodes import Body
 from mechviz.picture.solids import solids_of
 from mechviz.picture.springs import find_coils
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import made
 
 

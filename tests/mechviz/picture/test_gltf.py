@@ -18,7 +18,7 @@ from mechviz.picture.build import picture_of
 from mechviz.picture.proportions import HEAD, TURNS
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.vectors import FAMILIES
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import vectors_of
 
 NAMES = ["ten-link", "cam-roller", "slider-crank-compressor", "belt-drive", "door-closer"]

@@ -10,7 +10,7 @@ import pytest
 import mechviz
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
 from mechviz.picture.constructions import drawings_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 PIXEL = 1.0 / 300.0  # a mechanism of the size 1 m in 300 pixels
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.reduction.shaking import shaking
 from mechviz.commands.main import app
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.studies.balance import balance_scene
 from mechviz.studies.polar import PANEL, RADIUS, polar_svg
 

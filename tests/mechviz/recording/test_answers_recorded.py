@@ -8,7 +8,7 @@ import mechviz
 from mechcore.motion import metrics as answers
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 
 def test_answers_are_recorded_where_they_are_asked_for(tmp_path):

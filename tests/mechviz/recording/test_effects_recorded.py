@@ -13,7 +13,7 @@ from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import SPIRAL
 from mechviz.picture.solids import solids_of
 from mechviz.picture.strut_glyphs import find_strut_glyphs, spiral_strips, strut_strips
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import made, vectors_of
 
 NAMES = ("lamp-arm", "valve-spring", "compressor-cycle", "door-closer", "tailgate", "plunger-in-drag")

@@ -22,8 +22,8 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.growth import Computing, Stopped
 from mechviz.picture.nodes import Arrow
-from mechviz.run import run_scene, with_run
 from mechviz.running import Running
+from mechviz.runs import run_scene, with_run
 
 
 @pytest.fixture(scope="module")

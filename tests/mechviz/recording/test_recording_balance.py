@@ -11,7 +11,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.exactness import without_noise
 from mechviz.quantities.vectors import centre_name
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import place
 
 SCISSOR = mechviz.load("scissor-lift").text

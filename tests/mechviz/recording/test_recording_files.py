@@ -17,7 +17,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.stream_file import RecordingError, interruption
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import tables
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from recordings import made
 
@@ -128,7 +128,7 @@ CHILD = """
 import resource, signal, sys, time
 import mechviz
 from mechviz.outputs.rerun import RecordingError, interruption, write_recording
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 def leave(*_):
     sys.exit(143)

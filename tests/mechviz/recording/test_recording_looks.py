@@ -19,7 +19,7 @@ from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import peak_events
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import round_value
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from recordings import vectors_of
 
 

@@ -19,7 +19,7 @@ from mechviz.files import OutputError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.panels.saving import saved_scene
-from mechviz.run import run_scene, with_run
+from mechviz.runs import run_scene, with_run
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, dump, loads
 

@@ -22,7 +22,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.constructions import drawings_of
 from mechviz.picture.meshes.solids import build_solids
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import json_schema
 from mechviz.studies.balance import balance_scene
 

@@ -16,7 +16,7 @@ from mechviz.outputs.viewer.browser import SCRIPT
 from mechviz.outputs.viewer.world.arrows import arc_path
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.outputs.viewer.world.stage import CELLS
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 __all__ = ["browser"]  # a fixture
 

@@ -38,7 +38,7 @@ from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.catalogue import Health
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.document import value_at, with_values
 
 
@@ -485,9 +485,9 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
 
     for name in (
         "mechcore.motion.solve.solve_motion",
-        "mechviz.run.solve_motion",
-        "mechviz.run.solve_forces",
-        "mechviz.run.compile_mechanism",
+        "mechviz.runs.solve_motion",
+        "mechviz.runs.solve_forces",
+        "mechviz.runs.compile_mechanism",
     ):
         monkeypatch.setattr(name, never)
     monkeypatch.setattr("mechviz.outputs.viewer.show_run.solids_of", never)

@@ -40,7 +40,7 @@ from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
 from mechviz.outputs.viewer.world.camera import PRESETS
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.solids import solids_of
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
 
 __all__ = ["browser"]  # a fixture

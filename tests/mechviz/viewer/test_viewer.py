@@ -42,7 +42,7 @@ from mechviz.outputs.viewer.world.stage import grid_cell
 from mechviz.picture.constructions import drawings_of
 from mechviz.picture.meshes.solids import build_solids
 from mechviz.quantities import vectors
-from mechviz.run import Run, run_scene
+from mechviz.runs import Run, run_scene
 from recordings import vectors_of
 
 
@@ -629,7 +629,7 @@ def test_a_failing_callback_is_logged_and_the_server_lives(viewer, caplog):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_serving_ends_cleanly_on_a_signal(number):
     code = (
-        "from mechviz import scene; from mechviz.run import run_scene; from mechviz.outputs.viewer import serve;"
+        "from mechviz import scene; from mechviz.runs import run_scene; from mechviz.outputs.viewer import serve;"
         "serve(run_scene(scene.load('crank-rocker')), port=0)"
     )
     process = subprocess.Popen(

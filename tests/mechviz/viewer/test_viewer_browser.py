@@ -32,7 +32,7 @@ from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import Curves
 from mechviz.outputs.viewer.world.camera import fit_view
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 __all__ = ["browser"]  # a fixture
 

@@ -18,7 +18,7 @@ from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.server import SharedBuffer, send_now
 from mechviz.outputs.viewer.world.solids import link_path, place
-from mechviz.run import run_scene
+from mechviz.runs import run_scene
 
 PATIENCE = 30.0  # [s]
 POSES = ("SetPositionMessage", "SetOrientationMessage")

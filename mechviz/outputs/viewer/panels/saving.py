@@ -12,7 +12,7 @@ from typing import Any
 import viser
 
 from mechviz.outputs.viewer.callbacks import Callback
-from mechviz.run import Run
+from mechviz.runs import Run
 from mechviz.scene.saving import kept_text
 from mechviz.scene.scene import Scene, dump, loads
 
