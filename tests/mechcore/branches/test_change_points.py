@@ -273,7 +273,7 @@ def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monk
     from mechcore.kinematics import blocks
 
     compiled = compile_mechanism(misses_by(-1e-3))
-    monkeypatch.setattr(blocks, "flatness", None)
+    monkeypatch.setattr(blocks, "dead_point_margin", None)
     solve_motion(compiled, np.linspace(0.0, TURN, 8))
 
 
