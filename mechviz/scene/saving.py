@@ -1,50 +1,25 @@
 """Saving an edited scene into the text that it came from: only values that differ are written, comments and layout stay.
 
-The text is walked through once to find where each value stands (TOML 1.0). What is made of it is read back, and counts only if it
-says exactly what the edited scene says.
+The result is read back and counts only if it says exactly what the edited scene says.
 """
 
 from __future__ import annotations
 
-import re
-import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
+
+import tomlkit
+from tomlkit.container import Container
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Comment, InlineTable, Item, Null, Table, Whitespace
 
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, loads
-from mechviz.scene.writing import key_text, toml_text, value_text
-
-_BLANK = re.compile(r"[ \t]*")
-_GAP = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")  # between values of an array
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-_WORD = re.compile(r"[^\s,\]}#]+")  # numbers, flags, dates
-_STRINGS = [
-    re.compile(pattern, re.DOTALL)
-    for pattern in (r'"""(?:\\.|[^\\])*?"""(?:"{0,2}(?!"))', r"'''.*?'''(?:'{0,2}(?!'))", r'"(?:\\.|[^"\\\n])*"', r"'[^'\n]*'")
-]
+from mechviz.scene.writing import toml_text, value_text
 
 
-class _Lost(Exception):
-    """A value is not where it should be."""
-
-
-@dataclass
-class _Node:
-    """A value: where it stands, and what is in it. A table with a header of its own has no such place."""
-
-    start: int = -1
-    end: int = -1
-    keys: dict[str, _Node] | None = None
-    items: list[_Node] | None = None
-    entry: int = -1  # where the key of the value begins, if it has one
-    head: int = -1  # where the line of its header begins
-    last: int = -1  # where the line after its own last key begins
-
-    @property
-    def inline(self) -> bool:
-        return self.start >= 0
+class _MissingError(Exception):
+    """A value is not where it should be in the text."""
 
 
 def kept_text(opened: Scene, scene: Scene) -> str | None:
@@ -62,241 +37,101 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
 def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:
     """TOML ``text`` that says ``before``, changed so that it says ``after``; None where a changed value cannot be found in it."""
     try:
-        edits = sorted(_changes(before, after, _Reader(text).read(), text), key=lambda edit: edit[:2])  # stable: in turn at a place
-    except _Lost:
+        document = tomlkit.parse(text)
+        _change_table(document, before, after)
+        return tomlkit.dumps(document)
+    except (_MissingError, TOMLKitError):
         return None
-    parts, done = [], 0
-    for start, end, new in edits:
-        if start < done:
-            return None  # within what is taken away
-        parts += [text[done:start], new]
-        done = end
-    return "".join(parts) + text[done:]
 
 
-def _changes(before: Any, after: Any, node: _Node, text: str) -> Iterator[tuple[int, int, str]]:
-    """What has to be written where: from, to, text."""
-    if before == after:
-        return
-    if isinstance(before, Mapping) and isinstance(after, Mapping) and node.keys is not None:
-        gone = [key for key in before if key not in after]
-        if node.inline and gone and (len(gone) > 1 or any(key not in before for key in after)):
-            yield node.start, node.end, value_text(after)  # commas would have to be shared out
-            return
-        if node.last < 0 and not node.inline and len(gone) == len(before):
-            raise _Lost  # it has no header of its own: nothing would be left of it
-        for key in before:
-            if key not in node.keys:
-                raise _Lost(key)
-            if key in after:
-                yield from _changes(before[key], after[key], node.keys[key], text)
-            else:
-                yield from _removed(node, key, text)
-        new = {key: value for key, value in after.items() if key not in before}
-        if new:
-            yield from _added(node, new, text)
-    elif (
-        isinstance(before, list | tuple)
-        and isinstance(after, list | tuple)
-        and node.items is not None
-        and len(before) == len(after) == len(node.items)
-    ):
-        for old, value, item in zip(before, after, node.items, strict=True):
-            yield from _changes(old, value, item, text)
-    elif node.inline:
-        yield node.start, node.end, value_text(after)
+def _change_table(table: Any, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    """Write what differs in a table: changed values where they stand, new ones behind the last."""
+    for key, old in before.items():
+        if key in after and after[key] == old:
+            continue
+        if key not in table:
+            raise _MissingError(key)
+        if key in after:
+            _change_value(table, key, old, after[key])
+        else:
+            _remove(table, key)
+    new = {key: value for key, value in after.items() if key not in before}
+    sections = {key: value for key, value in new.items() if isinstance(table, Container) and isinstance(value, Mapping)}
+    for key, value in new.items():
+        if key not in sections:
+            _add(table, key, value)
+    if sections:  # tables of the scene, with headers of their own
+        tail = Whitespace(("" if tomlkit.dumps(table).endswith("\n") else "\n") + "\n" + toml_text(sections))
+        table.append(None, tail)
+
+
+def _change_value(table: Any, key: Any, before: Any, after: Any) -> None:
+    """Write what differs in the value of a key, or of a place in an array."""
+    item = table[key]
+    if isinstance(before, Mapping) and isinstance(after, Mapping) and isinstance(item, Mapping):
+        _change_table(item, before, after)
+    elif isinstance(before, list | tuple) and isinstance(after, list | tuple) and isinstance(item, list):
+        if len(before) == len(after) == len(item):
+            for k, (old, value) in enumerate(zip(before, after, strict=True)):
+                if old != value:
+                    _change_value(item, k, old, value)
+        elif isinstance(item, AoT):
+            raise _MissingError(key)
+        else:
+            table[key] = tomlkit.value(value_text(after))
+    elif isinstance(item, Table | AoT):
+        raise _MissingError(key)
     else:
-        raise _Lost
+        table[key] = tomlkit.value(value_text(after))
 
 
-def _removed(table: _Node, key: str, text: str) -> Iterator[tuple[int, int, str]]:
+def _body(table: Any) -> list[tuple[Any, Item]]:
+    """The entries of a table with their comments. Raises where its parts stand apart in the text."""
+    if isinstance(table, Container):
+        return table.body
+    if isinstance(table, Table | InlineTable):
+        return table.value.body
+    raise _MissingError
+
+
+def _take_tail(body: list[tuple[Any, Item]]) -> str:
+    """Comments and blank lines at the end of some entries, which belong to what follows; they are taken away."""
+    tail = ""
+    for k in range(len(body) - 1, -1, -1):
+        key, item = body[k]
+        if key is not None:
+            inner = item[-1] if isinstance(item, AoT) else item
+            return (_take_tail(inner.value.body) if isinstance(inner, Table) else "") + tail
+        if isinstance(item, Comment | Whitespace):
+            tail = item.as_string() + tail
+            body[k] = (None, Null())
+    return tail
+
+
+def _remove(table: Any, key: str) -> None:
     """Take away a key: its line, its part of an inline table, or all its sections."""
-    assert table.keys is not None
-    node = table.keys[key]
-    if not node.inline:
-        for start, end in _sections(node):
-            yield start, end, ""
-    elif table.inline:
-        names = list(table.keys)
-        k = names.index(key)
-        if k + 1 < len(names):
-            yield node.entry, table.keys[names[k + 1]].entry, ""
-        else:
-            yield (table.keys[names[k - 1]].end if k else node.entry), node.end, ""
-    else:
-        line = text.rfind("\n", 0, node.entry) + 1
-        yield line, _line_end(text, node.end), ""
+    item, body = table[key], _body(table)
+    place = next((k for k, (name, _) in enumerate(body) if name is not None and name.key == key), None)
+    if place is None:
+        raise _MissingError(key)
+    tail = _take_tail(body[: place + 1]) if isinstance(item, Table | AoT) else ""
+    table.remove(key)
+    if tail:
+        body[place] = (None, Whitespace(tail))
+    elif isinstance(table, InlineTable) and place and isinstance(body[place - 1][1], Whitespace):
+        body[place - 1] = (None, Null())
 
 
-def _sections(node: _Node) -> Iterator[tuple[int, int]]:
-    """The lines of a table, from its header to its last key, and of those below it; comments after that belong to what follows."""
-    if node.head >= 0:
-        yield node.head, node.last
-    for inner in [*(node.keys or {}).values(), *(node.items or [])]:
-        yield from _sections(inner)
-
-
-def _added(table: _Node, new: Mapping[str, Any], text: str) -> Iterator[tuple[int, int, str]]:
-    """Write more keys at the end of a table."""
-    assert table.keys is not None
-    words = {key: f"{key_text(key)} = {value_text(value)}" for key, value in new.items()}
-    if table.inline:
-        if not table.keys:
-            yield table.start, table.end, "{ " + ", ".join(words.values()) + " }"
-        else:
-            at = max(node.end for node in table.keys.values())
-            yield at, at, "".join(f", {word}" for word in words.values())
+def _add(table: Any, key: str, value: Any) -> None:
+    """Write one more key behind the last plain one of a table."""
+    item, body = tomlkit.value(value_text(value)), _body(table)
+    if isinstance(table, InlineTable):
+        blank = body.pop() if body and isinstance(body[-1][1], Whitespace) else None
+        table.append(key, item)
+        body += [blank] if blank else []
         return
-    if table.last < 0:
-        raise _Lost
-    own = {key: value for key, value in new.items() if table.head < 0 and isinstance(value, Mapping)}
-    lines = "".join(f"{word}\n" for key, word in words.items() if key not in own)
-    if lines:
-        yield table.last, table.last, ("" if table.last == 0 or text[table.last - 1] == "\n" else "\n") + lines
-    if own:  # tables of the scene, with headers of their own
-        yield len(text), len(text), ("" if text.endswith("\n") else "\n") + "\n" + toml_text(own)
-
-
-def _line_end(text: str, at: int) -> int:
-    """The beginning of the next line."""
-    end = text.find("\n", at)
-    return len(text) if end < 0 else end + 1
-
-
-class _Reader:
-    """Walks through a text; raises `_Lost` where it is not what is expected."""
-
-    def __init__(self, text: str):
-        self.text, self.at = text, 0
-
-    def read(self) -> _Node:
-        root = table = _Node(keys={}, last=0)
-        while True:
-            self.skip(_GAP)
-            if self.at >= len(self.text):
-                break
-            if self.sees("["):
-                start = self.text.rfind("\n", 0, self.at) + 1
-                table = self.header(root)
-                table.head, table.last = start, _line_end(self.text, self.at)
-                self.at = table.last
-            else:
-                self.entry(table)
-                table.last = self.at = _line_end(self.text, self.at)
-        return root
-
-    def header(self, root: _Node) -> _Node:
-        many = self.text.startswith("[[", self.at)
-        self.at += 2 if many else 1
-        path = self.path()
-        self.expect("]]" if many else "]")
-        node = root
-        for key in path[:-1]:
-            node = self.inner(node, key)
-        if not many:
-            return self.inner(node, path[-1])
-        assert node.keys is not None
-        items = node.keys.setdefault(path[-1], _Node(items=[])).items
-        if items is None:
-            raise _Lost
-        items.append(_Node(keys={}))
-        return items[-1]
-
-    def inner(self, node: _Node, key: str) -> _Node:
-        if node.keys is None:
-            raise _Lost
-        found = node.keys.setdefault(key, _Node(keys={}))
-        return found.items[-1] if found.items and not found.inline else found
-
-    def entry(self, table: _Node) -> None:
-        """A key, = and a value."""
-        start = self.at
-        path = self.path()
-        self.expect("=")
-        self.skip(_BLANK)
-        value = self.value()
-        value.entry = start
-        for key in path[:-1]:
-            table = self.inner(table, key)
-        if table.keys is None or path[-1] in table.keys:
-            raise _Lost
-        table.keys[path[-1]] = value
-
-    def path(self) -> list[str]:
-        keys = []
-        while True:
-            self.skip(_BLANK)
-            if self.sees('"') or self.sees("'"):
-                node = self.value()
-                keys.append(_plain(self.text[node.start : node.end]))
-            else:
-                keys.append(self.take(_BARE))
-            self.skip(_BLANK)
-            if not self.sees("."):
-                return keys
-            self.at += 1
-
-    def value(self) -> _Node:
-        start = self.at
-        if self.sees("["):
-            items: list[_Node] = []
-            self.at += 1
-            self.skip(_GAP)
-            while not self.sees("]"):
-                items.append(self.value())
-                self.separated("]")
-            self.at += 1
-            return _Node(start, self.at, items=items)
-        if self.sees("{"):
-            node = _Node(start, start, keys={})
-            self.at += 1
-            self.skip(_BLANK)
-            while not self.sees("}"):
-                self.entry(node)
-                self.separated("}")
-            self.at += 1
-            node.end = self.at
-            return node
-        if self.sees('"') or self.sees("'"):
-            for string in _STRINGS:
-                match = string.match(self.text, self.at)
-                if match:
-                    self.at = match.end()
-                    return _Node(start, self.at)
-            raise _Lost
-        self.take(_WORD)
-        return _Node(start, self.at)
-
-    def separated(self, end: str) -> None:
-        self.skip(_GAP)
-        if self.sees(","):
-            self.at += 1
-            self.skip(_GAP)
-        elif not self.sees(end):
-            raise _Lost
-
-    def sees(self, mark: str) -> bool:
-        return self.text.startswith(mark, self.at)
-
-    def expect(self, mark: str) -> None:
-        self.skip(_BLANK)
-        if not self.sees(mark):
-            raise _Lost
-        self.at += len(mark)
-
-    def skip(self, gap: re.Pattern[str]) -> None:
-        match = gap.match(self.text, self.at)
-        assert match is not None
-        self.at = match.end()
-
-    def take(self, pattern: re.Pattern[str]) -> str:
-        match = pattern.match(self.text, self.at)
-        if match is None:
-            raise _Lost
-        self.at = match.end()
-        return match.group()
-
-
-def _plain(string: str) -> str:
-    """What a quoted key says."""
-    return str(tomllib.loads(f"key = {string}")["key"])
+    first = next((k for k, (_, item) in enumerate(body) if isinstance(item, Table | AoT)), len(body))
+    entries = body[:first]
+    item.trivia.trail = "\n" + _take_tail(entries)
+    body[:first] = entries
+    table.append(key, item)

@@ -41,6 +41,7 @@ rod = { mass = 2 }
 cam = 1    # one
 law = "3-4-5"
 
+# its profile
 [pairs.K.profile]
 base = 40 # mm
 
@@ -60,6 +61,7 @@ COMMENTS = {
     "# the crank",
     "# about the pairs",
     "# one",
+    "# its profile",
     "# mm",
     "# the second",
 }
@@ -90,10 +92,12 @@ def _changed(*changes: tuple[tuple[Any, ...], Any]) -> dict[str, Any]:
         ([(("links", "crank", "points"), None)], 1, set()),
         ([(("links", "rod", "inertia"), 4.0)], 1, set()),
         ([(("links", "rod"), None)], 1, set()),
+        ([(("links",), None)], 3, {"# all links", "# the crank"}),
         ([(("links", "new"), {"mass": 1})], 0, set()),
         ([(("pairs", "K", "profile", "base"), 44), (("events", 1, "at"), 3)], 2, set()),
+        ([(("pairs", "K", "lift"), 3)], 0, set()),
         ([(("pairs", "K", "profile"), None)], 2, {"# mm"}),
-        ([(("pairs",), None)], 5, {"# mm", "# one"}),
+        ([(("pairs",), None)], 6, {"# mm", "# its profile", "# one"}),
         ([(("trace",), ["rod.A"]), (("loads",), {"P": {"force": [1, 2]}})], 0, set()),
     ],
 )
@@ -105,6 +109,9 @@ def test_only_what_differs_is_written(changes, lines, comments):
     left = text.splitlines()
     assert sum(bool(line) and line not in left for line in TEXT.splitlines()) == lines
     assert {comment for comment in COMMENTS if comment not in text} == comments
+    for comment, header in (("# about the pairs", "[pairs.K]"), ("# its profile", "[pairs.K.profile]")):
+        if comment in left and header in left:
+            assert left[left.index(comment) + 1] == header, "a comment stays above what it is about"
 
 
 def test_what_the_text_does_not_hold_is_not_written():
