@@ -1,7 +1,8 @@
 """mechviz: a desktop-free 3D inspector and recorder of mechanisms.
 
-``mechviz.load("crank-rocker")`` reads a scene of the gallery or a file; ``mechviz.Scene.build`` and
-``mechviz.SceneBuilder`` make one in Python; ``scene.mechanism`` is what ``mechcore`` computes.
+``run("crank-rocker")`` solves a scene of the gallery or a file and gives a ``Result``; ``open("a.rrd")`` gives one of a
+recording. ``load`` reads a scene; ``Scene.build`` and ``SceneBuilder`` make one in Python; ``scene.mechanism`` is what
+``mechcore`` computes.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mechviz.facade import Result, open, run
     from mechviz.scene.builder import SceneBuilder
     from mechviz.scene.faults import SceneError
     from mechviz.scene.folder import gallery
@@ -20,7 +22,11 @@ def __getattr__(name: str) -> Any:
     """Names on first use: ``import mechviz`` alone loads nothing heavy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(".scene", __name__), name)
+    return getattr(import_module(".facade" if name in ("Result", "open", "run") else ".scene", __name__), name)
 
 
-__all__ = ["Scene", "SceneBuilder", "SceneError", "dump", "gallery", "load", "loads"]
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+__all__ = ["Result", "Scene", "SceneBuilder", "SceneError", "dump", "gallery", "load", "loads", "open", "run"]

@@ -6,6 +6,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mechviz.outputs.rerun.reader import Recording
     from mechviz.runs import Run
 
 
@@ -13,18 +14,24 @@ HEIGHT = 640  # [px] of the frame
 
 
 def mime_bundle(run: Run) -> dict[str, str]:
-    """What IPython asks for: the page as HTML, a drawing as SVG, a line of text.
+    """What IPython asks for of a run: see `bundle_of`."""
+    from mechviz.outputs.page.source import recorded
+
+    return bundle_of(recorded(run), repr(run.scene))
+
+
+def bundle_of(recording: Recording, text: str) -> dict[str, str]:
+    """The page as HTML, a drawing as SVG, a line of text.
 
     A notebook shows the page; what cannot run it, such as a printed notebook, shows the drawing.
     """
     from mechviz.outputs.images.drawing import svg_of
     from mechviz.outputs.page.page import make_page
-    from mechviz.outputs.page.source import recorded
 
-    recording = recorded(run)
     page, _ = make_page(recording)
+    title = str(recording.properties.get("title", "")) or "Mechanism"
     frame = (
-        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts" title="{escape(run.scene.title, quote=True)}" '
+        f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts" title="{escape(title, quote=True)}" '
         f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
     )
-    return {"text/html": frame, "image/svg+xml": svg_of(recording, width=800, height=500), "text/plain": repr(run.scene)}
+    return {"text/html": frame, "image/svg+xml": svg_of(recording, width=800, height=500), "text/plain": text}

@@ -1,0 +1,265 @@
+"""What ``import mechviz as mv`` offers for work in Python: ``run`` solves a scene, ``open`` reads a recording, and both give a
+`Result`: quantities by name, plots, pictures, pages, the browser view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechviz.files import OutputError, check_target, replacing
+from mechviz.outputs.images.drawing import write_svg
+from mechviz.outputs.images.pictures import VIEWS, Look, moment
+from mechviz.outputs.images.pictures import shot as take
+from mechviz.outputs.notebook import bundle_of
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.page.source import recorded
+from mechviz.outputs.rerun.numbers import numbers_in
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
+from mechviz.quantities.catalogue import Axis, Catalogue, Quantity
+from mechviz.quantities.events import events_of
+from mechviz.runs import Run, run_scene
+from mechviz.scene.faults import did_you_mean
+from mechviz.scene.scene import Scene, load
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mechcore.forces.kinetostatics import Forces
+    from mechcore.motion.events import Event
+    from mechcore.motion.motion import Motion
+    from mechviz.outputs.rerun.writer import RecordingSummary
+
+
+Real = NDArray[np.float64]
+
+PANEL = 7.0, 2.4  # width and height of a plot [in]
+
+
+class UnknownKey(KeyError):
+    """A quantity that a result does not have; its text names the one that was probably meant."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class Result:
+    """A solved scene or a recording; made by `run` and by `open`.
+
+    ``result["joint.B.reaction"]`` is a quantity over the frames, ``result.keys()`` lists them all. Values are in the units that
+    people read: mm, °, N, N m, MPa. In a notebook a result shows itself.
+    """
+
+    def __init__(self, source: Run | Recording):
+        self._source = source
+
+    # -- quantities ---------------------------------------------------------------------------------------------------
+    def keys(self) -> tuple[str, ...]:
+        """The keys of all quantities, such as ``drive.A.torque``, in the order in which they are offered."""
+        return tuple(self.catalogue.by_key)
+
+    def __getitem__(self, key: str) -> Real:
+        """Values (F, n) of a quantity, a column for each curve, in its unit: see `quantity`. Raises `UnknownKey`."""
+        return self.quantity(key).values()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __len__(self) -> int:
+        return len(self.keys())
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.catalogue.by_key
+
+    def quantity(self, key: str) -> Quantity:
+        """A quantity with its ``unit``, its ``label`` and the names of its ``curves``. Raises `UnknownKey`."""
+        if key not in self:
+            raise UnknownKey(f"There is no quantity '{key}'. {did_you_mean(key, self.keys(), what='There are')}")
+        return self.catalogue[key]
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """All quantities, the axes of plots and the health of the solution. Raises `OutputError` of a damaged recording."""
+        if isinstance(self._source, Run):
+            return self._source.catalogue
+        try:
+            return Catalogue(numbers_in(self._source))
+        except (KeyError, ValueError, IndexError, TypeError) as error:
+            words = f"'{self._source.path}' does not hold what a mechviz recording holds: {error}."
+            raise OutputError(words, "Record the scene again.") from error
+
+    @property
+    def time(self) -> Real:
+        """Times (F,) of the frames [s]."""
+        return self.catalogue.numbers.time
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happens during the run: dead points, limits, peaks, stops, jams; sorted by time."""
+        if not isinstance(self._source, Run):
+            return self._source.events
+        return events_of(self._source)
+
+    # -- what it was made from ----------------------------------------------------------------------------------------
+    @property
+    def title(self) -> str:
+        """What the scene calls itself."""
+        return self._source.scene.title if isinstance(self._source, Run) else str(self._source.properties.get("title", ""))
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that was solved; a recording carries it. Raises `SceneError`, `RecordingError`."""
+        return self._source.scene if isinstance(self._source, Run) else self._source.scene()
+
+    @property
+    def solved(self) -> Run:
+        """The run with all that was computed. Raises `OutputError` of a recording."""
+        if isinstance(self._source, Run):
+            return self._source
+        what = f"'{self._source.path}' is a recording: it holds values, not the solution."
+        raise OutputError(what, "Solve its scene: mechviz.run(result.scene).")
+
+    @property
+    def motion(self) -> Motion:
+        """Positions, velocities and accelerations in SI units. Raises `OutputError` of a recording."""
+        return self.solved.motion
+
+    @property
+    def forces(self) -> Forces | None:
+        """Reactions, efforts and power in SI units; None where the scene names no effects and no loads. Raises `OutputError` of
+        a recording."""
+        return self.solved.forces
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The recording, made in memory of a solved scene: what pages and pictures are made from."""
+        if not isinstance(self._source, Run):
+            return self._source
+        return recorded(self._source)
+
+    # -- outputs ------------------------------------------------------------------------------------------------------
+    def record(self, path: str | Path) -> RecordingSummary:
+        """Write a rerun recording (.rrd), replaced as a whole when complete. Raises `OutputError`, also of a recording."""
+        return write_recording(self.solved, path)
+
+    def view(self, port: int = 8080, *, open_browser: bool = False) -> None:
+        """Show it in the browser at http://127.0.0.1:PORT until Ctrl-C; port 0 takes a free one. Raises `ViewerError`."""
+        from mechviz.outputs.viewer.app import serve
+
+        serve(self._source, port, open_browser)
+
+    def share(self, path: str | Path, *, most: int = 1000) -> Path:
+        """Write one HTML file that plays in any browser without a network, of at most so many frames. Raises `OutputError`."""
+        target = Path(path)
+        check_target(target)
+        with replacing(target) as temporary:
+            temporary.write_text(make_page(self.recording, most=most)[0], encoding="utf-8")
+        return target
+
+    def shot(
+        self,
+        path: str | Path,
+        *,
+        at: float | None = None,
+        frame: int | None = None,
+        angle: float | None = None,
+        view: str = "3d",
+        size: tuple[int, int] = (1280, 800),
+        dark: bool = False,
+    ) -> Path:
+        """Write a picture: a drawing from the front (.svg), or the solids in a view (.png), which needs Chromium.
+
+        ``at`` a time [s], at a frame, or where the drive reaches an angle [°]; else where a page opens. ``view``: 3d, front, iso,
+        top, left, right or back. Raises `OutputError`.
+        """
+        target, drawing = Path(path), Path(path).suffix.lower() == ".svg"
+        if target.suffix.lower() not in (".svg", ".png"):
+            raise OutputError(f"'{path}' ends neither in .png nor in .svg.", "Give a name that does.")
+        if view not in VIEWS or (drawing and view not in ("3d", "front")):
+            offered = "'front'" if drawing else ", ".join(VIEWS)
+            raise OutputError(f"'{path}' cannot be taken from the view '{view}'.", f"There are: {offered}.")
+        check_target(target)
+        place = moment(self.recording, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
+        if drawing:
+            return write_svg(self.recording, target, time=place.time, width=size[0], height=size[1], dark=dark)
+        return take(self.recording, target, Look(*size, view, dark), place)
+
+    def plot(self, *keys: str, path: str | Path | None = None, against: str | None = None) -> Figure:
+        """A figure of matplotlib, a panel for each quantity, also written to ``path`` (.svg, .png, .pdf) if that is given.
+
+        ``against``: ``"time"`` or the joint of a drive; by default the first drive that runs one way, else time. Without keys it
+        shows what the viewer opens with. Raises `UnknownKey`, `OutputError` where matplotlib is missing or cannot write.
+        """
+        quantities = [self.quantity(key) for key in keys] or list(self.catalogue.first)
+        axis = self._axis(against)
+        figure = _figure(len(quantities))
+        figure.suptitle(self.title)
+        panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
+        for panel, quantity in zip(panels, quantities, strict=True):
+            panel.plot(axis.values, quantity.values(), label=quantity.curves)
+            panel.set_ylabel(quantity.unit)
+            panel.set_title(quantity.label, loc="left", fontsize="medium")
+            panel.grid(alpha=0.3)
+            if len(quantity.curves) > 1:
+                panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
+        panels[-1].set_xlabel(axis.title)
+        if path is not None:
+            _save(figure, Path(path))
+        return figure
+
+    def _axis(self, against: str | None) -> Axis:
+        axes = {"time" if axis.unit == "s" else axis.label.split()[-1]: axis for axis in self.catalogue.axes}
+        if against is None:
+            return next(iter(axes.values()))
+        if against not in axes:
+            raise UnknownKey(f"A plot cannot run against '{against}'. {did_you_mean(against, axes, what='There are')}")
+        return axes[against]
+
+    def __repr__(self) -> str:
+        source = self._source
+        name = source.scene.name if isinstance(source, Run) else source.path.name
+        return f"Result of {name}: {len(self.time)} frames, {len(self)} quantities"
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
+        """In a notebook a result shows itself: solids, plots and events on one timeline."""
+        return bundle_of(self.recording, repr(self))
+
+
+def run(
+    scene: Scene | str | Path, *, frames: int | None = None, cycles: int | None = None, accuracy: float | None = None
+) -> Result:
+    """Solve a scene: one that is loaded or built, the name of one of the gallery, or the path of a scene file.
+
+    ``frames`` over the whole run and ``cycles`` of the first drive are the scene's own where they are not given; ``accuracy`` is
+    the wanted relative error, such as 1e-6, from which frames and tolerances follow. Raises `SceneError` with every fault of the
+    scene, `MechanismError` where the mechanism cannot move so.
+    """
+    solved = scene if isinstance(scene, Scene) else load(scene)
+    return Result(run_scene(solved, frames=frames, cycles=cycles, accuracy=accuracy))
+
+
+def open(path: str | Path, *, most: int | None = None) -> Result:
+    """Read a recording (.rrd); of a long one ``most`` frames, spread evenly, if that is given. Raises `RecordingError`."""
+    return Result(Recording(path, most=most))
+
+
+def _figure(panels: int) -> Figure:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise OutputError("Plots need matplotlib, which is not installed.", "Install it: pip install 'mechviz[plot]'") from error
+    width, height = PANEL
+    return Figure(figsize=(width, height * panels + 0.8), layout="constrained")
+
+
+def _save(figure: Figure, path: Path) -> None:
+    check_target(path)
+    if path.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise OutputError(f"'{path}': a plot is written as SVG, PNG or PDF.", "Give a name that ends in .svg, .png or .pdf.")
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix[1:].lower())

@@ -1,0 +1,113 @@
+"""The façade: a run and its recording read, plot and show the same; what is misspelt or missing is told."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import mechviz as mv
+from mechviz.files import OutputError
+
+
+@pytest.fixture(scope="module")
+def run():
+    return mv.run("slider-crank-compressor", frames=48)
+
+
+@pytest.fixture(scope="module")
+def played(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("facade") / "a.rrd"
+    assert run.record(path).frames == 49
+    return mv.open(path)
+
+
+def test_a_run_and_its_recording_hold_the_same(run, played):
+    assert played.keys() == run.keys() and len(run) == len(run.keys()) and "drive.A.torque" in run
+    np.testing.assert_allclose(played.time, run.time, atol=1e-9)
+    for key in run:
+        np.testing.assert_array_equal(played[key], run[key], err_msg=key)
+    assert [e.text for e in played.events] == [e.text for e in run.events]
+    assert played.scene == run.scene and played.title == run.title
+
+
+def test_values_are_those_of_the_core_in_the_units_that_people_read(run):
+    reaction = run["joint.B.reaction"]
+    assert run.quantity("joint.B.reaction").curves == ("Fx", "Fy", "|F|")
+    np.testing.assert_array_equal(reaction[:, :2], run.forces.reaction("B")[:, :2])
+    np.testing.assert_allclose(reaction[:, 2], np.hypot(*reaction[:, :2].T), rtol=1e-15)
+    angle = run["link.rod.angle"]
+    assert run.quantity("link.rod.angle").unit == "°"
+    np.testing.assert_allclose(angle[:, 0], np.degrees(run.motion.pose("rod")[:, 2]), rtol=1e-15)
+
+
+def test_scenes_come_by_name_path_or_value_and_frames_follow(tmp_path):
+    scene = mv.load("crank-rocker")
+    mv.dump(scene, tmp_path / "mine.toml")
+    found = [mv.run(s, frames=8)["link.rocker.angle"] for s in ("crank-rocker", tmp_path / "mine.toml", scene)]
+    assert len(found[0]) == 9 and all((f == found[0]).all() for f in found)
+
+
+def test_an_unknown_quantity_is_told_with_the_one_that_was_meant(run):
+    with pytest.raises(KeyError, match=r"^There is no quantity 'joint.B.reactoin'. Did you mean 'joint.B.reaction'\?$"):
+        run["joint.B.reactoin"]
+    with pytest.raises(KeyError, match=r"There are: 'drive\.A\.torque'.* more"):
+        run["zzz"]
+    with pytest.raises(KeyError, match=r"cannot run against 'B'.*'A', 'time'"):
+        run.plot(against="B")
+
+
+def test_pages_drawings_and_plots_are_written_and_equal_from_both(run, played, tmp_path):
+    for name, result in (("run", run), ("recording", played)):
+        assert result.share(tmp_path / f"{name}.html").stat().st_size > 50_000
+        assert result.shot(tmp_path / f"{name}.svg", angle=60).read_text().startswith("<svg")
+    assert (tmp_path / "run.svg").read_bytes() == (tmp_path / "recording.svg").read_bytes()
+    figure = played.plot("joint.B.reaction", "drive.A.torque", path=tmp_path / "plot.svg", against="time")
+    assert (tmp_path / "plot.svg").stat().st_size > 5_000
+    reaction, torque = figure.axes
+    assert torque.get_xlabel() == "time [s]" and reaction.get_ylabel() == "N"
+    assert [line.get_label() for line in reaction.lines] == ["Fx", "Fy", "|F|"]
+    np.testing.assert_array_equal(torque.lines[0].get_ydata(), run["drive.A.torque"][:, 0])
+    assert len(run.plot().axes) == 3
+
+
+def test_what_cannot_be_done_is_refused_with_a_remedy(run, played, tmp_path):
+    for ask, words in (
+        (lambda: played.motion, r"is a recording.*mechviz\.run\(result\.scene\)"),
+        (lambda: played.record(tmp_path / "b.rrd"), "is a recording"),
+        (lambda: mv.open(tmp_path / "none.rrd"), "There is no file"),
+        (lambda: run.share(tmp_path / "no" / "a.html"), "does not exist"),
+        (lambda: run.shot(tmp_path / "a.gif"), "neither in .png nor in .svg"),
+        (lambda: run.shot(tmp_path / "a.svg", view="iso"), "cannot be taken from the view 'iso'"),
+        (lambda: run.plot(path=tmp_path / "a.gif"), "SVG, PNG or PDF"),
+    ):
+        with pytest.raises(OutputError, match=words):
+            ask()
+    assert not {p.name for p in tmp_path.iterdir()}
+
+
+def test_plots_without_matplotlib_tell_how_to_install_it(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(OutputError, match=r"pip install 'mechviz\[plot\]'"):
+        run.plot()
+
+
+def test_a_recording_shows_itself_in_a_notebook(played):
+    assert set(played._repr_mimebundle_()) == {"text/html", "image/svg+xml", "text/plain"}
+    assert repr(played) == f"Result of a.rrd: 49 frames, {len(played)} quantities"
+
+
+def test_a_result_is_viewed_until_it_is_stopped(played, monkeypatch):
+    from mechviz.outputs.viewer import app
+
+    seen = []
+    monkeypatch.setattr(app, "serve", lambda *given: seen.append(given))
+    played.view(port=0)
+    assert seen == [(played.recording, 0, False)]
+
+
+def test_run_stays_a_function_whatever_is_imported():
+    import mechviz.commands.main  # noqa: F401
+
+    assert callable(mv.run) and {"run", "open", "Result"} <= set(dir(mv))
