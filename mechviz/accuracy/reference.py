@@ -115,8 +115,7 @@ def reaction_error(scene: Scene, frames: int) -> Real | None:
     compiled = compile_mechanism(mechanism)
     if compiled.model.needs_global_solve:
         return None
-    whole = replace(compiled, model=replace(compiled.model))
-    whole.model.__dict__["needs_global_solve"] = True  # what the cached property would find is what is to be changed here
+    whole = replace(compiled, model=replace(compiled.model, all_together=True))
     t = default_times(mechanism, frames, scene.cycles)
     one, other = (quantities(m, solve_forces(m)) for m in (solve_motion(c, t) for c in (compiled, whole)))
     named = {q.name: q for q in other}

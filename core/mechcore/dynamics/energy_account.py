@@ -23,7 +23,7 @@ _FIT = np.linalg.inv(legendre.legvander(_X, NODES - 1))
 
 
 @dataclass(frozen=True, eq=False)
-class Ledger:
+class WorkIntegrals:
     """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients``
     (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
     of the last one repeat beyond the last edge."""
@@ -48,8 +48,8 @@ class Ledger:
         first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
         return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
 
-    def followed_by(self, others: Sequence[Ledger]) -> Ledger:
-        """This ledger and those that go on where it ends, in order."""
+    def followed_by(self, others: Sequence[WorkIntegrals]) -> WorkIntegrals:
+        """These and those that go on where they end, in order."""
         if not others:
             return self
         parts = (self, *others)
@@ -58,10 +58,10 @@ class Ledger:
             before.append(total + part.before)
             total = total + part(part.edges[-1:])[0]
         edges = [self.edges, *(part.edges[1:] for part in others)]
-        return Ledger(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
+        return WorkIntegrals(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
 
 
-def work_integrals(powers: Callable[[Array], Array], edges: Array) -> Ledger:
+def work_integrals(powers: Callable[[Array], Array], edges: Array) -> WorkIntegrals:
     """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
     widths = np.diff(edges)
     x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
@@ -69,7 +69,7 @@ def work_integrals(powers: Callable[[Array], Array], edges: Array) -> Ledger:
     values = values.reshape(len(widths), NODES, -1)
     gained = 0.5 * widths[:, None] * np.einsum("s,psc->pc", _W, values)
     before = np.concatenate([np.zeros((1, values.shape[2])), np.cumsum(gained, axis=0)[:-1]])
-    return Ledger(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
+    return WorkIntegrals(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
 
 
 def powers_of(motion: Motion, forces: Forces) -> Array:

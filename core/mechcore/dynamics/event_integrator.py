@@ -34,6 +34,7 @@ from mechcore.dynamics.integration.parallel_shooting import Known, retrace
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.segments import Piece, piece_forces
 from mechcore.dynamics.simulation import Simulation
+from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import Compiled
@@ -261,7 +262,7 @@ class Progress:
 
     def _check(self, window: Window, until: float) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
-        limited = [e for e in self.compiled.model.applied if e.limited]
+        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         if limited:
             t = window.start + (until - window.start) * CHECKED
             q, v, _ = window(t)

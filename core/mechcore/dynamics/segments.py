@@ -18,7 +18,8 @@ from mechcore.dynamics.events import Stop
 from mechcore.dynamics.integration.parallel_shooting import Known
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.effects.base import pair_wrench, sum_up
-from mechcore.forces.kinetostatics import Forces, solve_forces, transmit
+from mechcore.forces.equilibrium import transmit
+from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import Compiled

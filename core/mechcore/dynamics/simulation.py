@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import Lifting, Liftoff
-from mechcore.dynamics.energy_account import Ledger, kinetic_energy_of, powers_of, work_integrals
+from mechcore.dynamics.energy_account import WorkIntegrals, kinetic_energy_of, powers_of, work_integrals
 from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
@@ -50,6 +50,7 @@ class Simulation:
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     liftoffs: tuple[Liftoff, ...] = ()
     unseen: tuple[float, float] = (0.0, 0.0)
+    joined_works: WorkIntegrals | None = None  # of stretches put together that all knew theirs
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -74,17 +75,15 @@ class Simulation:
                 runs[-1].append(piece)
             else:
                 runs.append([piece])
-        whole = replace(
+        known = [w for s in parts if (w := vars(s).get("_work_integrals", s.joined_works)) is not None]
+        return replace(
             self,
             pieces=tuple(same[0].with_windows(same[1:]) for same in runs),
             happenings=tuple(h for s in parts for h in s.happenings),
             lost=tuple(e for s in parts for e in s.lost),
             pushed=tuple(e for s in parts for e in s.pushed),
+            joined_works=known[0].followed_by(known[1:]) if len(known) == len(parts) else None,
         )
-        known = [s.__dict__["_ledger"] for s in parts if "_ledger" in s.__dict__]
-        if len(known) == len(parts):
-            whole.__dict__["_ledger"] = known[0].followed_by(known[1:])
-        return whole
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         t = np.atleast_1d(np.asarray(t, float))
@@ -168,7 +167,9 @@ class Simulation:
         return np.asarray(np.mod(away + np.pi, TURN) - np.pi if lifting.contacts[cam].rotary else away)
 
     @cached_property
-    def _work_integrals(self) -> Ledger:
+    def _work_integrals(self) -> WorkIntegrals:
+        if self.joined_works is not None:
+            return self.joined_works
         end, period = self.duration, None
         way = self.pieces[0].way
         if isinstance(way, EnergyMotion) and way.repeats is not None and way.repeats < end:

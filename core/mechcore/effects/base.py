@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
-from mechcore.kinematics.statics import Acting
 from mechcore.laws.timed import Law
 from mechcore.numerics.frames import added, crossed, nothing
 
@@ -40,6 +39,16 @@ class Wrench:
     def links(self) -> tuple[int, ...]:
         """The link that the wrench acts on, then the one that its opposite acts on."""
         return (self.link,) if self.other is None else (self.link, self.other)
+
+
+class PointLoad(NamedTuple):
+    """A load on a link at a point fixed in it: a constant force, the inertia force of a mass there, -J alpha."""
+
+    link: int
+    point: Array  # in link axes [m]; in a sweep it may vary, (designs, 1)
+    force: complex = 0j  # in the world [N]
+    mass: float = 0.0  # [kg]
+    inertia: float = 0.0  # J [kg m^2]
 
 
 def point_of(at: Configuration, wrench: Wrench) -> Array:
@@ -157,7 +166,7 @@ class Effect:
         """The wrenches on the links at a `Configuration` (a `Motion` where it needs accelerations)."""
         raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
 
-    def acting(self, model: Model) -> Sequence[Acting] | None:
+    def point_loads(self, model: Model) -> Sequence[PointLoad] | None:
         """The same as the wrenches, where that can be told beforehand, once per model; else None."""
         return None
 

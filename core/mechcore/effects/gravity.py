@@ -6,11 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.statics import Acting
 
 Array = Any
+
+
+def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
+    """(link, weight [N], centre of mass in link axes [m]) of every moving link that has a weight."""
+    found = []
+    for k, (mass, centre, _) in enumerate(model.masses):
+        own = model.bodies[model.links[k]].gravity
+        if k and mass:
+            found.append((k, mass * complex(*(model.mechanism.gravity if own is None else own)), centre))
+    return tuple(found)
 
 
 class Gravity(Effect):
@@ -29,11 +38,11 @@ class Gravity(Effect):
                 moment=0.0,
                 arm=at.offset(k, centre),
             )
-            for k, weight, centre in at.model.weights
+            for k, weight, centre in at.model.once(weights)
         ]
 
-    def acting(self, model: Model) -> list[Acting]:
-        return [Acting(k, centre, force=weight) for k, weight, centre in model.weights]
+    def point_loads(self, model: Model) -> list[PointLoad]:
+        return [PointLoad(k, centre, force=weight) for k, weight, centre in model.once(weights)]
 
     def potential(self, at: Configuration) -> Array:
-        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.weights), 0.0)
+        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.once(weights)), 0.0)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from mechcore.effects.base import Effect, Wrench
+from mechcore.effects.base import Effect, PointLoad, Wrench
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.statics import Acting
 from mechcore.motion.motion import Motion
 
 
@@ -34,5 +33,5 @@ class Inertia(Effect):
                 )
         return out
 
-    def acting(self, model: Model) -> list[Acting]:
-        return [Acting(k, s, mass=mass, inertia=j) for k, (mass, s, j) in enumerate(model.masses) if k and (mass or j)]
+    def point_loads(self, model: Model) -> list[PointLoad]:
+        return [PointLoad(k, s, mass=mass, inertia=j) for k, (mass, s, j) in enumerate(model.masses) if k and (mass or j)]

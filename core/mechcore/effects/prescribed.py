@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from mechcore.effects.argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
-from mechcore.effects.base import Configuration, Effect, Wrench
+from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.statics import Acting
 from mechcore.spec.loads import Force, Torque
 
 Array = Any
@@ -55,12 +54,12 @@ class AppliedForce(Varied):
         other = model.index[load.against]
         return [Wrench(load.name, "force", k, vector, 0.0, arm, other=other, other_arm=at.of_point(k, local) - at.origins[other])]
 
-    def acting(self, model: Model) -> list[Acting] | None:
+    def point_loads(self, model: Model) -> list[PointLoad] | None:
         load = self.load
         if load.factor is not None or load.axes == "link" or load.against is not None:
             return None
         k = model.index[load.link]
-        return [Acting(k, model.points[k][load.point], force=complex(*load.vector))]
+        return [PointLoad(k, model.points[k][load.point], force=complex(*load.vector))]
 
 
 class AppliedTorque(Varied):

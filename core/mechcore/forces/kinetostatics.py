@@ -1,35 +1,27 @@
 """Kinetostatics: all joint reactions and the drives' torques or forces that a given motion needs.
 
-The hand method, from the last group inwards: the contours' closing joints are cut; the forces in the cuts follow block by block
-from the transposed columns of the kinematics (virtual work of each unknown); then every link of the remaining tree is in
-equilibrium with what hangs on it, and moments about the joints that fix an angle give couples and driving torques.
-Where constraints are redundant the shortest of all solutions is taken (`leastnorm`). All of this is linear in the loads; dry
-friction, where a scene names it, is one more load that depends on the result (`mechcore.forces.friction.solve`).
+Dry friction, where a scene names it, is one more load that depends on the result (`mechcore.forces.friction.solve`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
-from mechcore.effects.registry import potential, totals, wrenches
-from mechcore.kinematics import blocks as bl
+from mechcore.effects.registry import applied_effects, known_loads, potential, totals, wrenches
+from mechcore.forces import equilibrium
+from mechcore.forces.friction.result import FrictionResult
+from mechcore.forces.friction.solve import solve_friction
 from mechcore.kinematics.dyads import cross
-from mechcore.kinematics.statics import Hanging
 from mechcore.motion.motion import CALM, Motion
-from mechcore.motion.redundancy import least_norm
-from mechcore.numerics.frames import added, crossed, integral_so_far, lazy, minus, nothing, plus, rows_of
+from mechcore.numerics.frames import added, integral_so_far, lazy, rows_of
 from mechcore.spec.mechanism import braked
-
-if TYPE_CHECKING:
-    from mechcore.forces.friction.result import FrictionResult
-
 
 Array = Any
 Real = NDArray[np.float64]
@@ -288,133 +280,14 @@ class Forces:
 def solve_forces(motion: Motion) -> Forces:
     """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
     model = motion.model
-    for effect in model.applied:
+    for effect in model.once(applied_effects):
         if effect.limited:
             effect.check(motion)
     if "friction" in model.mechanism.effects and braked(model.mechanism.pairs):
-        from mechcore.forces.friction.solve import solve_friction  # only where it is named
-
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, applied, *sum_up(applied, len(model.links))))
     with np.errstate(**CALM):  # one for all, as each costs as much as two sums
-        if model.known_loads.accelerated:
+        if model.once(known_loads).accelerated:
             motion.accelerate()
         force, moment, formed = totals(motion)
-        return Forces(motion, formed, *_transmit(motion, force, moment)[:2])
-
-
-def transmit(
-    motion: Motion, force: Sequence[Array], moment: Sequence[Array], flanks: Mapping[int, Array] | None = None
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
-    """What joints and relations transmit under loads on the links: linear in the loads.
-
-    ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
-    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the loads ask for.
-    Returns force and couple on the second link of every joint (drive included), place and force on the second link of every
-    relation by name, and the relations' multipliers.
-    """
-    with np.errstate(**CALM):
-        return _transmit(motion, [None if nothing(f) else f for f in force], [None if nothing(m) else m for m in moment], flanks)
-
-
-def _transmit(
-    motion: Motion, force: list[Array], moment: list[Array], flanks: Mapping[int, Array] | None = None
-) -> tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]:
-    """`transmit` with None for loads that are nothing; the lists are used up."""
-    model = motion.model
-    if model.needs_global_solve:
-        return least_norm(motion, [0j if f is None else f for f in force], [0.0 if m is None else m for m in moment], flanks)
-    contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
-    cuts, ties = _cut_forces(motion, *_hang(motion, force, moment, model.subtree_in_cuts))
-    for r, multiplier in ties.items():
-        relation = model.relations[r]
-        place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
-        contacts[relation.name] = (place, multiplier * direction)
-        for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
-            k = model.index[link]
-            f = sign * contacts[relation.name][1]
-            force[k] = plus(force[k], f)
-            moment[k] = plus(moment[k], crossed(place - motion.origins[k], f))
-        if relation.bearing is not None:
-            couple = relation.bearing.couple(motion, *contacts[relation.name])
-            for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
-                k = model.index[link]
-                moment[k] = plus(moment[k], sign * couple)
-    if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
-        cuts, _ = _cut_forces(motion, *_hang(motion, force, moment, model.subtree_in_cuts))
-    transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
-    for c, cut in cuts.items():
-        j, on = model.closings[c]
-        transmitted[j] = cut, 0.0
-        for k, put, arm in on:
-            force[k] = put(force[k], cut)
-            if arm is not None:
-                moment[k] = put(moment[k], crossed(_arm(motion, *arm), cut))
-    hanging, unbalanced = _hang(motion, force, moment, model.hanging)
-    for j, k, side in model.carriers:
-        f = hanging[k]
-        if f is not None:
-            transmitted[j] = f * -1.0 if side else f, 0.0
-    for j, k, other, second in model.leaves_first:  # couples: moments passed on from the leaves of each group
-        couple = unbalanced[k]
-        if couple is not None:
-            transmitted[j] = transmitted[j][0], -couple if second else couple
-            if other:
-                unbalanced[other] = plus(unbalanced[other], couple)
-    return transmitted, contacts, ties
-
-
-def _hang(motion: Motion, force: Sequence[Array], moment: Sequence[Array], steps: Hanging) -> tuple[list[Array], list[Array]]:
-    """Force of all that hangs on each link in the tree, the link included, and the moment about each link's origin that joint
-    forces alone leave unbalanced (of the links that ``steps`` ask for); not of the frame. None: nothing."""
-    hanging, unbalanced = list(force), list(moment)
-    for k, p, own, carrying in steps:
-        f = hanging[k]
-        if f is None:
-            continue
-        if own is not None:
-            unbalanced[k] = minus(unbalanced[k], crossed(_arm(motion, *own), f))
-        if p:
-            hanging[p] = plus(hanging[p], f)
-            if carrying is not None:
-                unbalanced[p] = plus(unbalanced[p], crossed(_arm(motion, *carrying), f))
-    return hanging, unbalanced
-
-
-def _arm(motion: Motion, spin: int, vector: Array, sliding: tuple[int, int, int] | None) -> Array:
-    """The arm of a joint's force on a link: a vector that turns with it, or one that also slides along it."""
-    return vector * motion.state.rot[spin] if sliding is None else motion.arm(*sliding)
-
-
-def _cut_forces(motion: Motion, hanging: Sequence[Array], unbalanced: Sequence[Array]) -> tuple[dict[int, Array], dict[int, Array]]:
-    """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
-    model, columns = motion.model, motion.columns
-    cuts: dict[int, Array] = {}
-    ties: dict[int, Array] = {}
-    for i, block, balances in model.balances:
-        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
-            cuts.update(dict.fromkeys(block.contours, 0j))
-            ties.update(dict.fromkeys(block.relations, 0.0))
-            continue
-        q = []
-        for unknown, links, child, back, contours, relations in balances:
-            total: Array = None
-            for k in links:
-                if unbalanced[k] is not None:
-                    total = plus(total, unbalanced[k])
-            if child and hanging[child] is not None:
-                guide = motion.guide(unknown[1])
-                total = ((-guide if back else guide).conjugate() * hanging[child]).real
-            for c in contours:
-                col = bl.column(model, motion.contours[c], unknown)
-                if col is not None:
-                    total = minus(total, (np.conj(col) * cuts[c]).real)
-            for r in relations:
-                total = minus(total, bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r])
-            q.append(0.0 if total is None else total)
-        found, tied = bl.transposed(block, columns[i], q)
-        for c, cut in zip(block.contours, found, strict=True):
-            cuts[c] = cut
-        for r, tie in zip(block.relations, tied, strict=True):
-            ties[r] = tie
-    return cuts, ties
+        return Forces(motion, formed, *equilibrium.joint_forces(motion, force, moment)[:2])

@@ -11,37 +11,21 @@ import cmath
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import Joint, Relation
 from mechcore.joints.parts import build_pairs
-from mechcore.kinematics.statics import (
-    Arm,
-    Balance,
-    Hanging,
-    KnownLoads,
-    Put,
-    balances,
-    carried,
-    closings,
-    hanging,
-    subtree_loads,
-    weights,
-)
 from mechcore.kinematics.terms import Split, Terms, Turning, driven_spins, point_terms, split, turning
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.topology.checks import check_items, check_lengths, check_spare_angles
-from mechcore.topology.graph import Angles, Contour, Tree, angles, contours, leaves_first, spanning_tree, structure
+from mechcore.topology.graph import Angles, Contour, Tree, angles, contours, spanning_tree, structure
 from mechcore.topology.order import Order, block_order
 
-if TYPE_CHECKING:
-    from mechcore.effects.base import Effect
-
-
 Array = Any
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -144,6 +128,8 @@ class Model:
     varied: Mapping[tuple[str, str], Any] = field(default_factory=dict)  # (link, point) -> places in a sweep (designs, 1)
     bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that pairs bring along included
 
+    all_together: bool = False  # whether reactions are solved for all joints together even where blocks would do
+
     @property
     def redundant(self) -> bool:
         """Whether constraints are left over, so that statics alone does not determine all reactions."""
@@ -152,7 +138,7 @@ class Model:
     @cached_property
     def needs_global_solve(self) -> bool:
         """Whether the reactions are solved for all joints together, instead of block by block."""
-        return self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
+        return self.all_together or self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
 
     @cached_property
     def connections(self) -> tuple[Connection, ...]:
@@ -177,25 +163,6 @@ class Model:
         """(mass [kg], centre of mass in link axes [m], J_S [kg m^2]) of every link."""
         own = [self.bodies[k] for k in self.links]
         return tuple((link.mass, complex(*link.centre), link.inertia) for link in own)
-
-    @cached_property
-    def weights(self) -> tuple[tuple[int, complex, complex], ...]:
-        """(link, weight [N], centre of mass in link axes [m]) of every moving link that has a weight."""
-        return weights(self)
-
-    @cached_property
-    def applied(self) -> tuple[Effect, ...]:
-        """The effects and loads that put wrenches on links without knowing the reactions."""
-        from mechcore.effects.registry import effects_of  # here: effects work on models
-
-        return tuple(effect for effect in effects_of(self.mechanism) if "reactions" not in effect.needs)
-
-    @cached_property
-    def known_loads(self) -> KnownLoads:
-        """What effects put on links at points that are known beforehand, and the applied effects that have to be evaluated."""
-        acting = [(effect, effect.acting(self)) for effect in self.applied]
-        known = carried(self, [a for _, own in acting if own is not None for a in own])
-        return KnownLoads(known, any(c.mass or c.inertia for c in known), tuple(effect for effect, own in acting if own is None))
 
     @cached_property
     def splits(self) -> Mapping[int, Split]:
@@ -224,87 +191,6 @@ class Model:
         return {j: (self.angles.spin[k], d * self.turn[k]) for j, (k, d) in own.items()}
 
     @cached_property
-    def steps(self) -> Mapping[int, tuple[int, int, int]]:
-        """Of every link of the tree, from the frame outwards: joint that leads to it, its side in that joint, parent."""
-        joint = self.tree.joint
-        return {k: (joint[k], 1 if self.ends[joint[k]][1] == k else 0, self.tree.parent[k]) for k in self.tree.order}
-
-    @cached_property
-    def carriers(self) -> tuple[tuple[int, int, int], ...]:
-        """The joints of the tree, each with the link that it leads to and that link's side in it."""
-        return tuple((j, k, side) for k, (j, side, _) in self.steps.items())
-
-    @cached_property
-    def child(self) -> Mapping[int, int]:
-        """The link that each joint of the tree leads to, seen from the frame."""
-        return {self.tree.joint[k]: k for k in self.tree.order}
-
-    @cached_property
-    def leaves_first(self) -> tuple[tuple[int, int, int, bool], ...]:
-        """The joints that fix an angle, from the leaves inwards: (joint, link, other link, whether the link is its second)."""
-        return leaves_first(self.ends, self.angles.edges)
-
-    @cached_property
-    def passing(self) -> frozenset[int]:
-        """Links that pass moments on to others through joints that fix an angle."""
-        return frozenset(k for _, *links, _ in self.leaves_first for k in links if k)
-
-    @cached_property
-    def grouped(self) -> Mapping[int, int]:
-        """Links whose angle the blocks solve, with their groups: the moments on them balance with the forces in the cuts."""
-        return {k: g for k, g in enumerate(self.angles.group) if g}
-
-    @cached_property
-    def inwards(self) -> tuple[int, ...]:
-        """All links of the tree, from the leaves to the frame."""
-        return self.tree.order[::-1]
-
-    @cached_property
-    def subtree_loads(self) -> tuple[int, ...]:
-        """Links, inwards, whose hanging force decides the forces in the cuts."""
-        return subtree_loads(self)
-
-    @cached_property
-    def subtree_in_cuts(self) -> Hanging:
-        """What hangs where, as far as the forces in the cuts need it."""
-        return hanging(self, self.grouped, self.subtree_loads)
-
-    @cached_property
-    def hanging(self) -> Hanging:
-        """What hangs where, as far as couples and drives need it."""
-        return hanging(self, self.passing, self.inwards)
-
-    @cached_property
-    def balances(self) -> tuple[tuple[int, Block, tuple[Balance, ...]], ...]:
-        """What balances at the unknowns of every block, the last block first."""
-        return balances(self)
-
-    @cached_property
-    def closings(self) -> tuple[tuple[int, tuple[tuple[int, Put, Arm | None], ...]], ...]:
-        """Of every contour the joint that closes it, and on which links the force in its cut acts."""
-        return closings(self)
-
-    @cached_property
-    def later(self) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tuple[int, ...]]]:
-        """For every unknown the contours and the relations of other blocks, solved later, in which it appears."""
-        own = {u: b for b in self.blocks for u in b.unknowns}
-        found: dict[tuple[str, int], tuple[list[int], list[int]]] = {u: ([], []) for u in own}
-        for c, contour in enumerate(self.spin_contours):
-            groups = {self.angles.spin_group[s] for s, _ in contour.arms} | {
-                self.angles.spin_group[s] for _, s, _ in contour.slides
-            }
-            for u in [("angle", g) for g in groups] + [("slide", j) for j, _, _ in contour.slides]:
-                if u in own and c not in own[u].contours:
-                    found[u][0].append(c)
-        for r, t in enumerate(self.sums):
-            terms = (t,) if t.curve is None else (t, t.curve)
-            own_terms = [u for x in terms for u in [*(("angle", g) for g, _ in x.groups), *(("slide", j) for j, _ in x.slides)]]
-            for u in dict.fromkeys(own_terms):
-                if u in own and r not in own[u].relations:
-                    found[u][1].append(r)
-        return {u: (tuple(c), tuple(r)) for u, (c, r) in found.items()}
-
-    @cached_property
     def designs(self) -> tuple[int, ...]:
         """(D,) where D designs are computed side by side, else ()."""
         own = [np.shape(a)[:-1] for c in self.spin_contours for _, a in c.arms if np.ndim(a) > 1]
@@ -315,6 +201,16 @@ class Model:
         """The places of all named points as sums, where these are short."""
         found = {(link, name): self.terms(k, local) for k, link in enumerate(self.links) for name, local in self.points[k].items()}
         return {key: terms for key, terms in found.items() if terms is not None}
+
+    @cached_property
+    def _once(self) -> dict[Callable[[Model], Any], Any]:
+        return {}
+
+    def once(self, work: Callable[[Model], T]) -> T:
+        """``work(self)``, done once for this model: for what later stages look up in it again and again."""
+        if work not in self._once:
+            self._once[work] = work(self)
+        return self._once[work]  # type: ignore[no-any-return]
 
     @cached_property
     def _terms(self) -> dict[tuple[int, Array], Terms | None]:

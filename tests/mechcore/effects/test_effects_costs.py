@@ -32,18 +32,18 @@ def calls(monkeypatch) -> Counter:
 
         monkeypatch.setattr(target, name, counting)
 
-    from mechcore.forces import kinetostatics as statics
+    from mechcore.forces import equilibrium
     from mechcore.motion import motion
     from mechviz import runs
 
     for stage in ("velocities", "accelerations"):
         count(motion, stage, stage)
-    count(statics, "_transmit", "reactions")
+    count(equilibrium, "joint_forces", "reactions")
     count(runs, "solve_forces", "forces")
     for cls in {*effects.EFFECTS.values(), *effects.LOADS.values()}:
         count(cls, "wrenches", cls.__name__)
-        if "acting" in vars(cls):  # told beforehand, without the wrenches
-            count(cls, "acting", cls.__name__)
+        if "point_loads" in vars(cls):  # told beforehand, without the wrenches
+            count(cls, "point_loads", cls.__name__)
         count(cls, "potential", f"{cls.__name__} potential")
     masses = Model.masses.func
     monkeypatch.setattr(Model, "masses", property(lambda self: (counted.update(["masses"]), masses(self))[1]))

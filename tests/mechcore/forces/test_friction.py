@@ -467,11 +467,11 @@ def load_two(m: Mechanism):
 
 def test_a_scene_without_friction_never_iterates(monkeypatch):
     """Calls are counted, not time: coefficients alone do nothing while the effect is not named."""
-    from mechcore.forces import kinetostatics
+    from mechcore.forces import equilibrium
     from mechcore.forces.friction import normal_loads as fixedpoint
 
     calls = {"newton": 0, "transmit": 0}
-    newton, transmit = fixedpoint._newton, kinetostatics._transmit
+    newton, transmit = fixedpoint._newton, equilibrium.joint_forces
 
     def count(name, function):
         def counted(*args, **more):
@@ -481,7 +481,7 @@ def test_a_scene_without_friction_never_iterates(monkeypatch):
         return counted
 
     monkeypatch.setattr(fixedpoint, "_newton", count("newton", newton))
-    monkeypatch.setattr(kinetostatics, "_transmit", count("transmit", transmit))
+    monkeypatch.setattr(equilibrium, "joint_forces", count("transmit", transmit))
     m, _ = reference_slider_crank()
     plain = load(replace(m, effects=("inertia", "gravity")), TURN, 40.0)
     assert calls == {"newton": 0, "transmit": 1}

@@ -21,11 +21,12 @@ from mechcore.dynamics.equations.reduced import constrained, free_of, moving, re
 from mechcore.effects.base import Wrench, sum_up
 from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate
 from mechcore.forces.friction.elements_response import Response, pick, system
 from mechcore.forces.friction.normal_loads import solve_normal_loads
 from mechcore.forces.friction.result import FrictionResult
-from mechcore.forces.kinetostatics import Forces, transmit
+from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import Compiled

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.effects.base import Effect, power_of
-from mechcore.effects.registry import effects_of
+from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import Compiled, solve_motion
@@ -100,7 +100,7 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
 
 def integrating(compiled: Compiled) -> list[Effect]:
     """The effects that integrate over the time, in the order of their states, see `with_states`."""
-    return [e for e in compiled.model.applied if e.integrates]
+    return [e for e in compiled.model.once(applied_effects) if e.integrates]
 
 
 def with_states(acceleration: Real, motion: Motion) -> Real:
@@ -109,7 +109,7 @@ def with_states(acceleration: Real, motion: Motion) -> Real:
     Among coordinates, rates and accelerations a state is a rate: what is integrated is its acceleration, and the coordinate that
     belongs to it is the state's own integral, which nothing depends on.
     """
-    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.applied if e.integrates]
+    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.once(applied_effects) if e.integrates]
     return np.column_stack([acceleration, *rates]) if rates else acceleration
 
 
@@ -125,7 +125,7 @@ def with_rates(motion: Motion, rates: Sequence[Array], second: Sequence[Array] |
     drives = [(d[0], r, a) for d, r, a in zip(motion.drives, rates, second, strict=True)]
     patches = motion.patches and _scaled(motion, rates)
     m = Motion(motion.model, motion.time, drives, motion.state, motion.angles, patches, accuracy=motion.accuracy)
-    m.__dict__.update(contours=motion.contours, columns=motion.columns, origins=motion.origins, states=motion.states)
+    m.contours, m.columns, m.origins, m.states = motion.contours, motion.columns, motion.origins, motion.states
     return m
 
 

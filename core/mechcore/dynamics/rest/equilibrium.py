@@ -19,7 +19,7 @@ from mechcore.dynamics.equations.charts import best_chart
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduced_equations, tangents
 from mechcore.dynamics.events import Stop, with_slot_ends
 from mechcore.effects.base import power_of
-from mechcore.effects.registry import effects_of
+from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
@@ -163,7 +163,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
         if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
             found = Equilibrium(compiled, q, -by_q, left, count)
-            for effect in found.motion.model.applied:
+            for effect in found.motion.model.once(applied_effects):
                 effect.check(found.motion)
             _within(found, with_slot_ends(compiled.mechanism, stops))
             return found

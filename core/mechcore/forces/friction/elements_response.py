@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element
-from mechcore.forces.kinetostatics import transmit
 from mechcore.motion.motion import Motion
 
 Array = Any

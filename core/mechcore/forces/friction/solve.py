@@ -17,11 +17,11 @@ import numpy as np
 
 from mechcore.effects.base import Wrench
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import elements_of, two_sided
 from mechcore.forces.friction.elements_response import respond, system
 from mechcore.forces.friction.normal_loads import solve_normal_loads
 from mechcore.forces.friction.result import FrictionResult
-from mechcore.forces.kinetostatics import transmit
 from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Revolute, braked, friction_of
@@ -33,7 +33,7 @@ FLANKS = 8  # rounds in which the flanks of gears may change sides
 def solve_friction(
     motion: Motion, applied: Sequence[Wrench], force: Sequence[Array], moment: Sequence[Array]
 ) -> tuple[Any, Any, FrictionResult]:
-    """What joints transmit, what relations transmit (as `mechcore.forces.kinetostatics.transmit` gives them), and the friction.
+    """What joints transmit, what relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
     ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a pair
     with friction undetermined.
