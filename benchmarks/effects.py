@@ -24,7 +24,8 @@ from mechcore.effects.registry import LOADS as REGISTRY
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.indicator import Compressor
 from mechcore.laws.timed import ConstantSpeed
-from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.compiled import Compiled
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.clearance import Clearance, with_clearances
 from mechcore.spec.loads import (
     Actuator,

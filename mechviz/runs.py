@@ -16,8 +16,9 @@ from mechcore.constructions.studies import StudyResults
 from mechcore.constructions.studies import compute as compute_studies
 from mechcore.effects.plan import OUTPUTS, Plan, make_plan
 from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.texts import Text
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of

@@ -7,8 +7,9 @@ forces = solve_forces(motion)
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 
 __all__ = [
     "Compiled",

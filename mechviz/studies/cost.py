@@ -13,8 +13,9 @@ from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
 from mechcore.effects.registry import effects_of, wrenches
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.runs import run_scene
 from mechviz.scene.worded import in_scene_words
 

@@ -12,13 +12,14 @@ from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import idle_table, load_events
 from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.equations import contour_equations
 from mechcore.motion.events import overshoots
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.redundancy import indeterminate
-from mechcore.motion.solve import Compiled, compile_mechanism, default_times, solve_motion
+from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.strokes import strokes
 from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 from mechcore.spec.clearance import journals_of, made_pairs

@@ -37,7 +37,7 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import journals_of
 from mechcore.texts import as_coordinate, as_quantity
 

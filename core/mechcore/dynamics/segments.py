@@ -21,8 +21,8 @@ from mechcore.effects.base import pair_wrench, sum_up
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 
 Array = NDArray[np.float64]
 STOP = "stop"  # kind and cause of what an end stop holds

@@ -30,7 +30,8 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
-from mechcore.motion.solve import MOST_TURNS, TURN, Compiled, compile_mechanism
+from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from mechcore.dynamics.segments import Piece
 from mechcore.effects.registry import potential
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import Free
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 

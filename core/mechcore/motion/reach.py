@@ -12,9 +12,9 @@ from mechcore.branches.tracking import STEP, walk
 from mechcore.kinematics.blocks import dead_point_margin
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.compiled import TURN, Compiled, follow
 from mechcore.motion.motion import Motion
 from mechcore.motion.slots import has_ends, room_in_slots, within_slots
-from mechcore.motion.solve import TURN, Compiled, solve_motion
 from mechcore.spec.mechanism import Cylinder
 
 Array = Any
@@ -60,7 +60,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
             model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
         given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
-        return solve_motion(compiled, np.zeros(len(q)), drives=given, strict=False)
+        return follow(compiled, np.zeros(len(q)), given)
 
     def assembled(q: Array) -> Array:
         motion = solved(q)

@@ -1,11 +1,11 @@
-"""From a compiled mechanism to its motion: frames, tracks of general groups, and clear words where it cannot go on."""
+"""From a mechanism to its motion: compiling, solving, and clear words where it cannot be assembled or go on."""
 
 from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,18 @@ from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements, other_modes
-from mechcore.branches.singular_points import TWO_MODES, Changes, find_changes, needs_span, passages
+from mechcore.branches.singular_points import Changes, find_changes
 from mechcore.branches.sketch import at_sketch, sketched_drives
-from mechcore.branches.tracking import Course, course_of, way_of
-from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles, Waypoint, raw_angles, start_pose
+from mechcore.branches.tracking import Course, way_of
+from mechcore.branches.unwrapped import UnwrappedAngles, Waypoint, raw_angles, start_pose
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Block, Model, build_model
-from mechcore.kinematics.patching import make_patches
-from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.closure_errors import greatest_miss
+from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled, drive_values, follow, place
 from mechcore.motion.events import SINGULAR, at_drive
 from mechcore.motion.motion import Motion
+from mechcore.motion.reach import range_beside, reachable_ranges
 from mechcore.motion.slots import Escape, escapes, has_ends
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
@@ -32,35 +32,6 @@ from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
 
 Array = Any
-TURN = 2.0 * np.pi
-MOST_TURNS = 50_000  # of a drive in one run; of one that slides, that many circumferences of a circle as large as the mechanism
-
-
-@dataclass(frozen=True, eq=False)
-class Compiled:
-    """A mechanism ready to run: its model and how it is put together at the start of its drives."""
-
-    model: Model
-    assembly: Assembly
-    start: tuple[float, ...]  # drive positions for which the assembly was made
-    angles: UnwrappedAngles  # of its links, as far as they have been asked for
-    changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
-    courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
-    accuracy: Accuracy = DEFAULT
-
-    @cached_property
-    def near(self) -> float:
-        """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
-        return TURN * MOST_TURNS * min(1.0, self.model.size) - max((abs(q) for q in self.start), default=0.0)
-
-    @cached_property
-    def followed(self) -> bool:
-        """Whether groups have to be followed along their course; with gears a turn of the drive need not bring all back."""
-        return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
-
-    @property
-    def mechanism(self) -> Mechanism:
-        return self.model.mechanism
 
 
 def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Compiled:
@@ -144,91 +115,29 @@ def solve_motion(
     ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven pairs. Where the mechanism cannot be
     assembled, ``strict`` raises `MechanismError` naming the pair, the range and the gap; else those frames are NaN.
     """
-    model = compiled.model
-    time = np.asarray(time, float)
-    if time.ndim == 0:
-        time = time[None]
-    values: list[tuple[Array, Array, Array]] = []
-    for d in model.mechanism.drives:
-        if drives is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
-            turned = d.law.speed * time
-            values.append((turned + d.law.start if d.law.start else turned, float(d.law.speed), 0.0))
-            continue
-        given = drives[d.pair] if drives is not None and d.pair in drives else d.law(time)
-        q, v, a = (np.asarray(x, float) for x in given)
-        if not q.shape == v.shape == a.shape == time.shape:
-            q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
-        values.append((q, v, a))
-    positions = [v[0] for v in values]
-    if strict and drives is None and len(time):
-        _check_way(compiled, positions)
-    constants = compiled.assembly.constants
-    solved, parameter, course = model, None, None
-    starts: Mapping[str, Array] | None = None
-    modes: Sequence[Array] = compiled.assembly.modes
-    patches, passed = None, []
-    changes = compiled.changes
-    still = drives is None and not model.mechanism.led
-    if still:
-        starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
-    elif compiled.followed and drives is not None and len(positions) > 1 and len(time):
-        starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
-    elif compiled.followed and len(time):
-        course = _course(compiled, time, positions, given=drives is not None)
-        solved, changes = course.model, course.changes
-        parameter = time if course.by_time else positions[0]
-        starts = course.starts(parameter)
-    elif changes is None and drives is None and len(time) and needs_span(model):
-        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
-    if changes is not None and changes.found:
-        law_time, scale = _law_time(compiled, changes, time, values, given=drives is not None)
-        if law_time is not None:
-            modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
-            own = None if course is None else partial(_own_starts, course)
-            patches = make_patches(solved, changes, compiled.assembly.modes, law_time, scale, constants, own)
-            if drives is None and changes.by_drive:
-                passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
-            elif drives is None:
-                passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
-    state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
-    led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
-    again = None if drives is not None else lambda t: solve_motion(led, t, strict=False)
-    in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
-    frames = positions, state, (*model.designs, len(time))
-    angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=drives is None and in_time)
-    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
-    if strict and (patches or not _all_placed(model, motion)):
+    if not strict:
+        return follow(compiled, time, drives)
+    model, given = compiled.model, drives is not None
+    time = np.atleast_1d(np.asarray(time, float))
+    values = drive_values(model.mechanism, time, drives)
+    if not given and len(time):
+        _check_way(compiled, [v[0] for v in values])
+    motion, course, parameter, changes = place(compiled, time, values, given=given)
+    if motion.patches or not _all_placed(model, motion):
         faults = _faults(compiled, motion, course, parameter, time)
         if faults:
             raise MechanismError(faults)
-    if strict and course is not None and course.gaps and drives is None and len(time):
+    if course is not None and parameter is not None and course.gaps and not given and len(time):
         _check_gaps_on(compiled, course, time, parameter)
-    if strict and drives is None and changes is not None and changes.gaps:
+    if not given and changes is not None and changes.gaps:
         _check_gaps(compiled, changes, time)
-    if strict and len(time) and has_ends(model.mechanism):
+    if len(time) and has_ends(model.mechanism):
         out = [_out_of_slot(compiled, motion, escape) for escape in escapes(motion)]
         if out:
             raise MechanismError(out)
-    if strict and still and len(time) and (model.mechanism.loads or model.mechanism.effects):
+    if not given and not model.mechanism.led and len(time) and (model.mechanism.loads or model.mechanism.effects):
         _check_statics(motion)
     return motion
-
-
-def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -> LinkAngles:
-    """Angles of the links at frames; ``in_time``: the laws lead there, and only the time tells where they are."""
-    drives, unwrapped = compiled.mechanism.drives, compiled.angles
-
-    def placed(time: Array, given: Array | None = None) -> Frames:
-        rest = np.zeros(len(time))
-        led = None if given is None else {d.pair: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
-        motion = solve_motion(compiled, time, drives=led, strict=False)
-        return [d[0] for d in motion.drives], motion.state, motion.shape
-
-    if in_time:
-        return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
-    if len(drives) > 1:
-        return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
-    return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
 
 
 def _check_statics(motion: Motion) -> None:
@@ -262,39 +171,10 @@ def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
 def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
     """No stretch between the frames, however short, may be one that cannot be assembled."""
     for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
-        motion = solve_motion(compiled, np.linspace(gap.start, gap.end, 101), strict=False)
+        motion = follow(compiled, np.linspace(gap.start, gap.end, 101))
         faults = _faults(compiled, motion, None, None, time)
         if faults:
             raise MechanismError(faults)
-
-
-def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, given: bool) -> Course:
-    """The walk that the frames need: one that has been made already, if it covers them."""
-    for course in compiled.courses:
-        if not (course.by_time and given):
-            wanted = time if course.by_time else positions[0]
-            one = len(positions) == 1 and not course.by_time
-            if one and given and course.tells(wanted):
-                return course
-            if (course.by_time or (one and not course.track.singular)) and bool(np.all(course.reached(wanted))):
-                return course
-    course = course_of(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
-    compiled.courses[:] = [course, *compiled.courses[:3]]
-    return course
-
-
-def reached(compiled: Compiled, q: Array) -> Array:
-    """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
-    are followed Newton's method may have found other branches. True everywhere where none are followed."""
-    for course in compiled.courses:
-        if not course.by_time and course.tells(q):
-            return course.reached(q)
-    return np.ones(np.shape(q), bool)
-
-
-def _own_starts(course: Course, law_time: Array) -> dict[str, Array]:
-    """Newton starts at times of the laws that lead along a walk."""
-    return course.starts(law_time if course.by_time else law_time + course.start)
 
 
 def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: Array) -> None:
@@ -309,27 +189,14 @@ def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: A
             continue
         inside = np.linspace(start + shift, end + shift, 101)
         if course.by_time:
-            motion = solve_motion(compiled, inside, strict=False)
+            motion = follow(compiled, inside)
         else:
             pair = compiled.mechanism.drives[0].pair
             given = {pair: (inside, np.ones_like(inside), np.zeros_like(inside))}
-            motion = solve_motion(compiled, np.zeros(len(inside)), drives=given, strict=False)
+            motion = follow(compiled, np.zeros(len(inside)), given)
         faults = _faults(compiled, motion, course, inside, time)
         if faults:
             raise MechanismError(faults)
-
-
-def _law_time(
-    compiled: Compiled, changes: Changes, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
-) -> tuple[Array | None, tuple[Array, Array]]:
-    """Where the frames are on the way along which changes are known, and its first two derivatives by time.
-
-    None where the frames' drive positions are given and that way is the laws' time.
-    """
-    if changes.by_drive:
-        q, v, a = values[0]
-        return q - compiled.start[0], (v, a)
-    return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))
 
 
 def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Array | None, time: Array) -> list[Fault]:
@@ -414,7 +281,7 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Array) -> str:
     for other, remedy in other_modes(compiled.mechanism, beside=block.name):
         try:
             led = compile_mechanism(other, compiled.accuracy)
-            motion = solve_motion(led, time, strict=False)
+            motion = follow(led, time)
         except MechanismError:
             continue
         if all(_placed(led.model, each, motion).all() for each in led.model.blocks):
@@ -456,8 +323,6 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -
     one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
     if not compiled.mechanism.drives:
         return ""
-    from mechcore.motion.reach import range_beside, reachable_ranges  # here: only failures need it, and it needs this module
-
     drives = compiled.mechanism.drives
     shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].pair), digits=7)
     if len(drives) == 1:

@@ -13,8 +13,8 @@ from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import SpinContour
 from mechcore.kinematics.positions import place_all
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 from mechcore.topology.graph import contours
 
 Array = Any

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import build_model
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, moves
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.reach import reachable_ranges
-from mechcore.motion.solve import Compiled, compile_mechanism
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.units import magnitude

@@ -72,7 +72,7 @@ def test_a_mechanism_that_fits_together_in_one_position_only():
 
 
 def test_a_refusal_without_any_range_that_can_be_reached(monkeypatch):
-    monkeypatch.setattr("mechcore.motion.reach.reachable_ranges", lambda compiled: [])
+    monkeypatch.setattr("mechcore.motion.solve.reachable_ranges", lambda compiled: [])
     m = chain([(3.0, 1.0, 1.2, 0.8)], ["left"], ConstantSpeed(0.0, 1.0))
     with pytest.raises(MechanismError, match=r"Change the length of one of its links by more than that\.$") as e:
         solve_motion(compile_mechanism(m), [0.0, 0.1, 0.2])

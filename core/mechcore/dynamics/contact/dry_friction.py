@@ -28,8 +28,8 @@ from mechcore.forces.friction.normal_loads import solve_normal_loads
 from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.dyads import cross
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.dynamics.events import Log, SimulationEvent
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.forces.friction.elements import elements_of
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 
 Array = NDArray[np.float64]
 BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechcore.dynamics.equations.chart import jacobian_of
 from mechcore.dynamics.equations.reduced import free_of, motion_at, moving, reduce, shifted
 from mechcore.errors import Fault, MechanismError
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 
 Array = NDArray[np.float64]
 HELD = 1e-11  # part of the largest rate per unit rate of a coordinate, below which prescribed drives or other stops hold a pair

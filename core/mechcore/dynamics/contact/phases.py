@@ -13,8 +13,8 @@ from mechcore.dynamics.equations.chart import jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, shifted
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import Element, elements_of
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 
 Array = NDArray[np.float64]
 Key = tuple[str, str, str]

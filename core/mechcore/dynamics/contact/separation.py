@@ -25,8 +25,9 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.joints.base import Relation
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, compile_mechanism
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 

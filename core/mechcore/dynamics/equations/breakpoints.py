@@ -10,7 +10,7 @@ from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free, Law, Piecewise
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 
 Array = NDArray[np.float64]
 SAMPLES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed

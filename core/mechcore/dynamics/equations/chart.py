@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_states
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 
 Array = NDArray[np.float64]
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method

@@ -25,8 +25,9 @@ from mechcore.effects.argument import rate
 from mechcore.effects.registry import effects_of, potential
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, compile_mechanism, reached
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from mechcore.texts import as_coordinate
 

@@ -20,8 +20,8 @@ from mechcore.dynamics.equations.reduced import motion_at, with_rates
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
+from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, reached
 from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
 
 Array = NDArray[np.float64]

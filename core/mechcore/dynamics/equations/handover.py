@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mechcore.branches.unwrapped import TURN, Starts, UnwrappedAngles, Waypoint, raw_angles
 from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled
 
 Array = Any
 Real = NDArray[np.float64]

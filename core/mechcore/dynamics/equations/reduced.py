@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import Compiled, solve_motion
+from mechcore.motion.solve import solve_motion
 
 Array = Any
 Real = NDArray[np.float64]

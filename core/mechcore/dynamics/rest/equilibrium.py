@@ -22,8 +22,9 @@ from mechcore.effects.base import power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import MOST_TURNS, Compiled
 from mechcore.motion.motion import Motion
-from mechcore.motion.solve import MOST_TURNS, Compiled, compile_mechanism
+from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.clearance import journals_of
 from mechcore.spec.loads import Bushing, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism

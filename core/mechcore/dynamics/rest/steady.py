@@ -24,8 +24,9 @@ from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import elements_of
 from mechcore.laws.timed import Free
+from mechcore.motion.compiled import Compiled
 from mechcore.motion.slots import has_ends
-from mechcore.motion.solve import Compiled, compile_mechanism, solve_motion
+from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 

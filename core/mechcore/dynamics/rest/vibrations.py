@@ -21,7 +21,7 @@ from mechcore.dynamics.events import Stop
 from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest, scale_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
-from mechcore.motion.solve import Compiled
+from mechcore.motion.compiled import Compiled
 from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 

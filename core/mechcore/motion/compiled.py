@@ -1,0 +1,190 @@
+"""A mechanism ready to run, and its motion as far as it can be assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.branches.assembly import Assembly
+from mechcore.branches.singular_points import TWO_MODES, Changes, find_changes, needs_span, passages
+from mechcore.branches.tracking import Course, course_of
+from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
+from mechcore.kinematics.model import Model
+from mechcore.kinematics.patching import make_patches
+from mechcore.kinematics.positions import place_all
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.motion import Motion
+from mechcore.spec.mechanism import Mechanism
+
+Array = Any
+DriveValues = list[tuple[Array, Array, Array]]  # position, speed, acceleration (F,) of each drive; rates may be single numbers
+TURN = 2.0 * np.pi
+MOST_TURNS = 50_000  # of a drive in one run; of one that slides, that many circumferences of a circle as large as the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A mechanism ready to run: its model and how it is put together at the start of its drives."""
+
+    model: Model
+    assembly: Assembly
+    start: tuple[float, ...]  # drive positions for which the assembly was made
+    angles: UnwrappedAngles  # of its links, as far as they have been asked for
+    changes: Changes | None = None  # where assembly modes meet in the course of the drives' laws
+    courses: list[Course] = field(default_factory=list)  # walks that have been made, for further frames on the same way
+    accuracy: Accuracy = DEFAULT
+
+    @cached_property
+    def near(self) -> float:
+        """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
+        return TURN * MOST_TURNS * min(1.0, self.model.size) - max((abs(q) for q in self.start), default=0.0)
+
+    @cached_property
+    def followed(self) -> bool:
+        """Whether groups have to be followed along their course; with gears a turn of the drive need not bring all back."""
+        return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.model.mechanism
+
+
+def drive_values(
+    mechanism: Mechanism, time: Array, given: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
+) -> DriveValues:
+    """Where the drives are at times (F,) by their laws, or as ``given`` by the names of their pairs."""
+    values: DriveValues = []
+    for d in mechanism.drives:
+        if given is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
+            turned = d.law.speed * time
+            values.append((turned + d.law.start if d.law.start else turned, float(d.law.speed), 0.0))
+            continue
+        q, v, a = (np.asarray(x, float) for x in (given[d.pair] if given is not None and d.pair in given else d.law(time)))
+        if not q.shape == v.shape == a.shape == time.shape:
+            q, v, a = (np.broadcast_to(x, time.shape) for x in (q, v, a))
+        values.append((q, v, a))
+    return values
+
+
+def follow(
+    compiled: Compiled, time: ArrayLike, drives: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
+) -> Motion:
+    """Motion at times (F,) [s], or at given ``drives`` as in `solve_motion`; frames that cannot be assembled are NaN."""
+    time = np.atleast_1d(np.asarray(time, float))
+    return place(compiled, time, drive_values(compiled.mechanism, time, drives), given=drives is not None).motion
+
+
+class Placed(NamedTuple):
+    """A motion, the walk that it lies on with the frames' ``parameter`` there, where groups are followed, and the changes known."""
+
+    motion: Motion
+    course: Course | None
+    parameter: Array | None
+    changes: Changes | None
+
+
+def place(compiled: Compiled, time: Array, values: DriveValues, *, given: bool) -> Placed:
+    """The motion at times (F,) [s] and values of the drives; ``given``: other ones than their laws'."""
+    model = compiled.model
+    positions = [v[0] for v in values]
+    constants = compiled.assembly.constants
+    solved, parameter, course = model, None, None
+    starts: Mapping[str, Array] | None = None
+    modes: Sequence[Array] = compiled.assembly.modes
+    patches, passed = None, []
+    changes = compiled.changes
+    still = not given and not model.mechanism.led
+    if still:
+        starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
+    elif compiled.followed and given and len(positions) > 1 and len(time):
+        starts = compiled.angles.way.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
+    elif compiled.followed and len(time):
+        course = _course(compiled, time, positions, given=given)
+        solved, changes = course.model, course.changes
+        parameter = time if course.by_time else positions[0]
+        starts = course.starts(parameter)
+    elif changes is None and not given and len(time) and needs_span(model):
+        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
+    if changes is not None and changes.found:
+        law_time, scale = _law_time(compiled, changes, time, values, given=given)
+        if law_time is not None:
+            modes = [m * changes.signs(i, law_time) for i, m in enumerate(modes)]
+            own = None if course is None else partial(_own_starts, course)
+            patches = make_patches(solved, changes, compiled.assembly.modes, law_time, scale, constants, own)
+            if not given and changes.by_drive:
+                passed = passages(changes, model.mechanism.drives[0].law, time, positions[0])
+            elif not given:
+                passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
+    state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
+    led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
+    again: Callable[[Array], Motion] | None = None if given else lambda t: follow(led, t)
+    in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
+    frames = positions, state, (*model.designs, len(time))
+    angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
+    motion = Motion(model, time, values, state, angles, patches, passed, again, compiled.accuracy)
+    return Placed(motion, course, parameter, changes)
+
+
+def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -> LinkAngles:
+    """Angles of the links at frames; ``in_time``: the laws lead there, and only the time tells where they are."""
+    drives, unwrapped = compiled.mechanism.drives, compiled.angles
+
+    def placed(time: Array, given: Array | None = None) -> Frames:
+        rest = np.zeros(len(time))
+        led = None if given is None else {d.pair: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
+        motion = follow(compiled, time, led)
+        return [d[0] for d in motion.drives], motion.state, motion.shape
+
+    if in_time:
+        return unwrapped.along(frames, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
+    if len(drives) > 1:
+        return unwrapped.through(frames, time, lambda x: placed(x[:, 0], x[:, 1:]))
+    return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
+
+
+def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, given: bool) -> Course:
+    """The walk that the frames need: one that has been made already, if it covers them."""
+    for course in compiled.courses:
+        if not (course.by_time and given):
+            wanted = time if course.by_time else positions[0]
+            one = len(positions) == 1 and not course.by_time
+            if one and given and course.tells(wanted):
+                return course
+            if (course.by_time or (one and not course.track.singular)) and bool(np.all(course.reached(wanted))):
+                return course
+    course = course_of(compiled.model, compiled.assembly, compiled.start, time, positions, given=given)
+    compiled.courses[:] = [course, *compiled.courses[:3]]
+    return course
+
+
+def reached(compiled: Compiled, q: Array) -> Array:
+    """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
+    are followed Newton's method may have found other branches. True everywhere where none are followed."""
+    for course in compiled.courses:
+        if not course.by_time and course.tells(q):
+            return course.reached(q)
+    return np.ones(np.shape(q), bool)
+
+
+def _own_starts(course: Course, law_time: Array) -> dict[str, Array]:
+    """Newton starts at times of the laws that lead along a walk."""
+    return course.starts(law_time if course.by_time else law_time + course.start)
+
+
+def _law_time(
+    compiled: Compiled, changes: Changes, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
+) -> tuple[Array | None, tuple[Array, Array]]:
+    """Where the frames are on the way along which changes are known, and its first two derivatives by time.
+
+    None where the frames' drive positions are given and that way is the laws' time.
+    """
+    if changes.by_drive:
+        q, v, a = values[0]
+        return q - compiled.start[0], (v, a)
+    return (None, (1.0, 0.0)) if given else (time, (1.0, 0.0))
