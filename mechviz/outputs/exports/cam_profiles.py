@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from mechcore.texts import Text, as_angle, as_coordinate
 from mechviz.files import OutputError, replacing
+from mechviz.scene.cams.files import biarcs
 
 if TYPE_CHECKING:
     from mechcore.cams.placed import PlacedCam
@@ -130,32 +132,6 @@ def _check(outline: Outline) -> None:
         )
 
 
-# -- arcs -----------------------------------------------------------------------------------------------------------------
-
-
-def biarcs(points: Complex, tangents: Complex) -> tuple[Complex, Real]:
-    """Points (n) with unit tangents (n) -> vertices (2 n - 1) and bulges (2 n - 2) of two arcs between every two of them.
-
-    The arcs meet tangentially, with equal lengths of the tangents (Bolton 1975). A bulge is the tangent of a quarter of the
-    arc's angle, positive to the left.
-    """
-    p, q, a, b = points[:-1], points[1:], tangents[:-1], tangents[1:]
-    v, t = q - p, a + b
-    lean = 2.0 * (1.0 - np.real(np.conj(a) * b))
-    along, size = np.real(np.conj(v) * t), np.abs(v) ** 2
-    straight = lean < 1e-14
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.where(straight, size / (2.0 * along), (-along + np.sqrt(along**2 + lean * size)) / np.where(straight, 1.0, lean))
-    joint = 0.5 * (p + q + d * (a - b))
-    first, second = joint - p, q - joint
-    bulges = np.empty(2 * len(p))
-    bulges[0::2] = np.tan(0.5 * np.angle(first * np.conj(a)))
-    bulges[1::2] = np.tan(0.5 * np.angle(b * np.conj(second)))
-    vertices = np.empty(2 * len(p) + 1, complex)
-    vertices[0:-1:2], vertices[1::2], vertices[-1] = p, joint, q[-1]
-    return vertices, bulges
-
-
 def _chain(outline: Outline) -> tuple[Complex, Real]:
     """Vertices and bulges of the whole curve; a closed one ends where it starts, which is left out."""
     vertices, bulges = [], []
@@ -169,37 +145,33 @@ def _chain(outline: Outline) -> tuple[Complex, Real]:
     return np.concatenate(vertices), np.concatenate(bulges)
 
 
-# -- formats --------------------------------------------------------------------------------------------------------------
-
-
 def dxf_text(outlines: Iterable[Outline]) -> str:
-    """A drawing (DXF, release 12) in millimetres: polylines of arcs on the layer PROFILE, the axis as a point on CENTRE."""
-    rows: list[tuple[int, str]] = [
-        (999, "mechviz, millimetres"),
-        (0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1"),
-        (0, "ENDSEC"), (0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, "2"),
-    ]  # fmt: skip
-    for layer, color in (("PROFILE", "7"), ("CENTRE", "1")):
-        rows += [(0, "LAYER"), (2, layer), (70, "0"), (62, color), (6, "CONTINUOUS")]
-    rows += [(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES")]
+    """A drawing (DXF, release 2004) in millimetres: polylines of arcs on the layer PROFILE, the axis as a point on CENTRE.
+
+    What is unrolled from a cylinder has the cylinder's radius among the properties of the drawing.
+    """
+    import ezdxf
+
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # no date and no random number: the same cam gives the same file
+    drawing = ezdxf.new("R2004", units=4)
+    drawing.layers.add("PROFILE", color=7)
+    drawing.layers.add("CENTRE", color=1)
+    sheet = drawing.modelspace()
     centres: list[complex] = []
     for outline in outlines:
         z, bulges = _chain(outline)
-        flags = "1" if outline.closed else "0"
-        layer = "CENTRE" if outline.centre_line else "PROFILE"
+        rows = np.column_stack([z.real, z.imag, bulges]).tolist()
+        layer = {"layer": "CENTRE" if outline.centre_line else "PROFILE"}
+        sheet.add_lwpolyline(rows, format="xyb", close=outline.closed, dxfattribs=layer)
         if outline.cylinder is not None:
-            name = outline.name.encode("ascii", "replace").decode()
-            rows.append((999, f"{name}: unrolled from a cylinder of radius {_text(outline.cylinder)} mm"))
-        rows += [(0, "POLYLINE"), (8, layer), (66, "1"), (10, "0.0"), (20, "0.0"), (30, "0.0"), (70, flags)]
-        for w, bulge in zip(z.tolist(), bulges.tolist(), strict=True):
-            rows += [(0, "VERTEX"), (8, layer), (10, _text(w.real)), (20, _text(w.imag)), (30, "0.0"), (42, _text(bulge))]
-        rows += [(0, "SEQEND"), (8, layer)]
-        if outline.cylinder is None and all(abs(outline.centre - c) > ON_CENTRE for c in centres):
+            words = f"unrolled from a cylinder of radius {_text(outline.cylinder)} mm"
+            drawing.header.custom_vars.append(outline.name, words)
+        elif all(abs(outline.centre - c) > ON_CENTRE for c in centres):
             centres.append(outline.centre)
-    for c in centres:
-        rows += [(0, "POINT"), (8, "CENTRE"), (10, _text(c.real)), (20, _text(c.imag)), (30, "0.0")]
-    rows += [(0, "ENDSEC"), (0, "EOF")]
-    return "".join(f"{code:3d}\n{value}\n" for code, value in rows)
+            sheet.add_point((outline.centre.real, outline.centre.imag), dxfattribs={"layer": "CENTRE"})
+    text = StringIO()
+    drawing.write(text)
+    return text.getvalue()
 
 
 def _text(value: float) -> str:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from io import BytesIO
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ Real = NDArray[np.float64]
 _UNITS = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 13: 1e-6}  # $INSUNITS -> m
 _NAMED = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 _SAME = 1e-7  # points of a table closer than this part of the profile are one
+ELLIPSE_ARCS, SPAN_ARCS = 256, 16  # pairs of arcs of a turn of an ellipse, and between two knots of a spline
 _NEAR = 1e-5  # ends of lines and arcs closer than this part of the drawing are one point
 
 
@@ -25,95 +28,95 @@ def _bad(message: str, remedy: str) -> MechanismError:
     return MechanismError(Fault("file", message, remedy))
 
 
-def _rows(text: str) -> Iterator[tuple[int, str]]:
-    lines = text.splitlines()
-    for code, value in zip(lines[::2], lines[1::2], strict=False):
-        if not re.fullmatch(r"\s*-?\d+\s*", code):
-            raise _bad("it is no DXF drawing in text form.", "Save it as DXF (ASCII), of any release.")
-        yield int(code), value.strip()
-
-
 def read_dxf(content: bytes) -> tuple[Complex, Real, float | None]:
     """The only closed outline of a DXF drawing: vertices (n), bulges (n), and its unit [m] where the drawing states one.
 
-    Polylines of both kinds with bulges; lines, arcs and circles that join end to end. Raises ``MechanismError`` where there is
-    none or more than one.
+    Polylines of both kinds with bulges and circles; lines, arcs, ellipses and splines that join end to end, also in blocks.
+    Ellipses and splines become arcs through their points and tangents, all else is exact. Raises ``MechanismError`` where there is
+    no outline or more than one.
     """
-    rows = list(_rows(content.decode("utf-8", errors="replace")))
-    unit = None
-    for k, (code, value) in enumerate(rows[:-1]):
-        if (code, value) == (9, "$INSUNITS"):
-            unit = _UNITS.get(int(float(rows[k + 1][1])))
-    starts = [k for k, (code, _) in enumerate(rows) if code == 0] + [len(rows)]
-    closed: list[tuple[list[complex], list[float]]] = []
+    from ezdxf import DXFError, recover
+
+    try:
+        document, auditor = recover.read(BytesIO(content))
+    except (DXFError, ValueError) as error:
+        raise _bad(f"it is no DXF drawing that can be read: {error}", "Save it as DXF again, of any release.") from None
+    closed: list[tuple[Complex, Real]] = []
     loose: list[tuple[complex, complex, float]] = []
-    current: tuple[list[complex], list[float]] | None = None
-    for a, b in pairwise(starts):
-        kind, data = rows[a][1], rows[a + 1 : b]
-        first = dict(reversed(data))
-
-        def number(code: int, first: dict[int, str] = first) -> float:
-            return float(first.get(code, "0"))
-
-        if kind == "LWPOLYLINE":
-            z, bulges = _light(data)
-            _take(z, bulges, bool(int(number(70)) & 1), closed, loose)
-        elif kind == "POLYLINE":
-            current = ([], [])
-            shut = bool(int(number(70)) & 1)
-        elif kind == "VERTEX" and current is not None:
-            current[0].append(complex(number(10), number(20)))
-            current[1].append(number(42))
-        elif kind == "SEQEND" and current is not None:
-            _take(*current, shut, closed, loose)
-            current = None
-        elif kind == "LINE":
-            loose.append((complex(number(10), number(20)), complex(number(11), number(21)), 0.0))
-        elif kind == "ARC":
-            sweep = np.radians((number(51) - number(50)) % 360.0)
-            ends = complex(number(10), number(20)) + number(40) * np.exp(1j * np.radians([number(50), number(51)]))
-            loose.append((complex(ends[0]), complex(ends[1]), float(np.tan(sweep / 4.0))))
-        elif kind == "CIRCLE":
-            c, r = complex(number(10), number(20)), number(40)
-            closed.append(([c + r, c - r], [1.0, 1.0]))
-        elif kind in ("SPLINE", "ELLIPSE"):
-            raise _bad(f"it has a {kind.lower()}.", "Save it with polylines of lines and arcs.")
+    for entity in _entities(document.modelspace()):
+        z, bulges, shut = _curve(entity)
+        if shut and len(z) > 1:
+            closed.append((z, bulges))
+        else:
+            loose += zip(z[:-1].tolist(), z[1:].tolist(), bulges.tolist(), strict=False)
     closed += _chains(loose)
     if len(closed) != 1:
         found = f"{len(closed)} closed outlines" if closed else "no closed outline"
-        raise _bad(f"it has {found}.", "Leave the profile of the cam alone in it, closed.")
-    return np.array(closed[0][0]), np.array(closed[0][1]), unit
+        damage = f"; {len(auditor.errors)} of its parts are damaged" if auditor.errors else ""
+        raise _bad(f"it has {found}{damage}.", "Leave the profile of the cam alone in it, closed.")
+    return *closed[0], _UNITS.get(document.units)
 
 
-def _light(data: list[tuple[int, str]]) -> tuple[list[complex], list[float]]:
-    x: list[float] = []
-    y: list[float] = []
-    bulges: list[float] = []
-    for code, value in data:
-        if code == 10:
-            x.append(float(value))
-            bulges.append(0.0)
-        elif code == 20:
-            y.append(float(value))
-        elif code == 42 and bulges:
-            bulges[-1] = float(value)
-    return [complex(a, b) for a, b in zip(x, y, strict=True)], bulges
+def _entities(layout: Iterable[Any]) -> Iterator[Any]:
+    """The entities of a layout, those of blocks in their places."""
+    for entity in layout:
+        if entity.dxftype() == "INSERT":
+            yield from _entities(entity.virtual_entities())
+        else:
+            yield entity
 
 
-def _take(
-    z: list[complex],
-    bulges: list[float],
-    shut: bool,
-    closed: list[tuple[list[complex], list[float]]],
-    loose: list[tuple[complex, complex, float]],
-) -> None:
-    if shut and len(z) > 1:
-        closed.append((z, bulges))
+def _curve(entity: Any) -> tuple[Complex, Real, bool]:
+    """Vertices (n), bulges (n or n - 1) and whether it is closed; no vertices of what is no curve."""
+    kind, dxf = entity.dxftype(), entity.dxf
+    if kind == "LINE":
+        return _plane([dxf.start, dxf.end]), np.zeros(1), False
+    if kind in ("ELLIPSE", "SPLINE"):
+        z, bulges = biarcs(*(_ellipse if kind == "ELLIPSE" else _spline)(entity.construction_tool()))
+        return z, bulges, False
+    if kind == "ARC":
+        ends = np.radians([dxf.start_angle, dxf.end_angle])
+        z = complex(dxf.center.x, dxf.center.y) + dxf.radius * np.exp(1j * ends)
+        bulges, shut = np.tan(np.diff(ends) % (2.0 * np.pi) / 4.0), False
+    elif kind == "CIRCLE":
+        z = complex(dxf.center.x, dxf.center.y) + dxf.radius * np.array([1.0, -1.0])
+        bulges, shut = np.ones(2), True
+    elif kind == "LWPOLYLINE" or (kind == "POLYLINE" and entity.is_2d_polyline):
+        rows = entity.get_points("xyb") if kind == "LWPOLYLINE" else [v.format("xyb") for v in entity.vertices]
+        x, y, bulges = np.array(rows, float).reshape(-1, 3).T
+        z, shut = x + 1j * y, bool(entity.is_closed)
     else:
-        loose += [(a, b, bulge) for a, b, bulge in zip(z, z[1:], bulges, strict=False)]
+        return np.empty(0, complex), np.empty(0), False
+    return (-np.conj(z), -bulges, shut) if dxf.extrusion.z < 0.0 else (z, bulges, shut)  # drawn from behind
 
 
-def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[list[complex], list[float]]]:
+def _plane(points: Iterable[Any]) -> Complex:
+    return np.array([complex(p.x, p.y) for p in points])
+
+
+def _ellipse(tool: Any) -> tuple[Complex, Complex]:
+    """Points and unit tangents of an arc of an ellipse."""
+    at = list(tool.params(ELLIPSE_ARCS + 1))
+    return _plane(tool.vertices(at)), _unit(_plane(tool.tangents(at)))
+
+
+def _spline(tool: Any) -> tuple[Complex, Complex]:
+    """Points and unit tangents of a spline, from knot to knot."""
+    knots = np.unique(np.clip(tool.knots(), tool.knots()[tool.order - 1], tool.knots()[tool.count]))
+    share = np.linspace(0.0, 1.0, SPAN_ARCS + 1)
+    points, tangents = [], []
+    for a, b in pairwise(knots):
+        points.append(_plane(tool.points(a + (b - a) * share)))
+        inside = a + (b - a) * np.clip(share, 1e-6, 1.0 - 1e-6)  # one-sided at the knots, where it may have a corner
+        tangents.append(_unit(_plane(d[1] for d in tool.derivatives(inside, 1))))
+    return np.concatenate(points), np.concatenate(tangents)
+
+
+def _unit(z: Complex) -> Complex:
+    return z / np.abs(z)
+
+
+def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[Complex, Real]]:
     """Lines and arcs put end to end into closed outlines; what does not close is left out."""
     if not loose:
         return []
@@ -130,8 +133,31 @@ def _chains(loose: list[tuple[complex, complex, float]]) -> list[tuple[list[comp
             a, b, bulge = rest.pop(k)
             chain.append((a, b, bulge) if abs(a - end) <= near else (b, a, -bulge))
         else:
-            found.append(([a for a, _, _ in chain], [bulge for _, _, bulge in chain]))
+            found.append((np.array([a for a, _, _ in chain]), np.array([bulge for _, _, bulge in chain])))
     return found
+
+
+def biarcs(points: Complex, tangents: Complex) -> tuple[Complex, Real]:
+    """Points (n) with unit tangents (n) -> vertices (2 n - 1) and bulges (2 n - 2) of two arcs between every two of them.
+
+    The arcs meet tangentially, with equal lengths of the tangents (Bolton 1975). A bulge is the tangent of a quarter of the
+    arc's angle, positive to the left.
+    """
+    p, q, a, b = points[:-1], points[1:], tangents[:-1], tangents[1:]
+    v, t = q - p, a + b
+    lean = 2.0 * (1.0 - np.real(np.conj(a) * b))
+    along, size = np.real(np.conj(v) * t), np.abs(v) ** 2
+    straight = lean < 1e-14
+    with np.errstate(divide="ignore", invalid="ignore"):
+        d = np.where(straight, size / (2.0 * along), (-along + np.sqrt(along**2 + lean * size)) / np.where(straight, 1.0, lean))
+    joint = 0.5 * (p + q + d * (a - b))
+    first, second = joint - p, q - joint
+    bulges = np.empty(2 * len(p))
+    bulges[0::2] = np.tan(0.5 * np.angle(first * np.conj(a)))
+    bulges[1::2] = np.tan(0.5 * np.angle(b * np.conj(second)))
+    vertices = np.empty(2 * len(p) + 1, complex)
+    vertices[0:-1:2], vertices[1::2], vertices[-1] = p, joint, q[-1]
+    return vertices, bulges
 
 
 def read_points(content: bytes) -> tuple[Complex, float | None]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import io
+
+import ezdxf
 import numpy as np
 import pytest
 from cam_scenes import refused, solved, text_of
+from ezdxf.math import ConstructionEllipse, rational_bspline_from_ellipse
 
 import mechviz
 from mechcore.cams.analysis import analyse
@@ -197,12 +201,38 @@ def test_drawings_of_lines_and_arcs(tmp_path):
     assert unit is None and bulged(z, bulges).area == pytest.approx(900.0 * np.pi, rel=1e-3)
     for text, word in (
         (dxf(line(0j, 1 + 0j)), "no closed outline"),
-        (dxf("0\nSPLINE\n70\n8\n"), "spline"),
+        (dxf("0\nLWPOLYLINE\n90\n2\n70\n1\n10\n0\n20\n0\n10\n1\n20\n0\n"), "AcDbPolyline"),
         ("hello\nthere\n", "no DXF"),
     ):
         path.write_text(text)
         with pytest.raises(MechanismError, match=word):
             read_dxf(path.read_bytes())
+
+
+@pytest.mark.parametrize("kind", ["ellipse", "spline", "half ellipse", "block", "mirrored"])
+def test_drawings_of_curves(kind):
+    """An ellipse of 40 x 20 mm, written in several ways, and a half disc drawn from behind have their areas and places."""
+    drawing = ezdxf.new(units=4)
+    sheet = drawing.modelspace()
+    if kind == "block":
+        sheet, outer = drawing.blocks.new("CAM"), sheet
+        outer.add_blockref("CAM", (7, 3), dxfattribs={"rotation": 30})
+    if kind == "spline":
+        sheet.add_spline().apply_construction_tool(rational_bspline_from_ellipse(ConstructionEllipse((0, 0), (20, 0), ratio=0.5)))
+    elif kind == "mirrored":
+        sheet.add_lwpolyline([(-20, -10, -1), (-20, 10, 0)], "xyb", dxfattribs={"extrusion": (0, 0, -1)})
+        sheet.add_line((20, -10), (20, 10))
+    else:
+        sheet.add_ellipse((0, 0), (20, 0), 0.5, 0.0, np.pi if kind == "half ellipse" else 2.0 * np.pi)
+        if kind == "half ellipse":
+            sheet.add_line((-20, 0), (20, 0))
+    text = io.StringIO()
+    drawing.write(text)
+    z, bulges, unit = read_dxf(text.getvalue().encode())
+    contour = bulged(z, bulges)
+    area = {"half ellipse": 100.0, "mirrored": 50.0}.get(kind, 200.0) * np.pi
+    assert unit == 1e-3 and contour.area == pytest.approx(area, rel=2e-4 if kind == "mirrored" else 1e-6)
+    assert kind != "mirrored" or np.allclose(z.real, 20.0)
 
 
 def test_tables_of_points(tmp_path):

@@ -99,7 +99,7 @@ def test_developments_as_files(tmp_path):
     done = run("cam-barrel", "--dxf", str(tmp_path / "d.dxf"), "--svg", str(tmp_path / "d.svg"), "--frames", "12")
     assert done.exit_code == 0, done.output
     text = (tmp_path / "d.dxf").read_text()
-    assert text.count("POLYLINE") == 3 and "unrolled from a cylinder of radius 45 mm" in text and "\nPOINT\n" not in text
+    assert text.count("\nLWPOLYLINE\n") == 3 and "unrolled from a cylinder of radius 45 mm" in text and "\nPOINT\n" not in text
     width = ET.fromstring((tmp_path / "d.svg").read_text()).get("width")
     assert float(width[:-2]) == pytest.approx(2.0 * np.pi * 45.0 + 10.0, abs=0.2)
     for name in ("cam-globoid", "cam-indexing-barrel"):

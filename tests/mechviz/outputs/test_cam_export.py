@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import replace
 
+import ezdxf
 import numpy as np
 import pytest
 from shapely.geometry import LineString, Point
@@ -55,15 +57,17 @@ def test_arcs_lie_on_the_profile_and_join_smoothly(name, outlines, monkeypatch):
 
 def test_dxf_says_its_units_and_holds_every_vertex(outlines):
     text = dxf_text(outlines["cam-groove"])
-    rows = text.splitlines()
-    pairs = list(zip(map(int, rows[::2]), rows[1::2], strict=True))
-    assert (9, "$INSUNITS") in pairs and pairs[pairs.index((9, "$INSUNITS")) + 1] == (70, "4")
-    kinds = [value for code, value in pairs if code == 0]
-    assert kinds.count("POLYLINE") == kinds.count("SEQEND") == 2 and kinds.count("POINT") == 1 and kinds[-1] == "EOF"
-    assert kinds.count("VERTEX") == sum(len(_chain(o)[0]) for o in outlines["cam-groove"])
-    assert kinds.count("SECTION") == kinds.count("ENDSEC") == 3
-    x = [float(value) for code, value in pairs if code == 10]
-    assert 40.0 < max(x) < 90.0  # millimetres
+    drawing = ezdxf.read(io.StringIO(text))
+    audit = drawing.audit()
+    assert not audit.errors and not audit.fixes
+    assert drawing.units == 4 and drawing.header["$MEASUREMENT"] == 1, "millimetres"
+    sheet = drawing.modelspace()
+    assert len(sheet) == 3 and [e.dxf.layer for e in sheet.query("POINT")] == ["CENTRE"]
+    for line, outline in zip(sheet.query("LWPOLYLINE"), outlines["cam-groove"], strict=True):
+        x, y, bulges = np.array(line.get_points("xyb")).T
+        assert line.closed and line.dxf.layer == "PROFILE"
+        assert np.array_equal(x + 1j * y, _chain(outline)[0]) and np.array_equal(bulges, _chain(outline)[1])
+    assert dxf_text(outlines["cam-groove"]) == text
 
 
 def test_svg_is_true_to_scale(outlines):
