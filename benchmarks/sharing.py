@@ -49,7 +49,7 @@ def train(count: int, forces: bool = False) -> str:
     for k in range(1, count + 1):
         lines.append(f"coupler{k} = {{ points = {{ B{k} = [0, 0], C{k} = [190, 0] }}{heavy} }}")
         lines.append(f"rocker{k} = {{ points = {{ D{k} = [0, 0], C{k} = [120, 0], B{k + 1} = [90, 20] }}{heavy} }}")
-    lines += ["[pairs]", 'D0 = { revolute = ["frame", "rocker0"], drive = { speed = "60 rpm" } }']
+    lines += ["[joints]", 'D0 = { revolute = ["frame", "rocker0"], drive = { speed = "60 rpm" } }']
     for k in range(1, count + 1):
         lines.append(f'B{k} = {{ revolute = ["rocker{k - 1}", "coupler{k}"] }}')
         lines.append(f'C{k} = {{ revolute = ["coupler{k}", "rocker{k}"], side = "left" }}')

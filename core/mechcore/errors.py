@@ -10,7 +10,7 @@ from mechcore.texts import Text, UnitSystem
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong: where (a dotted path such as ``pairs.C``), what, and what to do about it.
+    """One thing that is wrong: where (a dotted path such as ``joints.C``), what, and what to do about it.
 
     Quantities in message and remedy (see `mechcore.texts`) are shown in mm and degrees, or in the units of `in_units`.
     """

@@ -116,7 +116,7 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
     """All values that are one of a few texts: laws of motion, assembly modes, senses."""
     found = []
     for spot in _spots(scene.document):
-        if len(spot.options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("pairs", "loads", "links"):
+        if len(spot.options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
             found.append(Choice(spot.path, _group(spot.path), _label(spot.path), spot.value, spot.options))
     return tuple(sorted(found, key=lambda c: GROUPS.index(c.group)))
 
@@ -261,26 +261,26 @@ def _kind_here(document: SceneDocument, path: Place, quantity: Quantity) -> str:
     if len(quantity.kinds) == 1:
         return quantity.kinds[0]
     turning = True
-    if path[0] == "pairs":
-        pair = document.pairs[str(path[1])]
+    if path[0] == "joints":
+        pair = document.joints[str(path[1])]
         turning = pair.coordinate == "angle" and "rating" not in path  # a cam is judged by the force at its contact
         if "profile" in path and pair.profile is not None and pair.follower is not None:
-            guide = document.pairs[pair.follower.guide]
+            guide = document.joints[pair.follower.guide]
             turning = guide.coordinate == "angle" if path[-1] == "to" else pair.profile.bed is None
             if path[-1] == "base":
                 turning = pair.follower.groove is not None and guide.coordinate == "angle"  # else a radius
     elif path[0] == "loads":
         load = document.loads[str(path[1])]
         if {"table", "polynomial", "fires"} & set(path) and load.servo is None:
-            led = next((pair for pair in document.pairs.values() if pair.led), None)
+            led = next((pair for pair in document.joints.values() if pair.led), None)
             return next(k for k in quantity.kinds if (k == "angle") == (led is None or led.coordinate == "angle") and k != "time")
         turning = load.kind.startswith("torsion") or (load.drag is not None and "." not in load.drag)
-        if load.servo is not None and load.servo in document.pairs:
-            turning = document.pairs[load.servo].coordinate == "angle"
+        if load.servo is not None and load.servo in document.joints:
+            turning = document.joints[load.servo].coordinate == "angle"
         if load.bushing is not None:
             turning = path[-1] == 2
         if load.viscous is not None:
-            turning = load.viscous in document.pairs and document.pairs[load.viscous].coordinate == "angle"
+            turning = load.viscous in document.joints and document.joints[load.viscous].coordinate == "angle"
     words = ("angle", "angular", "torsional", "torque")
     kinds = [k for k in quantity.kinds if any(w in k for w in words) == turning]
     if len(kinds) > 1 and isinstance(path[-1], int) and path[-1] < len(kinds):
@@ -314,7 +314,7 @@ def _range(document: SceneDocument, path: Place, value: float, kind: str, least:
 
 def _plane_cam(document: SceneDocument, path: Place) -> bool:
     """Whether a value in the profile of a cam belongs to one that turns in the plane."""
-    profile: Any = getattr(document.pairs[str(path[1])], "profile", None)
+    profile: Any = getattr(document.joints[str(path[1])], "profile", None)
     return all(getattr(profile, kind, None) is None for kind in SOLIDS)
 
 
@@ -385,7 +385,7 @@ def _group(path: Place) -> str:
         return "Loads and springs"
     if first == "friction" or "friction" in keys:
         return "Friction"
-    if first == "pairs":
+    if first == "joints":
         if {"drive", "free"} & keys:
             return "Drive"
         if {"profile", "follower"} & keys:

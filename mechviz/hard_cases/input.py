@@ -21,7 +21,7 @@ BASE: dict[str, Any] = {
         "coupler": {"points": {"B": [0, 0], "C": [180, 0], "E": [90, 70]}},
         "rocker": {"points": {"D": [0, 0], "C": [150, 0]}},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm"}},
         "B": {"revolute": ["crank", "coupler"]},
         "C": {"revolute": ["coupler", "rocker"], "side": "left"},
@@ -114,10 +114,10 @@ def _many_slips() -> Outcome:
         lambda: Scene.build(**data),
         ("links.rocker", "unknown key 'mas'", "'mass'"),
         ("links.crank.points.B[0]", "is a mass", "'80 mm'"),
-        ("pairs.A.drive.speed", "is a frequency", "rpm"),
-        ("pairs.C.revolute[1]", "'roker'", "'rocker'"),
-        ("pairs.C.side", "'lefft'", "'left'"),
-        ("pairs.D", "'revolut'", "'revolute'"),
+        ("joints.A.drive.speed", "is a frequency", "rpm"),
+        ("joints.C.revolute[1]", "'roker'", "'rocker'"),
+        ("joints.C.side", "'lefft'", "'left'"),
+        ("joints.D", "'revolut'", "'revolute'"),
         ("trace[0]", "'X'", ""),
     )
 
@@ -151,9 +151,9 @@ def _order() -> Outcome:
     base = _solved(Scene.build(**BASE))
     data = json.loads(json.dumps(BASE))
     data["links"] = dict(reversed(data["links"].items()))
-    data["pairs"] = dict(reversed(data["pairs"].items()))
-    data["pairs"]["B"]["revolute"].reverse()
-    data["pairs"]["D"]["revolute"].reverse()
+    data["joints"] = dict(reversed(data["joints"].items()))
+    data["joints"]["B"]["revolute"].reverse()
+    data["joints"]["D"]["revolute"].reverse()
     return moved(base, "the same motion", _same(base, _solved(Scene.build(**data)), ("crank", "coupler", "rocker"), 1e-14))
 
 

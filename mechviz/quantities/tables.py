@@ -98,7 +98,7 @@ def joints_of(motion: Motion) -> list[JointInfo]:
 
 
 def links_of(motion: Motion) -> list[str]:
-    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar pairs."""
+    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar joints."""
     made = made_pairs(motion.model.mechanism)
     return [name for name in motion.model.links if name not in made]
 

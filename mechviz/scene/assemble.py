@@ -65,9 +65,11 @@ def assemble(
     if faults or reading.faults:
         reading = points_as_meant(reading)
     faults += check_couplings(reading)
-    touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.pairs | reading.shapeless).items()}
+    touched = {key: touched_links(reading, key, pair) for key, pair in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
-    joined = {key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.pairs[key].connects}
+    joined = {
+        key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].connects
+    }
     faults += [*check_joining(reading, joined), *check_trace(reading, certain=certain)]
     document = reading.document
     convert = Converter.of(document.units, folder)
@@ -91,18 +93,18 @@ def assemble(
             own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
             links.append(Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own))
     made_pairs = [
-        pair_spec(key, pair, document, placement, convert) for key, pair in document.pairs.items() if len(pair.kinds) == 1
+        pair_spec(key, pair, document, placement, convert) for key, pair in document.joints.items() if len(pair.kinds) == 1
     ]
     pairs = [pair for pair in made_pairs if pair is not None]
     if not reading.faults:
-        idle_effect(document.effects, document.pairs, [friction_of(pair) for pair in pairs], convert)
+        idle_effect(document.effects, document.joints, [friction_of(pair) for pair in pairs], convert)
     laws: dict[str, Law] = {}
     masters: dict[str, Law | None] = {}
-    moved = document.pairs | reading.shapeless
+    moved = document.joints | reading.shapeless
     driven = {key: pair.drive for key, pair in moved.items() if pair.drive is not None}
     lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
-        pair, path = moved[key], f"pairs.{key}.drive"
+        pair, path = moved[key], f"joints.{key}.drive"
         clear = KINDS[pair.kind].driven if len(pair.kinds) == 1 else ""
         sort = clear or likely_sort(driven[key])
         drawn = drawn_angle(pair, placement) if clear == "angle" else 0.0
@@ -116,9 +118,9 @@ def assemble(
     for key, pair in moved.items():
         if pair.free is not None and pair.kinds == ["planar"]:
             names, drawn_at = Planar(name=key, links=pair.links).coordinates, drawn_place(pair, placement)
-            starts |= planar_starts(pair.free, names, convert, f"pairs.{key}.free", drawn=drawn_at)
+            starts |= planar_starts(pair.free, names, convert, f"joints.{key}.free", drawn=drawn_at)
         elif pair.free is not None and pair.drive is None and len(pair.kinds) == 1:
-            sort, path = KINDS[pair.kind].driven, f"pairs.{key}.free"
+            sort, path = KINDS[pair.kind].driven, f"joints.{key}.free"
             drawn = drawn_angle(pair, placement) if sort == "angle" else 0.0
             start = free_law(pair.free, sort or likely_sort(pair.free), convert, path, drawn=drawn)
             if start is not None:

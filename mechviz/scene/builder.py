@@ -98,7 +98,7 @@ class SceneBuilder:
             "free": free,
             "stops": stops,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def prismatic(
         self,
@@ -131,13 +131,13 @@ class SceneBuilder:
             "free": free,
             "stops": stops,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def weld(
         self, name: str, first: str, second: str, *, at: str | Sequence[str] | None = None, angle: Value | None = None
     ) -> SceneBuilder:
         """A rigid joint between two links."""
-        return self._add("pairs", name, {"weld": [first, second], "at": at, "angle": angle})
+        return self._add("joints", name, {"weld": [first, second], "at": at, "angle": angle})
 
     def pin_slot(
         self,
@@ -168,7 +168,7 @@ class SceneBuilder:
             "free": free,
             "stops": stops,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def rolling(
         self,
@@ -199,7 +199,7 @@ class SceneBuilder:
             "free": free,
             "stops": stops,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def gear(
         self,
@@ -224,17 +224,17 @@ class SceneBuilder:
             "pressure_angle": pressure_angle,
             "friction": friction,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def belt(
         self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None, crossed: bool = False
     ) -> SceneBuilder:
         """A belt over two pulleys."""
-        return self._add("pairs", name, {"belt": [first, second], "carrier": carrier, "radii": radii, "crossed": crossed})
+        return self._add("joints", name, {"belt": [first, second], "carrier": carrier, "radii": radii, "crossed": crossed})
 
     def chain(self, name: str, first: str, second: str, *, radii: Sequence[Value], carrier: str | None = None) -> SceneBuilder:
         """A chain over two sprockets."""
-        return self._add("pairs", name, {"chain": [first, second], "carrier": carrier, "radii": radii})
+        return self._add("joints", name, {"chain": [first, second], "carrier": carrier, "radii": radii})
 
     def rack(
         self,
@@ -257,7 +257,7 @@ class SceneBuilder:
             "pressure_angle": pressure_angle,
             "friction": friction,
         }
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def cam(
         self,
@@ -274,7 +274,7 @@ class SceneBuilder:
         """A cam and its follower; ``touches`` is the scene's table ``follower``, such as dict(roller=10, guide="S", point="T")."""
         entry = {"cam": [cam, follower], "profile": dict(profile), "follower": dict(touches), "closure": closure}
         entry |= {key: None if v is None else dict(v) for key, v in (("rating", rating), ("graphical", graphical))}
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def cylinder(
         self,
@@ -292,7 +292,7 @@ class SceneBuilder:
         """A cylinder between a point of the first link and a point of the second; ``length`` its greatest length or both."""
         moves = {"drive": drive, "free": free, "stops": stops}
         entry = {"cylinder": [first, second], "at": at, "length": length, "side": side, **moves}
-        return self._add("pairs", name, entry)
+        return self._add("joints", name, entry)
 
     def force(
         self,

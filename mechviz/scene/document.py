@@ -196,8 +196,9 @@ class SceneDocument(Table):
     """Wanted relative error, such as 1e-6, from which all dials of accuracy follow; or a table of dials."""
     links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
-    pairs: dict[Name, PairDocument] = Field(default={})
-    """The pairs by name. A pair joins the points of its two links that have its own name, unless `at` names others."""
+    joints: dict[Name, PairDocument] = Field(default={})
+    """The joints (kinematic pairs) by name. A joint joins the points of its two links that have its own name, unless `at` names
+    others."""
     sketch: dict[Name, SketchEntry] = Field(default={})
     """A rough start position: world coordinates of points, or poses of links."""
     loads: dict[Name, LoadDocument] = Field(default={})
@@ -209,6 +210,9 @@ class SceneDocument(Table):
     substitutes: dict[Name, SubstituteDocument] = Field(default={})
     """Substitute masses, by the name of the link that they replace."""
 
+
+FORMER = {"joints": "joints"}
+"""Former names of keys of a scene, which are read as the present ones for ever."""
 
 Place = tuple[str | int, ...]
 """A place in a document: keys of tables, indices of lists."""

@@ -77,7 +77,7 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
 
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
     """A pin or weld that joins points of different names puts both at one place."""
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         if pair.coincide:
             a, b = points_of_pair(name, pair)
             for known, other in ((a, b), (b, a)):
@@ -139,7 +139,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
     grew = True
     while grew:
         grew = False
-        for pair in document.pairs.values():
+        for pair in document.joints.values():
             if not pair.parallel:
                 continue
             first, second = pair.links

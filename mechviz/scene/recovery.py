@@ -26,7 +26,7 @@ Loc = tuple[int | str, ...]
 
 # What people call things elsewhere.
 _SYNONYMS = {
-    "joints": "pairs", "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
+    "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed",
     "motor": "drive", "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia",
     "name": "title", "description": "teaches", "direction": "along", "axis": "along", "mode": "side",
     "forces": "loads", "steps": "frames", "point": "at", "link": "on", "moment": "torque", "hinge": "revolute",
@@ -355,7 +355,7 @@ def _blank(cls: type[Table]) -> Table:
     return table
 
 
-_SECTIONS = ("links", "pairs", "sketch", "loads", "watch", "systems", "substitutes")
+_SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitutes")
 
 
 @dataclass
@@ -413,8 +413,8 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
             broken[section].add("*")
         else:
             broken[section] |= {name for name in items if f"{section}.{name}" in faulty}
-    shapeless = {name: pair for name, pair in document.pairs.items() if not pair.kinds}
-    pairs = {name: pair for name, pair in document.pairs.items() if pair.kinds}
-    known = document.model_copy(update={"pairs": pairs})
+    shapeless = {name: pair for name, pair in document.joints.items() if not pair.kinds}
+    pairs = {name: pair for name, pair in document.joints.items() if pair.kinds}
+    known = document.model_copy(update={"joints": pairs})
     known.mark_unread(document.unread)
     return Reading(known, raw, faults, broken, shapeless)

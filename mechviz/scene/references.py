@@ -59,16 +59,16 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
     elif "*" not in reading.broken["links"] and not isinstance(document.frame, Unknown) and document.frame not in document.links:
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         for kind in pair.kinds:
             for k, link in enumerate(_as_written(reading, name, kind, getattr(pair, kind))):
-                yield from known_link(reading, f"pairs.{name}.{kind}[{k}]", link)
+                yield from known_link(reading, f"joints.{name}.{kind}[{k}]", link)
         unclear = any(isinstance(link, Unknown) or link not in document.links for link in pair.links)
         if pair.guide is not None and not isinstance(pair.guide, Unknown) and pair.guide not in pair.links and not unclear:
             remedy = did_you_mean(pair.guide, pair.links, what="Links")
-            yield Fault(f"pairs.{name}.guide", f"'{pair.guide}' is not one of the two links.", remedy)
+            yield Fault(f"joints.{name}.guide", f"'{pair.guide}' is not one of the two links.", remedy)
         if pair.carrier is not None:
-            yield from known_link(reading, f"pairs.{name}.carrier", pair.carrier)
+            yield from known_link(reading, f"joints.{name}.carrier", pair.carrier)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             yield from known_link(reading, f"sketch.{name}", name)
@@ -78,7 +78,7 @@ def _as_written(reading: Reading, name: str, kind: str, links: list[str]) -> lis
     """The names of a pair's links, also where there are too many or too few of them to be a pair."""
     if not any(isinstance(link, Unknown) for link in links):
         return links
-    pairs = reading.raw.get("pairs")
+    pairs = reading.raw.get("joints")
     item = pairs.get(name) if isinstance(pairs, dict) else None
     written = item.get(kind) if isinstance(item, dict) else None
     return [link if isinstance(link, str) else Unknown() for link in written] if isinstance(written, list) else []
@@ -103,10 +103,10 @@ def known_point(reading: Reading, path: str, link: str, point: str, remedy: str 
 
 def _pairs(reading: Reading) -> Iterator[Fault]:
     document = reading.document
-    if not document.pairs and not reading.shapeless and "*" not in reading.broken["pairs"]:
-        yield Fault("pairs", "the scene has no pairs.", "Add a table [pairs] that joins the links.")
-    for name, pair in document.pairs.items():
-        path = f"pairs.{name}"
+    if not document.joints and not reading.shapeless and "*" not in reading.broken["joints"]:
+        yield Fault("joints", "the scene has no joints.", "Add a table [joints] that joins the links.")
+    for name, pair in document.joints.items():
+        path = f"joints.{name}"
         if len(pair.kinds) > 1:
             continue
         points = zip(pair.links, points_of_pair(name, pair), strict=True) if pair.joins else ()
@@ -127,7 +127,7 @@ def _pairs(reading: Reading) -> Iterator[Fault]:
 def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:
     """Is it one mechanism? ``touched`` says which links each pair joins, or may join."""
     document = reading.document
-    if "*" in reading.broken["pairs"] or not touched:
+    if "*" in reading.broken["joints"] or not touched:
         return
     if "*" in reading.broken["links"] or document.frame not in document.links:
         return
@@ -189,7 +189,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     together, grew = {owners[0]}, True
     while grew:
         grew = False
-        for name, pair in reading.document.pairs.items():
+        for name, pair in reading.document.joints.items():
             if pair.coincide and points_of_pair(name, pair) == (text, text):
                 a, b = pair.links
                 if (a in together) != (b in together):
@@ -255,7 +255,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"{path}.drag", f"'{load.drag}' is the fixed link: it does not move.", "Name a moving link.")
         yield from _pair(reading, f"{path}.viscous", load.viscous, _MOVES, "pair that moves")
         yield from _pair(reading, f"{path}.servo", load.servo, ("revolute", *_PUSHED), "revolute or sliding pair")
-        servo = reading.document.pairs.get(load.servo or "")
+        servo = reading.document.joints.get(load.servo or "")
         if servo is not None and servo.drive is not None:
             why = f"the drive of '{load.servo}' decides its motion, whatever a servo does."
             yield Fault(f"{path}.servo", why, "Let the pair be free, and make its drive the target of the servo.")
@@ -263,7 +263,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         yield from _pair(reading, f"{path}.gas", load.gas, _SLIDES, "sliding pair")
         for key in MACHINES:
             name = getattr(load, key)
-            if name == reading.document.frame and name not in reading.document.pairs:
+            if name == reading.document.frame and name not in reading.document.joints:
                 yield Fault(
                     f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute pair or a moving link."
                 )
@@ -323,9 +323,9 @@ def _point(reading: Reading, path: str, text: str, *, links: bool = False) -> It
 
 def _pair(reading: Reading, path: str, pair: str | None, kinds: tuple[str, ...], what: str) -> Iterator[Fault]:
     """A pair that has to be there, of one of some kinds."""
-    if pair is None or isinstance(pair, Unknown) or pair in reading.shapeless or "*" in reading.broken["pairs"]:
+    if pair is None or isinstance(pair, Unknown) or pair in reading.shapeless or "*" in reading.broken["joints"]:
         return
-    pairs = reading.document.pairs
+    pairs = reading.document.joints
     fitting = [name for name, p in pairs.items() if not kinds or p.kind in kinds]
     if pair not in pairs:
         yield Fault(path, f"there is no pair '{pair}'.", did_you_mean(pair, fitting, what="Pairs"))
@@ -353,9 +353,9 @@ def _words(kind: str) -> str:
 
 
 def _driven(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
-    pairs = reading.document.pairs
+    pairs = reading.document.joints
     driven = [name for name, pair in pairs.items() if pair.led]
-    if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["pairs"]:
+    if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
         return
     what = f"pair '{drive}' has no drive." if drive in pairs else f"there is no pair '{drive}'."
     yield Fault(path, what, did_you_mean(drive, driven, what="Driven pairs"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from mechcore.accuracy import Accuracy
+from mechcore.errors import Fault
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
 from mechviz.scene.assemble import assemble
 from mechviz.scene.bodies.shapes import MassDocument
 from mechviz.scene.convert import Converter
-from mechviz.scene.document import Place, SceneDocument, with_values
+from mechviz.scene.document import FORMER, Place, SceneDocument, with_values
 from mechviz.scene.faults import SceneError, in_file_order
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
@@ -24,6 +25,7 @@ from mechviz.scene.kinds.free_motion import SimulationSpec
 from mechviz.scene.reading import find_scene, parse_toml, read_text
 from mechviz.scene.recovery import Reading, read_document
 from mechviz.scene.units import Units
+from mechviz.scene.worded import path_as_written
 from mechviz.scene.writing import toml_text
 
 
@@ -42,10 +44,13 @@ class Scene:
     folder: SceneFolder = field(repr=False)  # where the files that it names are
     simulation: SimulationSpec | None = field(default=None, repr=False)  # where forces decide the motion
     source: str | None = field(default=None, repr=False)  # the text that it was read from, with its comments
+    former: Mapping[str, str] = field(
+        default_factory=dict, repr=False
+    )  # keys that the text calls by their former names, with these
 
     @classmethod
     def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: Any) -> Scene:
-        """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, pairs={...})``.
+        """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, joints={...})``.
 
         Tuples may stand for lists and numpy numbers for numbers. ``folder`` is where the files that it names are, by default the
         working folder. SceneError reports every fault at once.
@@ -69,7 +74,7 @@ class Scene:
     @property
     def files(self) -> dict[str, bytes]:
         """The files that it names, by these names: meshes of masses, profiles of cams."""
-        links, pairs = self.document.links.values(), self.document.pairs.values()
+        links, pairs = self.document.links.values(), self.document.joints.values()
         names = [link.mass.mesh for link in links if isinstance(link.mass, MassDocument)]
         names += [pair.profile.file for pair in pairs if pair.profile is not None]
         return {name: self.folder.read(name) for name in names if name is not None}
@@ -157,14 +162,19 @@ def json_schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "mechviz scene",
         **{key: value for key, value in schema.items() if key != "title"},
-        "required": ["links", "pairs"],
+        "properties": {**schema["properties"], **{old: schema["properties"][new] for old, new in FORMER.items()}},
+        "required": ["links"],
+        "anyOf": [{"required": ["joints"]}, {"required": ["joints"]}],
     }
 
 
 def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name: str, folder: SceneFolder) -> SceneDocument:
     """A document with other values at some places, of which only what changes is validated anew. SceneError reports every fault
     at once."""
-    changes = {place: _plain(value) for place, value in changes.items()}
+    changes = {
+        tuple(FORMER.get(str(p), p) if k == 0 else p for k, p in enumerate(place)): _plain(value)
+        for place, value in changes.items()
+    }
     try:
         made: SceneDocument = with_values(document, changes)
     except ValidationError:  # the whole is read again, for every fault with its place
@@ -175,19 +185,28 @@ def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name
 
 def assembled(document: SceneDocument, name: str, folder: SceneFolder) -> Scene:
     """The scene of a valid document. SceneError reports every fault at once."""
-    return _assembled(Reading(document, document.model_dump(exclude_unset=True)), name, folder)
+    return _assembled(Reading(document, document.model_dump(exclude_unset=True)), name, folder, {})
 
 
 def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str | None = None, file: str | None = None) -> Scene:
     """The scene of plain data; ``source`` is the text that they come from, ``file`` its name in messages."""
-    return _assembled(read_document(raw), name, folder, source, file)
+    former = {FORMER[key]: key for key in raw if key in FORMER}
+    twice = [
+        Fault(old, f"{new} and {old} at once, which say the same.", f"Keep {new}.") for new, old in former.items() if new in raw
+    ]
+    if twice:
+        raise SceneError(file or name, twice)
+    return _assembled(read_document({FORMER.get(k, k): v for k, v in raw.items()}), name, folder, former, source, file)
 
 
-def _assembled(reading: Reading, name: str, folder: SceneFolder, source: str | None = None, file: str | None = None) -> Scene:
+def _assembled(
+    reading: Reading, name: str, folder: SceneFolder, former: Mapping[str, str], source: str | None = None, file: str | None = None
+) -> Scene:
     mechanism, simulation, faults = assemble(reading, name, folder)
     if mechanism is None:
-        raise SceneError(file or name, in_file_order([*reading.faults, *faults], reading.raw))
-    return Scene(name, reading.document, mechanism, folder, simulation, source)
+        ordered = in_file_order([*reading.faults, *faults], reading.raw)
+        raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])
+    return Scene(name, reading.document, mechanism, folder, simulation, source, former)
 
 
 def _plain(value: Any) -> Any:

@@ -46,7 +46,7 @@ def links_as_meant(reading: Reading) -> Reading:
         frame = "frame"
     changes = {
         "frame": frame,
-        "pairs": {name: _pair_links(reading, name, pair, links) for name, pair in document.pairs.items()},
+        "joints": {name: _pair_links(reading, name, pair, links) for name, pair in document.joints.items()},
         "loads": {name: _load_links(load, links) for name, load in document.loads.items()},
         "sketch": {(_nearest(name, links) if isinstance(entry, Pose) else name): entry for name, entry in document.sketch.items()},
     }
@@ -87,7 +87,7 @@ def points_as_meant(reading: Reading) -> Reading:
     document = reading.document
     every = dict.fromkeys(point for link in link_names(reading) for point in point_names(reading, link) or ())
     changes = {
-        "pairs": {name: _pair_points(reading, name, pair) for name, pair in document.pairs.items()},
+        "joints": {name: _pair_points(reading, name, pair) for name, pair in document.joints.items()},
         "loads": {name: _load_names(reading, load) for name, load in document.loads.items()},
         "sketch": {(name if isinstance(entry, Pose) else _nearest(name, every)): entry for name, entry in document.sketch.items()},
         "effects": [name for name in document.effects if not isinstance(name, Unknown)],
@@ -117,7 +117,7 @@ def _load_names(reading: Reading, load: LoadDocument) -> LoadDocument:
     if load.at is not None and load.on is not None:
         changes["at"] = _nearest_point(reading, load.on, load.at)
     if load.table is not None and load.table.drive is not None:
-        driven = [name for name, pair in reading.document.pairs.items() if pair.led]
+        driven = [name for name, pair in reading.document.joints.items() if pair.led]
         near = _nearest(load.table.drive, driven)
         changes["table"] = _with(load.table, {"drive": None if isinstance(near, Unknown) else near})
     return _with(load, changes)

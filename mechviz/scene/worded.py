@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_SECTIONS = {"dynamics": "run", "drives": "pairs"}
+_SECTIONS = {"dynamics": "run", "drives": "joints"}
 """Parts of a mechanism that are called otherwise in a scene."""
 
 
@@ -56,7 +57,13 @@ def in_scene_words(function: Callable[Concatenate[Scene, P], R]) -> Callable[Con
 def fault_of_scene(scene: Scene, fault: Fault) -> Fault:
     """A fault of the core in the scene's units, at a path that its document has."""
     shown = fault.in_units(scene.units)
-    return Fault(document_path(scene.document, fault.path), shown.message, shown.remedy)
+    return Fault(path_as_written(scene.former, document_path(scene.document, fault.path)), shown.message, shown.remedy)
+
+
+def path_as_written(former: Mapping[str, str], path: str) -> str:
+    """A path of the document with the name that the scene's text has for its first key; ``former``: present name -> former one."""
+    first = re.split(r"[.\[]", path, maxsplit=1)[0]
+    return former.get(first, first) + path[len(first) :]
 
 
 def document_path(document: SceneDocument, path: str) -> str:
@@ -70,8 +77,8 @@ def document_path(document: SceneDocument, path: str) -> str:
         return path
     found, place = section, getattr(document, section, None)
     if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a pair brings along
-        found, place = "pairs", document.pairs
-    if found == "pairs":
+        found, place = "joints", document.joints
+    if found == "joints":
         rest = _of_cam(document, rest)
     while rest:
         key, after = _split(place, rest)
@@ -84,8 +91,8 @@ def document_path(document: SceneDocument, path: str) -> str:
 
 def _of_cam(document: SceneDocument, path: str) -> str:
     """A path inside the pairs, with what a cam pair of the core calls otherwise as its scene calls it."""
-    name, inner = _split(document.pairs, path)
-    pair = document.pairs.get(name or "")
+    name, inner = _split(document.joints, path)
+    pair = document.joints.get(name or "")
     if pair is None or pair.kind != "cam":
         return path
     key, _, rest = inner.partition(".")

@@ -31,7 +31,7 @@ def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
     """Small vibrations about the equilibrium that a scene's free coordinates fall to. Raises `SceneError`, `MechanismError`."""
     if scene.simulation is None:
         remedy = "Let forces move a pair: free = { position = 0 } instead of its drive."
-        raise SceneError(scene.name, Fault("pairs", "every motion is prescribed: nothing can vibrate.", remedy))
+        raise SceneError(scene.name, Fault("joints", "every motion is prescribed: nothing can vibrate.", remedy))
     return small_vibrations(scene.mechanism, seek=seek, stops=scene.simulation.stops)
 
 
@@ -114,10 +114,10 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
         faults.append(Fault("mode", f"there is no mode {number}.", f"Give a number from 1 to {len(found.modes)}."))
     if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
-    for name, entry in scene.document.pairs.items():
+    for name, entry in scene.document.joints.items():
         if entry.kind == "planar":
             remedy = "Hold it by two sliding pairs and a pin in a row instead, to see its modes move."
-            faults.append(Fault(f"pairs.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
+            faults.append(Fault(f"joints.{name}", "a mode is shown by driven pairs, and a free body has none.", remedy))
     if faults:
         raise SceneError(scene.name, faults)
     mode, eq = found.modes[number - 1], found.equilibrium
@@ -134,7 +134,7 @@ def mode_scene(scene: Scene, found: Vibrations, number: int, *, amplitude: float
             centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
             model = eq.compiled.model
             rotary = model.joints[model.joint_index[pair]].coordinate == "angle"
-        changes["pairs", pair, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
+        changes["joints", pair, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
     speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
     changes["title",] = f"{scene.title}: mode {number} of {len(found.modes)}, {speed}"
     changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
@@ -174,11 +174,11 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
     """The changes that leave out what only a motion under forces has, dry friction, and loads that change with time."""
     document = scene.document
     changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
-    for name, pair in document.pairs.items():
-        changes |= {("pairs", name, key): None for key in ("free", "stops") if getattr(pair, key)}
+    for name, pair in document.joints.items():
+        changes |= {("joints", name, key): None for key in ("free", "stops") if getattr(pair, key)}
         for key in ("static", "stribeck") if pair.friction is not None else ():
             if getattr(pair.friction, key) is not None:
-                changes["pairs", name, "friction", key] = None
+                changes["joints", name, "friction", key] = None
     for name, load in document.loads.items():
         timed = "time" in (load.table and load.table.of, load.polynomial and load.polynomial.of)
         if timed or any(getattr(load, key) is not None for key in (*SIGNALS, "servo")):
@@ -190,9 +190,9 @@ def _sketch(scene: Scene, found: Vibrations) -> dict[Place, Any]:
     """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
     document = scene.document
     changes: dict[Place, Any] = {}
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         if pair.kind not in ("rolling", "rack", "cylinder"):
-            changes |= {("pairs", name, key): None for key in ("side", "assembly", "branch") if getattr(pair, key) is not None}
+            changes |= {("joints", name, key): None for key in ("side", "assembly", "branch") if getattr(pair, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
         return changes  # the sketch is their shape
     motion, sketch = found.equilibrium.motion, {}

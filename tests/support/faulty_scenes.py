@@ -23,7 +23,7 @@ BASE: dict[str, Any] = {
         "coupler": {"points": {"B": [0, 0], "C": [180, 0], "E": [90, 70]}},
         "rocker": {"points": {"D": [0, 0], "C": [150, 0]}},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm"}},
         "B": {"revolute": ["crank", "coupler"]},
         "C": {"revolute": ["coupler", "rocker"], "side": "left"},

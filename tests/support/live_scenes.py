@@ -9,7 +9,7 @@ run = { frames = 90, duration = "3 s" }
 [links]
 frame = { points = { O = [0, 0] } }
 bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
-[pairs.O]
+[joints.O]
 revolute = ["frame", "bar"]
 free = { position = -30, speed = "10 rpm" }
 stops = [{ at = -100, side = "lower", restitution = 0.5 }, { at = 80, side = "upper", name = "roof" }]

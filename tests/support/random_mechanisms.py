@@ -565,7 +565,7 @@ class Draft:
         return tuple(made)
 
     def frictions(self) -> None:
-        """Mild dry friction in some pairs."""
+        """Mild dry friction in some joints."""
         for k, p in enumerate(self.pairs):
             if self.uniform(0, 1) < 0.5:
                 continue

@@ -12,7 +12,7 @@ duration = "2 s"
 [links]
 frame = { points = { O = [0, 0] } }
 bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
-[pairs]
+[joints]
 O = { revolute = ["frame", "bar"], free = { position = -30, speed = "10 rpm" } }
 """
 

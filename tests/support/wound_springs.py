@@ -14,7 +14,7 @@ frame   = {{ points = {{ A = [0, 0], E = [{ex!r}, {ey!r}] }} }}
 crank   = {{ points = {{ A = [0, 0], B = [60, 0] }} }}
 coupler = {{ points = {{ B = [0, 0], D = [180, 0] }} }}
 rocker  = {{ points = {{ E = [0, 0], D = [120, 0] }} }}
-[pairs]
+[joints]
 A = {{ revolute = ["frame", "crank"], drive = {{ speed = "60 rpm", start = {start!r} }} }}
 B = {{ revolute = ["crank", "coupler"] }}
 D = {{ revolute = ["coupler", "rocker"], side = "left" }}
@@ -39,7 +39,7 @@ frame  = { points = { O = [0, 0], G = [0, 0] } }
 crank  = { points = { O = [0, 0], B = [150, 0] }, mass = "1 kg", centre = [75, 0], inertia = "0.002 kg m^2" }
 rod    = { points = { B = [0, 0], C = [100, 0] }, mass = "0.5 kg", centre = [50, 0], inertia = "0.001 kg m^2" }
 piston = { points = { C = [0, 0] }, mass = "0.3 kg" }
-[pairs]
+[joints]
 """
 
 
@@ -80,7 +80,7 @@ f  = { points = { A = [0, 0], E = [-160, 0] } }
 c1 = { points = { A = [0, 0], B = [140, 0] }, mass = 0.14, centre = [70, 0], inertia = 228.66666666666674 }
 k1 = { points = { B = [0, 0], C = [220, 0] }, mass = 0.22, centre = [110, 0], inertia = 887.3333333333334 }
 c2 = { points = { E = [0, 0], D = [140, 0] }, mass = 0.14, centre = [70, 0], inertia = 228.66666666666674 }
-[pairs]
+[joints]
 C = { revolute = ["k1", "k2"] }
 A = { revolute = ["f", "c1"], free = { position = 53.94928507121888, speed = "57.29577951308232 rpm" } }
 D = { revolute = ["c2", "k2"] }
@@ -100,7 +100,7 @@ k2 = { at = [-247.02539555789303, 109.66576734784769], angle = 42.13371473161277
 
 GEARED = (
     FIVE_BAR.replace("B = [140, 0]", "B = [140, 0], W = [60, 0]")
-    .replace("[pairs]", "w = { points = { W = [0, 0] }, mass = 0.3, centre = [10, 5], inertia = 300 }\n[pairs]")
+    .replace("[joints]", "w = { points = { W = [0, 0] }, mass = 0.3, centre = [10, 5], inertia = 300 }\n[joints]")
     .replace(
         "[loads]",
         """W = { revolute = ["c1", "w"] }

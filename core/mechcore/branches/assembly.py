@@ -83,7 +83,9 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
                 bl.place(model, block, state, 0.0)
                 if not np.isfinite([complex(state.slide[j]) for j in block.slides]).all():
                     remedy = "Turn one of them, or add a drive that says where."
-                    faults.append(Fault(f"pairs.{block.name}", "its guides are parallel: where it slides to is left open.", remedy))
+                    faults.append(
+                        Fault(f"joints.{block.name}", "its guides are parallel: where it slides to is left open.", remedy)
+                    )
                     break
         modes.append(mode)
     for pair in m.modes:
@@ -91,7 +93,7 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
             near = ", ".join(sorted(known_names)) or "none"
             faults.append(
                 Fault(
-                    f"pairs.{pair}",
+                    f"joints.{pair}",
                     f"an assembly mode ('{m.modes[pair]}') is stated here, but this pair decides nothing.",
                     f"Pairs at which a group can be put together in two ways: {near}.",
                 )
@@ -160,7 +162,7 @@ def fitting_statements(model: Model, drives: Sequence[float]) -> str:
 
 def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
     return Fault(
-        f"pairs.{block.name}",
+        f"joints.{block.name}",
         f"cannot be assembled at the start: the links miss each other by {as_length(miss)}.",
         f"Change a length or the start of the drive{other}.",
     )
@@ -168,7 +170,7 @@ def _apart(model: Model, block: Block, miss: float, other: str) -> Fault:
 
 def _unspanned(block: Block) -> Fault:
     return Fault(
-        f"pairs.{block.name}",
+        f"joints.{block.name}",
         "the outer pins of its group are at the same point at the start: the group can turn about it freely.",
         "Move a pin or start the drives a little before or after; if it is so in every position, drive one of its pins instead.",
     )
@@ -191,7 +193,7 @@ def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[f
         else:
             message = f"'{word}' is not an assembly mode of this group."
             remedy = f"Use {' or '.join(words)}."
-        return 1.0, [Fault(f"pairs.{pair}", message, remedy)]
+        return 1.0, [Fault(f"joints.{pair}", message, remedy)]
     sketched = _sketched_mode(model, block, state)
     if sketched is not None:
         return sketched, []
@@ -205,7 +207,7 @@ def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[f
     options = ", or ".join(f'{key} = "{w}" (there {where[w]})' for w in words)
     return 1.0, [
         Fault(
-            f"pairs.{block.name}",
+            f"joints.{block.name}",
             "the assembly mode is not stated, and the group can be put together in two ways.",
             f"Add {options}; or give a [sketch] of the start position.",
         )
@@ -355,7 +357,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
                 if len(arms) > 1:  # pins off its axis: where they stand at the start matters
                     faults.append(
                         Fault(
-                            f"pairs.{model.sums[r].name}",
+                            f"joints.{model.sums[r].name}",
                             f"nothing says how '{model.links[k]}' stands at the start.",
                             f"Sketch it: [sketch] {model.links[k]} = {{ at = [x, y], angle = ... }}.",
                         )
@@ -400,7 +402,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
     if len(found) == 0:
         return None, [
             Fault(
-                f"pairs.{block.name}",
+                f"joints.{block.name}",
                 "cannot be assembled at the start: no position of its group closes the contours.",
                 "Change a length or the start of the drive.",
             )
@@ -411,7 +413,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
         listed = "; ".join(_describe(model, block, x) for x in found[:8])
         return None, [
             Fault(
-                f"pairs.{block.name}",
+                f"joints.{block.name}",
                 f"the assembly mode is not stated; this group has {len(found)} at the start.",
                 f"Add a [sketch] with rough angles of its links, near one of: {listed}.",
             )
@@ -423,7 +425,7 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array |
     best = np.argsort(error)
     if len(best) > 1 and error[best[1]] - error[best[0]] < 1e-6:
         return None, [
-            Fault(f"pairs.{block.name}", "the sketch fits two assembly modes equally.", "Sketch more links of this group.")
+            Fault(f"joints.{block.name}", "the sketch fits two assembly modes equally.", "Sketch more links of this group.")
         ]
     return found[best[0]], []
 
@@ -443,7 +445,7 @@ def _fix_relations_of_group(
         if any(start[u] is None for u in unknown):
             faults.append(
                 Fault(
-                    f"pairs.{model.sums[r].name}",
+                    f"joints.{model.sums[r].name}",
                     "nothing says how its links stand to each other at the start.",
                     "Give a [sketch] with the angles of its links: the sketch sets the phase of the gears.",
                 )

@@ -125,7 +125,7 @@ class Progress:
                 shown = partial(as_coordinate, rotary=self._rotary(s.pair))
                 why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
                 why += f" '{s.name}' at {shown(s.at)}."
-                raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Start on the other side, or move the stop."))
+                raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Start on the other side, or move the stop."))
         if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
             q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
         self.friction.begin(self.compiled, 0.0, q, v)
@@ -321,7 +321,7 @@ class Progress:
             if strain(self.compiled, q, v, t) > LOST:
                 where = ", ".join(self.coordinates)
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
-                raise MechanismError(Fault("dynamics", why, "Give the free start at other pairs."))
+                raise MechanismError(Fault("dynamics", why, "Give the free start at other joints."))
             return q, v
         f, (compiled, *fresh) = len(self.coordinates), found
         q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))

@@ -243,7 +243,7 @@ class JoinedForces:
 
 
 class JoinedFriction:
-    """Dry friction of the pairs over several motions; results have a leading frame axis and go by the names of the pairs."""
+    """Dry friction of the pairs over several motions; results have a leading frame axis and go by the names of the joints."""
 
     def __init__(self, forces: JoinedForces):
         self._forces = forces

@@ -144,7 +144,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     _check_turns(compiled, free, duration, faults)
     if not free and not liftoffs:
-        faults.append(Fault("pairs", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
+        faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
     if faults:
         raise MechanismError(faults)
 
@@ -158,7 +158,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
         if speed * duration > MOST_TURNS:
             far = f"{speed * duration:.6g} " + ("turns" if rotary else "circumferences of a circle of the size of the mechanism")
             why = f"at this speed it would go {far} in {duration:.6g} s; motions are followed over {MOST_TURNS:,} at most."
-            faults.append(Fault(f"pairs.{d.pair}.free.speed", why, "Start slower, or run a shorter time."))
+            faults.append(Fault(f"joints.{d.pair}.free.speed", why, "Start slower, or run a shorter time."))
 
 
 def _weigh(compiled: Compiled, q: Array, system: Any) -> None:

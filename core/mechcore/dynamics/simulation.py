@@ -54,7 +54,7 @@ class Simulation:
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Pairs whose dry friction counts, in the order of the mechanism's pairs."""
+        """Pairs whose dry friction counts, in the order of the mechanism's joints."""
         return braked(self.compiled.mechanism.pairs) if "friction" in self.compiled.mechanism.effects else ()
 
     @property

@@ -25,7 +25,7 @@ AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 
 
 def placed_cams(motion: Motion) -> list[AnyCam]:
-    """The cams of a mechanism, in the order of its pairs."""
+    """The cams of a mechanism, in the order of its joints."""
     return [r.geometry for r in motion.model.relations if isinstance(r.geometry, AnyCam)]
 
 
@@ -172,7 +172,7 @@ def drawn_lift(cam: AnyCam, drawn: CamDrawn) -> Graphical:
     """The graphical method of the lecture for a disc cam: the lift point by point over a turn, with its error."""
     if not isinstance(cam, PlacedCam) or cam.bed is not None:
         raise MechanismError(
-            Fault(f"pairs.{cam.name}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
+            Fault(f"joints.{cam.name}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
         )
     divisions = round(2.0 * np.pi / drawn.step)
     found = graphical(cam.contour, cam.cam.follower, divisions, drawn.lines, drawn.resolution, cam.cam.turn)

@@ -133,7 +133,7 @@ class Builder:
         known = f" It is pinned to {', '.join(repr(k) for k in others)}." if others else ""
         raise MechanismError(
             Fault(
-                f"pairs.{pair.name}",
+                f"joints.{pair.name}",
                 f"'{link}' is not pinned to '{carrier}', which is to carry it, nor to anything on the same axis.{known}",
                 f"Add a revolute pair between them, or name the carrier that '{link}' is pinned to.",
             )

@@ -20,7 +20,7 @@ def build(pair: Belt, builder: Builder) -> None:
     if min(r1, r2) <= 0.0 or distance <= (r1 + r2 if pair.crossed else abs(r1 - r2)):
         raise MechanismError(
             Fault(
-                f"pairs.{pair.name}",
+                f"joints.{pair.name}",
                 f"pulleys of radius {as_length(r1)} and {as_length(r2)} do not fit on axes {as_length(distance)} apart.",
                 "Move the axes apart or make the pulleys smaller.",
             )

@@ -53,15 +53,15 @@ def relate(
 
 
 def fault_of(pair: CamPair, key: str, message: str, remedy: str) -> MechanismError:
-    return MechanismError(Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), message, remedy))
+    return MechanismError(Fault(f"joints.{pair.name}" + (f".{key}" if key else ""), message, remedy))
 
 
 def renamed(pair: CamPair, fault: Fault) -> Fault:
     """A fault of the geometry, said of the pair and what it states."""
-    if fault.path.startswith("pairs."):
+    if fault.path.startswith("joints."):
         return fault
     key = _KEYS.get(fault.path.partition(".")[2], "")
-    return Fault(f"pairs.{pair.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
+    return Fault(f"joints.{pair.name}" + (f".{key}" if key else ""), fault.message, fault.remedy)
 
 
 def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:

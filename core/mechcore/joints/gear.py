@@ -20,7 +20,7 @@ def build(pair: Gear, builder: Builder) -> None:
     if distance == 0.0 or total <= 0.0:
         raise MechanismError(
             Fault(
-                f"pairs.{pair.name}",
+                f"joints.{pair.name}",
                 f"the axes are {as_length(distance)} apart and the sizes {n1:g} and {n2:g}: the gears cannot mesh.",
                 "An internal gear pair lists the pinion first and the larger ring second; axes must not coincide.",
             )

@@ -17,7 +17,7 @@ def build(pair: Rack, builder: Builder) -> None:
     if slider is None or rack not in slider.links:
         raise MechanismError(
             Fault(
-                f"pairs.{pair.name}",
+                f"joints.{pair.name}",
                 f"'{pair.slider}' is not a prismatic pair that guides '{rack}'.",
                 "Name the prismatic pair between the rack and the link that carries the pinion.",
             )

@@ -247,7 +247,7 @@ def build_model(mechanism: Mechanism) -> Model:
     undrivable = [d.pair for d in mechanism.drives if d.pair not in joint_index or not joints[joint_index[d.pair]].freedoms]
     if undrivable:
         why = "has no coordinate that a drive could prescribe."
-        raise MechanismError([Fault(f"pairs.{p}.drive", why, "Drive a revolute or sliding pair instead.") for p in undrivable])
+        raise MechanismError([Fault(f"joints.{p}.drive", why, "Drive a revolute or sliding pair instead.") for p in undrivable])
     driven = {joint_index[d.pair]: i for i, d in enumerate(mechanism.drives)}
     n = len(names)
 
@@ -352,7 +352,7 @@ def _check_curves(blocks: tuple[Block, ...], tied: tuple[Sum, ...]) -> None:
             if curve is not None and any(curve.slope(u) for u in block.unknowns):
                 faults.append(
                     Fault(
-                        f"pairs.{tied[r].name}",
+                        f"joints.{tied[r].name}",
                         "here the follower drives the cam: a dwell or a reversal then leaves the cam's place open.",
                         "Drive the cam (its revolute pair, or what turns it), and let it drive the follower.",
                     )

@@ -165,7 +165,7 @@ def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
             far = f"{turns:.6g} turns" if rotary else f"{as_length(way)}, {way / model.size:.6g} times the size of the mechanism"
             most = f"{MOST_TURNS:,} turns" if rotary else as_length(TURN * MOST_TURNS * model.size)
             why = f"it goes {far} from its start; motions are followed over {most} at most."
-            raise MechanismError(Fault(f"pairs.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
+            raise MechanismError(Fault(f"joints.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
 def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
@@ -273,7 +273,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
     if not block.redundant:
         remedy += _within_reach(compiled, motion, bad, time) + _in_other_mode(compiled, block, time)
-    return Fault(f"pairs.{block.name}", words, f"{remedy}.")
+    return Fault(f"joints.{block.name}", words, f"{remedy}.")
 
 
 def _in_other_mode(compiled: Compiled, block: Block, time: Array) -> str:
@@ -299,7 +299,7 @@ def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
     far = f"up to {as_length(escape.beyond)} beyond the end at {as_length(escape.end)}"
     words = f"{what}{where}: it would go {far}."
     within = _within_reach(compiled, motion, escape.frames, motion.time)
-    return Fault(f"pairs.{escape.joint}", words, f"Give {longer} a greater length{within}.")
+    return Fault(f"joints.{escape.joint}", words, f"Give {longer} a greater length{within}.")
 
 
 def _ranges(motion: Motion, bad: Array) -> str:

@@ -172,7 +172,7 @@ def _group(model: Model, own: Sequence[int], pairs: Sequence[int]) -> Group:
 
 
 def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], pairs: Sequence[int]) -> str:
-    """Class after Assur and Artobolevsky: II for dyads, III where a link carries three pairs, k for an inner contour of k pairs."""
+    """Class after Assur and Artobolevsky: II for dyads, III where a link carries three joints, k for an inner loop of k."""
     if len(own) <= 2:
         return "II" if len(own) == 2 else "I"
     near: dict[int, list[int]] = {k: [] for k in own}

@@ -52,10 +52,10 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
     for name, c in clearances.items():
         pair = pairs.get(name)
         if not isinstance(pair, Revolute):
-            faults.append(Fault(f"pairs.{name}", "clearance is for revolute pairs.", "Name a revolute pair."))
+            faults.append(Fault(f"joints.{name}", "clearance is for revolute joints.", "Name a revolute pair."))
         for key in ("radial", "stiffness"):
             if not getattr(c, key) > 0.0:
-                faults.append(Fault(f"pairs.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", ""))
+                faults.append(Fault(f"joints.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", ""))
     if faults:
         raise MechanismError(faults)
     links, drives, loads = list(mechanism.links), list(mechanism.drives), list(mechanism.loads)

@@ -19,18 +19,18 @@ def check_items(m: Mechanism) -> None:
     if len(links) != len(m.links):
         faults.append(Fault("links", "two links have the same name."))
     if len({p.name for p in m.pairs}) != len(m.pairs):
-        faults.append(Fault("pairs", "two pairs have the same name."))
+        faults.append(Fault("joints", "two pairs have the same name."))
     if m.frame not in links:
         faults.append(Fault("frame", f"there is no link '{m.frame}'."))
     for p in m.pairs:
         points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
         for link, point in zip(p.links, points, strict=True):
             if link not in links:
-                faults.append(Fault(f"pairs.{p.name}", f"there is no link '{link}'."))
+                faults.append(Fault(f"joints.{p.name}", f"there is no link '{link}'."))
             elif point is not None and point not in links[link].points:
-                faults.append(Fault(f"pairs.{p.name}", f"link '{link}' has no point '{point}'."))
+                faults.append(Fault(f"joints.{p.name}", f"link '{link}' has no point '{point}'."))
         if p.links[0] == p.links[1]:
-            faults.append(Fault(f"pairs.{p.name}", "joins a link to itself."))
+            faults.append(Fault(f"joints.{p.name}", "joins a link to itself."))
     pairs = {name for p in m.pairs for name in coordinates_of(p)}
     faults += [Fault(f"drives.{d.pair}", "drives a pair that does not exist.") for d in m.drives if d.pair not in pairs]
     if len({d.pair for d in m.drives}) != len(m.drives):
@@ -73,11 +73,11 @@ def check_spare_angles(m: Mechanism, turning: Angles, joints: tuple[Joint, ...],
         p, q = ends[j]
         if turning.spin[p] != turning.spin[q] or joints[j].turns:
             why = "its angle is decided twice: by its own drive or guide and by other drives."
-            faults.append(Fault(f"pairs.{joints[j].name}", why, "Take one of these drives away."))
+            faults.append(Fault(f"joints.{joints[j].name}", why, "Take one of these drives away."))
             continue
         off = (turning.offset[p] + joints[j].angle - turning.offset[q] + math.pi) % (2.0 * math.pi) - math.pi
         if abs(off) > 1e-9:
             why = f"its angle contradicts that of the other guides between the same links by {as_angle(off)}."
-            faults.append(Fault(f"pairs.{joints[j].name}", why, "Make the guides parallel."))
+            faults.append(Fault(f"joints.{joints[j].name}", why, "Make the guides parallel."))
     if faults:
         raise MechanismError(faults)

@@ -22,7 +22,7 @@ def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[
     """
     rigid = []
     for name, (links, sure) in touched.items():
-        pair = document.pairs.get(name)
+        pair = document.joints.get(name)
         if pair is None or pair.parallel or len(pair.kinds) > 1 or not sure:
             rigid.append(links)
     held, grew = {document.frame}, True

@@ -258,10 +258,10 @@ def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault
     for where, name, link, kinds in wanted:
         if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
             continue
-        guides = [key for key, other in document.pairs.items() if other.kind in kinds and link in other.links]
-        if name not in guides and "*" not in reading.broken["pairs"]:
+        guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
+        if name not in guides and "*" not in reading.broken["joints"]:
             words = " or ".join(kinds)
-            known = name in document.pairs
+            known = name in document.joints
             message = f"'{name}' is no {words} pair of '{link}'." if known else f"there is no pair '{name}'."
             near = did_you_mean(name, guides, what=f"Pairs that guide '{link}'")
             yield Fault(where, message, near or f"Add a {words} pair that guides '{link}'.")
@@ -284,7 +284,7 @@ def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault
 
 def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Pair | None:
     """The core's pair, None where a fault was noted."""
-    path = f"pairs.{name}"
+    path = f"joints.{name}"
     profile, follower = pair.profile, pair.follower
     if profile is None or follower is None:
         return None

@@ -23,7 +23,7 @@ _FIT = 1e-3  # radii are stated with few digits: how far they may miss the dista
 def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
     """Links that a revolute pair joins to a link -> that pair, the first one of each."""
     found: dict[str, str] = {}
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         if pair.kind == "revolute" and link in pair.links:
             found.setdefault(pair.links[0] if pair.links[1] == link else pair.links[1], name)
     return found
@@ -36,7 +36,7 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
     """
     found, ends = [link], [(link, "")]
     for here, place in ends:  # grows while it is walked through
-        for name, pair in document.pairs.items():
+        for name, pair in document.joints.items():
             if pair.kind not in ("revolute", "weld") or here not in pair.links:
                 continue
             at = list(pair.at) if isinstance(pair.at, list) else [pair.at or name] * 2
@@ -74,15 +74,15 @@ def carrier_of(document: SceneDocument, pair: PairDocument) -> str | None:
 
 def check_couplings(reading: Reading) -> Iterator[Fault]:
     """Faults of the links and pairs that gears, belts and racks name."""
-    for name, pair in reading.document.pairs.items():
+    for name, pair in reading.document.joints.items():
         if len(pair.kinds) > 1:
             continue
         if pair.kind in ("gear", "belt", "chain"):
-            yield from _carried(reading, f"pairs.{name}", pair)
+            yield from _carried(reading, f"joints.{name}", pair)
         elif pair.kind == "rack":
-            yield from _rack(reading, f"pairs.{name}", pair)
+            yield from _rack(reading, f"joints.{name}", pair)
         elif pair.kind == "cam":
-            yield from check_cam(reading, f"pairs.{name}", pair)
+            yield from check_cam(reading, f"joints.{name}", pair)
         elif pair.kind in ("cylinder", "planar"):
             yield from _own_names(reading, name)
 
@@ -94,9 +94,9 @@ def _links(reading: Reading) -> list[str]:
 
 def _unclear(reading: Reading) -> bool:
     """Whether it is not known of some pair which links it joins, so that it may be the one that is missed."""
-    pairs = reading.document.pairs.values()
+    pairs = reading.document.joints.values()
     doubtful = any(len(pair.kinds) > 1 or any(isinstance(link, Unknown) for link in pair.links) for pair in pairs)
-    return bool(reading.shapeless) or doubtful or "*" in reading.broken["pairs"]
+    return bool(reading.shapeless) or doubtful or "*" in reading.broken["joints"]
 
 
 def _carried(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
@@ -147,9 +147,9 @@ def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
     pinion, rack = pair.links
     if _unclear(reading) or pair.slider is None or not {pinion, rack} <= set(_links(reading)):
         return
-    guides = [name for name, other in document.pairs.items() if other.kind == "prismatic" and rack in other.links]
+    guides = [name for name, other in document.joints.items() if other.kind == "prismatic" and rack in other.links]
     if pair.slider not in guides:
-        known = document.pairs.get(pair.slider)
+        known = document.joints.get(pair.slider)
         message = (
             f"there is no pair '{pair.slider}'."
             if known is None
@@ -159,7 +159,7 @@ def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
         remedy = near or f"Add a prismatic pair between '{rack}' and the link that carries '{pinion}'."
         yield Fault(f"{path}.slider", message, remedy)
         return
-    guide = document.pairs[pair.slider].links
+    guide = document.joints[pair.slider].links
     carrier = guide[0] if guide[1] == rack else guide[1]
     if carrier not in _on_one_axis(document, pinion):
         yield _not_pinned(path, pinion, carrier, list(_pinned_to(document, pinion)))
@@ -167,9 +167,9 @@ def _rack(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
 
 def _own_names(reading: Reading, name: str) -> Iterator[Fault]:
     """Cylinders and planar pairs bring links and joints along, whose names must be free."""
-    kind = reading.document.pairs[name].kind
+    kind = reading.document.joints[name].kind
     links, joints = (("barrel", "rod"), ("base", "eye")) if kind == "cylinder" else (("x", "y"), ("x", "y"))
-    for section, parts, taken in (("links", links, _links(reading)), ("pairs", joints, list(reading.document.pairs))):
+    for section, parts, taken in (("links", links, _links(reading)), ("joints", joints, list(reading.document.joints))):
         for part in parts:
             if f"{name}.{part}" in taken:
                 yield Fault(
@@ -214,7 +214,7 @@ def _axes_apart(pair: PairDocument, document: SceneDocument, placement: Placemen
         name = _pinned_to(document, link).get(carrier or "")
         if name is None:
             return None
-        pin = document.pairs[name]
+        pin = document.joints[name]
         point = points_of_pair(name, pin)[pin.links.index(carrier or "")]
         place = placement.points.get(carrier or "", {}).get(point)
         if place is None:

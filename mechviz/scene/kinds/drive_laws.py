@@ -244,4 +244,4 @@ def jumping_speeds(laws: Mapping[str, Law], *, free: bool) -> Iterator[Fault]:
     for name, law in laws.items():
         if free and isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
             why = "the speed jumps: beside free joints it would be an impact."
-            yield Fault(f"pairs.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")
+            yield Fault(f"joints.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")

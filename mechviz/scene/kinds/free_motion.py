@@ -197,21 +197,21 @@ def simulation_spec(
     """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
     from mechviz.scene.kinds.joints import KINDS
 
-    if not starts and not any(entry.liftoff or entry.clearance for entry in document.pairs.values()):
+    if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
         return None
     from mechcore.dynamics.contact.separation import Liftoff
     from mechcore.dynamics.events import EventTrigger, Stop
 
     liftoffs = tuple(
         Liftoff(pair=name, restitution=entry.liftoff.restitution)
-        for name, entry in document.pairs.items()
+        for name, entry in document.joints.items()
         if entry.liftoff is not None
     )
 
     stops, watches = [], []
-    for pair, entry in document.pairs.items():
+    for pair, entry in document.joints.items():
         for k, s in enumerate(entry.stops):
-            path = f"pairs.{pair}.stops[{k}]"
+            path = f"joints.{pair}.stops[{k}]"
             at = convert.si(s.at, KINDS[entry.kind].driven or "angle", f"{path}.at")
             start = starts.get(pair)
             if start is not None and (start.start > at if s.side == "upper" else start.start < at):
@@ -221,8 +221,8 @@ def simulation_spec(
             stops.append(Stop(name=stop_name(pair, s), pair=pair, at=at, side=s.side, restitution=s.restitution))
     for name, w in document.watch.items():
         sort = "length"
-        if w.pair is not None and w.pair in document.pairs:
-            sort = KINDS[document.pairs[w.pair].kind].driven or "angle"
+        if w.pair is not None and w.pair in document.joints:
+            sort = KINDS[document.joints[w.pair].kind].driven or "angle"
         kind = _rate_kind(sort) if w.what == "velocity" else sort
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)
@@ -272,7 +272,7 @@ _ADD_FREE = 'Leave it out, or let forces move a pair: free = { speed = "10 rpm" 
 def simulation_faults(reading: Reading) -> Iterator[Fault]:
     """What does not fit together about free coordinates, in what could be read."""
     document = reading.document
-    run, pairs = document.run, document.pairs
+    run, pairs = document.run, document.joints
     free = [name for name, pair in pairs.items() if pair.free is not None]
     lifting = [name for name, pair in pairs.items() if pair.liftoff is not None]
     loose = [name for name, pair in pairs.items() if pair.clearance is not None]
@@ -301,24 +301,24 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
         if pair.kinds == ["cam"] and pair.liftoff is None and free:
             why = f"{what}: cams are computed for prescribed motions."
             remedy = "Prescribe a drive instead, or let the follower leave the cam: liftoff = { restitution = 0.3 }."
-            yield Fault(f"pairs.{name}", why, remedy)
+            yield Fault(f"joints.{name}", why, remedy)
         if pair.liftoff is not None and pair.closure == "form":
-            yield Fault(f"pairs.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
+            yield Fault(f"joints.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
     yield from _stops(document)
     yield from _watches(reading)
 
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
     """Keys that only a motion under forces has."""
-    driven = any(pair.led for pair in document.pairs.values())
+    driven = any(pair.led for pair in document.joints.values())
     why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
     for key in ("steady", "tolerance", "method"):
         if getattr(document.run, key) is not None:
             yield Fault(f"run.{key}", why, _ADD_FREE if driven else _ADD_FREE.replace(" instead of its drive", ""))
     yield from () if driven else _without_drives(document)
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         if pair.stops:
-            yield Fault(f"pairs.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
+            yield Fault(f"joints.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
     for name, load in document.loads.items():
         if load.servo is not None:
             yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a pair under forces.", _ADD_FREE)
@@ -347,9 +347,9 @@ def _without_drives(document: SceneDocument) -> Iterator[Fault]:
 
 def _stops(document: SceneDocument) -> Iterator[Fault]:
     names: set[str] = set()
-    for pair, entry in document.pairs.items():
+    for pair, entry in document.joints.items():
         for k, stop in enumerate(entry.stops):
-            name, path = stop_name(pair, stop), f"pairs.{pair}.stops[{k}]"
+            name, path = stop_name(pair, stop), f"joints.{pair}.stops[{k}]"
             if name in names:
                 yield Fault(path, f"two stops are called '{name}'.", "Give one of them a name = ...")
             if f"stop {name}" in document.loads:

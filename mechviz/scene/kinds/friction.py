@@ -148,7 +148,7 @@ def friction_spec(
         return Friction(brake=brake)
     if coefficient is None:
         if table is not None and own.sound("coefficient") and default.sound("coefficient"):
-            remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all pairs."
+            remedy = "Add coefficient = 0.1 here, or [friction] with a coefficient for all joints."
             convert.note(f"{path}.friction", "'coefficient' is missing.", remedy)
         return None
     static = own.static or 0.0
@@ -189,11 +189,11 @@ def friction_spec(
 def idle_effect(effects: list[Any], pairs: Mapping[str, PairDocument], found: list[Friction | None], convert: Converter) -> None:
     """Note a fault where friction is named and no pair has any."""
     if "friction" in effects and pairs and not any(f is not None for f in found):
-        rubbing = [f"pairs.{name}" for name, pair in pairs.items() if pair.friction is not None]
+        rubbing = [f"joints.{name}" for name, pair in pairs.items() if pair.friction is not None]
         if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
             return  # a pair with friction is faulty itself
         first = next((name for name, pair in pairs.items() if pair.kind in FRICTION_KEYS), "")
-        where = f"pairs.{first}" if first else "a pair"
+        where = f"joints.{first}" if first else "a pair"
         remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out.'
         convert.note("effects", "friction is named, but no pair has any.", remedy)
 
@@ -239,8 +239,8 @@ class ClearanceDocument(Table):
 
 def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
     """What does not fit together about clearances, in what could be read."""
-    for name, pair in document.pairs.items():
-        c, path = pair.clearance, f"pairs.{name}.clearance"
+    for name, pair in document.joints.items():
+        c, path = pair.clearance, f"joints.{name}.clearance"
         if c is None or pair.kinds != ["revolute"]:
             continue
         if c.restitution < 1.0 and c.speed is None and c.sound("speed"):
@@ -249,17 +249,17 @@ def clearance_faults(document: SceneDocument) -> Iterator[Fault]:
             yield Fault(path, "friction without the radius of the journal.", 'Add radius = "10 mm".')
         if pair.friction is not None:
             why = "friction of a pair with clearance is that between its journal and its bearing."
-            yield Fault(f"pairs.{name}.friction", why, "Give friction and radius in the table of the clearance.")
+            yield Fault(f"joints.{name}.friction", why, "Give friction and radius in the table of the clearance.")
         if pair.stops:
-            yield Fault(f"pairs.{name}.stops", "stops in a pair with clearance.", "Leave out one of them.")
+            yield Fault(f"joints.{name}.stops", "stops in a pair with clearance.", "Leave out one of them.")
         for made in (f"{name}.across", f"{name}.journal"):
-            if made in document.links or made in document.pairs:
+            if made in document.links or made in document.joints:
                 yield Fault(path, f"its journal needs the name '{made}', which is taken.", "Give that another name.")
 
 
 def clearances_of(document: SceneDocument, convert: Converter) -> dict[str, Clearance]:
     """The core's clearances by pair, in SI units; faults of their values are noted."""
-    given = {name: pair.clearance for name, pair in document.pairs.items() if pair.clearance is not None}
+    given = {name: pair.clearance for name, pair in document.joints.items() if pair.clearance is not None}
     if not given:
         return {}
     from mechcore.effects.journal import loss_factor
@@ -267,7 +267,7 @@ def clearances_of(document: SceneDocument, convert: Converter) -> dict[str, Clea
 
     out = {}
     for name, c in given.items():
-        path = f"pairs.{name}.clearance"
+        path = f"joints.{name}.clearance"
         speed = math.nan if c.speed is None else abs(convert.si(c.speed, "linear speed", f"{path}.speed"))
         if speed == 0.0:
             convert.note(f"{path}.speed", "an impact at no speed.", 'Give a speed such as "0.5 m/s".')

@@ -40,7 +40,7 @@ class _Maker:
 
     def __init__(self, name: str, pair: PairDocument, document: SceneDocument, placement: Placement, convert: Converter):
         self.name, self.pair, self.document, self.placement, self.convert = name, pair, document, placement, convert
-        self.path = f"pairs.{name}"
+        self.path = f"joints.{name}"
 
     @property
     def points(self) -> tuple[str, str]:
@@ -209,7 +209,7 @@ def _planar(m: _Maker) -> Pair:
 
 
 def _cam(m: _Maker) -> Pair | None:
-    guide = None if m.pair.follower is None else m.document.pairs.get(m.pair.follower.guide)
+    guide = None if m.pair.follower is None else m.document.joints.get(m.pair.follower.guide)
     return cam_pair(m.name, m.pair, guide is not None and guide.kind == "revolute", m.friction, m.convert)
 
 
@@ -261,7 +261,7 @@ def modes_of(document: SceneDocument) -> dict[str, str]:
     The side of a cylinder is that of its eye. A cylinder that nothing drives has a positive length, never the other branch.
     """
     modes = {}
-    for name, pair in document.pairs.items():
+    for name, pair in document.joints.items():
         if pair.kind == "cylinder" and not pair.led:
             modes[name] = "ahead"
         if pair.mode is not None:

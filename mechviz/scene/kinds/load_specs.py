@@ -151,8 +151,8 @@ class _Maker:
         """The kind of quantity that a factor depends on; None where its pair is not there."""
         if of in _ARGUMENT_KINDS:
             return _ARGUMENT_KINDS[of]
-        first = self.lead or next((name for name, p in self.document.pairs.items() if p.led), None)
-        found = self.document.pairs.get(pair or first or "")
+        first = self.lead or next((name for name, p in self.document.joints.items() if p.led), None)
+        found = self.document.joints.get(pair or first or "")
         if found is None or len(found.kinds) > 1:
             return None
         sort = "length" if found.kind in ("prismatic", "pin_slot", "rolling", "cylinder") else "angle"
@@ -290,7 +290,7 @@ class _Maker:
 
     def viscous(self) -> Load | None:
         assert self.load.viscous is not None
-        pair = self.document.pairs.get(self.load.viscous)
+        pair = self.document.joints.get(self.load.viscous)
         if pair is None:
             return None
         sort = "torsional damping" if pair.kind in ("revolute", "rolling", "gear", "rack") else "damping"
@@ -301,7 +301,7 @@ class _Maker:
         slack, coefficient = self.si("slack", "force"), self.load.coefficient or 0.0
         if slack < 0.0:
             self.convert.note(f"{self.path}.slack", f"{as_force(slack)} is negative: belts only pull.", "Give a positive force.")
-        pair = self.document.pairs.get(self.load.belt_tension)
+        pair = self.document.joints.get(self.load.belt_tension)
         if coefficient and pair is not None and pair.kind == "chain":
             self.convert.note(f"{self.path}.coefficient", "a chain does not slip on its sprockets.", "Leave it out.")
         return BeltTension(**self.common, pair=self.load.belt_tension, slack=slack, coefficient=coefficient)
@@ -316,7 +316,7 @@ class _Maker:
     # -- machines by their characteristic -----------------------------------------------------------------------------
     def driven(self, name: str) -> dict[str, Any]:
         """The pair or the link that a machine drives."""
-        return {"pair": name} if name in self.document.pairs else {"link": name}
+        return {"pair": name} if name in self.document.joints else {"link": name}
 
     def not_zero(self, **values: float) -> None:
         for key, value in values.items():
@@ -374,7 +374,7 @@ class _Maker:
     def servo(self) -> Load | None:
         load = self.load
         assert load.servo is not None
-        pair = self.document.pairs.get(load.servo)
+        pair = self.document.joints.get(load.servo)
         if pair is None or len(pair.kinds) > 1:
             return None
         torsional = "torsional " if pair.coordinate == "angle" else ""

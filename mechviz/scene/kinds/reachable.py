@@ -32,16 +32,16 @@ TURN = 2.0 * math.pi
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the drive of a document swing within its reach: none where no drive could."""
-    led = [name for name, pair in document.pairs.items() if pair.led]
-    drive = document.pairs[led[0]].drive if len(led) == 1 else None
+    led = [name for name, pair in document.joints.items() if pair.led]
+    drive = document.joints[led[0]].drive if len(led) == 1 else None
     if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
         return {}
-    return {("pairs", led[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
+    return {("joints", led[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
 
 
 def swings(scene: Scene) -> tuple[str, ...]:
     """The drives of a scene that run to their limits and back; not those that may, but can turn fully."""
-    asked = {name for name, pair in scene.document.pairs.items() if pair.drive is not None and pair.drive.range == REACHABLE}
+    asked = {name for name, pair in scene.document.joints.items() if pair.drive is not None and pair.drive.range == REACHABLE}
     return tuple(d.pair for d in scene.mechanism.drives if d.pair in asked and isinstance(d.law, Oscillation))
 
 
@@ -49,7 +49,7 @@ def with_swings(mechanism: Mechanism, pairs: list[str]) -> tuple[Mechanism, list
     """The mechanism in which the drives of these pairs, at constant speeds so far, run to their limits and back."""
     faults: list[Fault] = []
     for pair in pairs:
-        path = f"pairs.{pair}.drive.range"
+        path = f"joints.{pair}.drive.range"
         if any(moves(d.law) for d in mechanism.drives if d.pair != pair):
             why = "how far it can go is told beside drives that stand still, and another one moves."
             faults.append(Fault(path, why, "Give it a range = [least, greatest]."))
@@ -94,7 +94,7 @@ def _swing(mechanism: Mechanism, pair: str) -> Law:
     ranges = reachable_ranges(compiled)
     low, high = ranges[0] if ranges else (law.start, law.start)
     inside = low <= law.start <= high
-    path = f"pairs.{pair}.drive.range"
+    path = f"joints.{pair}.drive.range"
     if rotary and high - low > TURN - 1e-9:
         return law
     if not rotary and high - low > 9.0 * size:

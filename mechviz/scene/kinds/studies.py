@@ -125,11 +125,11 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
     for k, name in enumerate(document.polodes):
         yield from _link(f"polodes[{k}]", name, links, complete, document.frame)
-    fitting = [name for name, pair in document.pairs.items() if pair.kinds[:1] and pair.kinds[0] in _HIGHER]
+    fitting = [name for name, pair in document.joints.items() if pair.kinds[:1] and pair.kinds[0] in _HIGHER]
     for k, name in enumerate(document.equivalent):
         if not complete or not is_whole(name) or name in fitting:
             continue
-        if name in document.pairs:
+        if name in document.joints:
             remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such pair."
             yield Fault(f"equivalent[{k}]", f"'{name}' is no cam, gear, rack or pin in a slot.", remedy)
         else:
@@ -141,7 +141,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         else:
             yield from _link(f"reduced[{k}]", link, links, complete, document.frame)
             yield from _point(f"reduced[{k}]", link, point, links)
-    driven = [name for name, pair in document.pairs.items() if pair.drive is not None]
+    driven = [name for name, pair in document.joints.items() if pair.drive is not None]
     if document.reduced and len(driven) > 1:
         yield Fault(
             "reduced", f"the scene has {len(driven)} drives: its energy does not depend on one speed alone.", "Leave it out."

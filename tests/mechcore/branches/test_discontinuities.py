@@ -18,7 +18,7 @@ frame  = { points = { O = [0, 0], G = [0, 0] } }
 crank  = { points = { O = [0, 0], B = [0.15, 0] }, mass = 1.0, centre = [0.075, 0], inertia = 0.002 }
 rod    = { points = { B = [0, 0], C = [0.1, 0] }, mass = 0.5, centre = [0.05, 0], inertia = 0.001 }
 piston = { points = { C = [0, 0] }, mass = 0.3 }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], free = { position = 0.35, speed = -9.0 } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }

@@ -39,11 +39,11 @@ points = { E2 = [0.12274775026790574, -0.18160980176925967], D3g = [0.2812244447
 mass = 0.1900311232959736
 centre = [0.3069637714419099, -0.30019247226003887]
 inertia = 22169.939364843707
-[pairs]
+[joints]
 E2 = { revolute = ["lever", "arm"] }
 F0 = { revolute = ["gear", "base"], free = { position = 51.900753168489175, speed = "-1.2731712282828556 rad/s" } }
 P1 = { revolute = ["lever", "gear"], at = ["P1", "P1x"] }
-[pairs.D3]
+[joints.D3]
 prismatic = ["base", "arm"]
 at = ["D3", "D3g"]
 along = [0.6514944999690653, -0.758653357278578]
@@ -69,7 +69,7 @@ b1 = { points = { B = [0, 0], P = [170, 0] }, mass = 0.2, centre = [85, 0], iner
 b2 = { points = { D = [0, 0], Q = [170, 0] }, mass = 0.2, centre = [85, 0], inertia = 500 }
 b3 = { points = { F = [0, 0], R = [150, 0] }, mass = 0.2, centre = [75, 0], inertia = 400 }
 t = { points = { P = [0, 0], Q = [120, 0], R = [60, 70] }, mass = 0.3, centre = [60, 25], inertia = 600 }
-[pairs]
+[joints]
 A = { revolute = ["frame", "c1"], free = { position = 40, speed = "200 rpm" } }
 E = { revolute = ["frame", "c2"], free = { position = 120, speed = "-150 rpm" } }
 B = { revolute = ["c1", "b1"] }

@@ -22,7 +22,7 @@ units = { length = "mm", angle = "deg" }
 frame = { points = { O = [0, 0], W = [70.71067811865476, 0] } }
 crank = { points = { O = [0, 0], P = [50, 0] } }
 wheel = { points = { W = [0, 0] } }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], drive = { DRIVE } }
 W = { revolute = ["frame", "wheel"] }
 P = { pin_slot = ["wheel", "crank"], at = ["W", "P"], along = [-1, 0], length = LENGTH, branch = "ahead" }
@@ -45,7 +45,7 @@ def test_a_geneva_drive_that_turns_on_is_refused_where_its_pin_leaves_the_slot()
     with pytest.raises(MechanismError) as refused:
         run_scene(mechviz.loads(geneva('speed = "60 rpm"', "50")))
     (fault,) = refused.value.faults
-    assert fault.path == "pairs.P" and "the pin leaves its slot for positions of drive O from" in fault.message
+    assert fault.path == "joints.P" and "the pin leaves its slot for positions of drive O from" in fault.message
     assert "beyond the end at 50 mm" in fault.message and "70.7107 mm beyond" in fault.message
     assert "keep the drive within [-45°, 45°]" in fault.remedy
 
@@ -73,7 +73,7 @@ def test_a_pin_that_leaves_its_slot_between_two_frames_is_refused():
 def test_drives_of_mechanisms_that_are_followed_end_with_the_slot_too():
     """With gears the way is followed from the start; the reachable range ends where the pin reaches an end of its slot."""
     text = geneva('speed = "60 rpm"', "[20, 60]").replace("O = [0, 0], W", "O = [0, 0], Z = [-40, 0], W")
-    text = text.replace("[pairs]", "pinion = { points = { Z = [0, 0] } }\n[pairs]")
+    text = text.replace("[joints]", "pinion = { points = { Z = [0, 0] } }\n[joints]")
     text += 'Z = { revolute = ["frame", "pinion"] }\nG = { gear = ["crank", "pinion"], teeth = [20, 20] }\n'
     compiled = compile_mechanism(mechviz.loads(text).mechanism)
     assert compiled.followed
@@ -152,7 +152,7 @@ frame = { points = { O = [0, 0] } }
 crank = { points = { O = [0, 0], P = [40, 0] } }
 rod = { points = { P = [0, 0], Q = [100, 0] } }
 block = { points = { Q = [0, 0] } }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 P = { revolute = ["crank", "rod"] }
 Q = { revolute = ["rod", "block"] }
@@ -164,9 +164,9 @@ def test_a_slider_does_not_leave_its_guide():
     """Between 60 and 140 mm from the crank's pin; a guide that ends at 130 mm lets it turn from where cosine's rule has it."""
     run_scene(mechviz.loads(SLIDER.replace("LENGTH", "140")))
     with pytest.raises(MechanismError) as refused:
-        run_scene(mechviz.loads(SLIDER.replace("LENGTH", "[50, 130]")).changed({("pairs", "O", "drive", "start"): 180}))
+        run_scene(mechviz.loads(SLIDER.replace("LENGTH", "[50, 130]")).changed({("joints", "O", "drive", "start"): 180}))
     (fault,) = refused.value.faults
-    assert fault.path == "pairs.S" and "the slider leaves its guide" in fault.message and "10 mm beyond" in fault.message
+    assert fault.path == "joints.S" and "the slider leaves its guide" in fault.message and "10 mm beyond" in fault.message
     limit = np.degrees(np.arccos((40.0**2 + 130.0**2 - 100.0**2) / (2.0 * 40.0 * 130.0)))
     assert f"keep the drive within [{limit:.7g}°, {360.0 - limit:.7g}°]" in fault.remedy
 
@@ -179,7 +179,7 @@ def test_a_cylinder_does_not_leave_its_stroke():
     [links]
     frame = { points = { A = [0, 0], B = [300, -200] } }
     boom = { points = { A = [0, 0], C = [300, 0] }, mass = 10, centre = "C", inertia = 0.1 }
-    [pairs]
+    [joints]
     A = { revolute = ["frame", "boom"] }
     L = { cylinder = ["frame", "boom"], at = ["B", "C"], length = [330, 450], side = "right", MOVES }
     """
@@ -195,11 +195,11 @@ def test_a_cylinder_does_not_leave_its_stroke():
 @pytest.mark.parametrize(
     ("length", "path", "words"),
     [
-        ("-5", "pairs.P.length", "negative"),
-        ("0", "pairs.P.length", "zero"),
-        ("[50, 20]", "pairs.P.length", "ends where it begins"),
-        ("[50]", "pairs.P.length", ""),
-        ('"5 kg"', "pairs.P.length", "mass"),
+        ("-5", "joints.P.length", "negative"),
+        ("0", "joints.P.length", "zero"),
+        ("[50, 20]", "joints.P.length", "ends where it begins"),
+        ("[50]", "joints.P.length", ""),
+        ('"5 kg"', "joints.P.length", "mass"),
     ],
 )
 def test_lengths_that_are_none(length, path, words):

@@ -171,10 +171,10 @@ def test_a_drawing_that_was_exported_gives_the_lift_back(tmp_path):
     run = run_scene(mechviz.load("cam-roller"))
     export_profiles(run, tmp_path / "cam.dxf", "dxf")
     export_profiles(run, tmp_path / "cam.csv", "csv")
-    head, _, tail = text_of("cam-roller").partition("[pairs.K.profile]\n")
+    head, _, tail = text_of("cam-roller").partition("[joints.K.profile]\n")
     loads = tail[tail.index("[loads]") :]
     for name, bound in (("cam.dxf", 3e-7), ("cam.csv", 3e-6)):
-        (tmp_path / "again.toml").write_text(f'{head}[pairs.K.profile]\nfile = "{name}"\n\n{loads}')
+        (tmp_path / "again.toml").write_text(f'{head}[joints.K.profile]\nfile = "{name}"\n\n{loads}')
         again = run_scene(mechviz.load(tmp_path / "again.toml")).motion
         np.testing.assert_allclose(again.coordinate("S")[:, 0], run.motion.coordinate("S")[:, 0], atol=bound)
 
@@ -253,11 +253,11 @@ DISC = "eccentric = { radius = 38, centre = [12, 0] }"
     [
         (DISC, "", ["has none of lift, eccentric, outline, points, file or radius"]),
         (DISC, f"phase = 10\n{DISC}", ["phase does not go with eccentric"]),
-        (DISC, 'file = "nowhere.dxf"', ["pairs.K.profile.file", "no file 'nowhere.dxf'"]),
+        (DISC, 'file = "nowhere.dxf"', ["joints.K.profile.file", "no file 'nowhere.dxf'"]),
         (DISC, "outline = [[1, 0], [0, 1]]\nbulges = [1]", ["1 bulges for 2 corners"]),
-        (DISC, 'base = 30\nradius = [{ over = 360, to = 31 }]', ["pairs.K.profile.radius", "does not end where it starts"]),
-        ("radius = 38", "radius = -38", ["pairs.K.profile.eccentric.radius", "negative"]),
-        ("flat = true", "roller = 8", ["pairs.K", "does not reach the profile"]),
+        (DISC, 'base = 30\nradius = [{ over = 360, to = 31 }]', ["joints.K.profile.radius", "does not end where it starts"]),
+        ("radius = 38", "radius = -38", ["joints.K.profile.eccentric.radius", "negative"]),
+        ("flat = true", "roller = 8", ["joints.K", "does not reach the profile"]),
         ('cam = ["cam", "follower"]', 'cam = ["cam", "follower"]\nclosur = "form"', ["Did you mean 'closure'?"]),
     ],
 )  # fmt: skip
@@ -288,7 +288,7 @@ def test_what_is_no_unit_of_a_file(scene, unit, words):
     text = text_of(name).replace(f'file = "{scene}"', f'file = "{scene}"\nfile_unit = "{unit}"')
     with pytest.raises(SceneError) as refused:
         mechviz.loads(text, folder=GALLERY_FOLDER)
-    assert [f.path for f in refused.value.faults] == ["pairs.K.profile.file_unit"] and words in refused.value.faults[0].message
+    assert [f.path for f in refused.value.faults] == ["joints.K.profile.file_unit"] and words in refused.value.faults[0].message
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_measured_points_that_are_no_cam(points, words, tmp_path):
     (tmp_path / "p.csv").write_text("x [mm],y [mm]\n" + "".join(f"{p.real:.17g},{p.imag:.17g}\n" for p in z))
     with pytest.raises(SceneError) as refused:
         mechviz.loads(text_of("cam-measured").replace('"cam-measured.csv"', f"'{tmp_path / 'p.csv'}'"))
-    assert [f.path for f in refused.value.faults] == ["pairs.K.profile.file"] and words in refused.value.faults[0].message
+    assert [f.path for f in refused.value.faults] == ["joints.K.profile.file"] and words in refused.value.faults[0].message
 
 
 def test_where_a_profile_crosses_itself():
@@ -326,4 +326,4 @@ def test_a_tolerance_that_leaves_nothing_of_the_points():
         assert "scatter by 30 mm" in str(refused.value)
     with pytest.raises(SceneError) as told:
         mechviz.loads(text_of("cam-measured").replace('"0.004 mm"', '"50 mm"'), folder=GALLERY_FOLDER)
-    assert [f.path for f in told.value.faults] == ["pairs.K.profile.tolerance"]
+    assert [f.path for f in told.value.faults] == ["joints.K.profile.tolerance"]

@@ -185,7 +185,7 @@ def _cam(**change):
     ],
 )
 def test_faults_name_the_value_and_the_remedy(mechanism, words):
-    with pytest.raises(MechanismError, match=r"pairs\.K") as error:
+    with pytest.raises(MechanismError, match=r"joints\.K") as error:
         compile_mechanism(mechanism)
     assert re.search(words, str(error.value).replace("\n", " "), re.DOTALL), str(error.value)
 

@@ -19,7 +19,7 @@ run = { duration = "0.8 s", tolerance = 1e-10 }
 frame = { points = { A = [0, 0], P = [0, 300] } }
 arm = { points = { A = [0, 0], S = [0, 0] }, mass = "3 kg", centre = "A", inertia = "0.1 kg m^2" }
 block = { points = { S = [0, 0] }, mass = "2 kg", shape = "point" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "arm"], ARM }
 S = { prismatic = ["arm", "block"], along = [1, 0], free = { position = 100 } }
 [loads]

@@ -25,7 +25,7 @@ run = { duration = "0.4 s", tolerance = 1e-11 }
 [links]
 frame = { points = { A = [0, 0], B = [400, 0] } }
 engine = { points = { P = [0, 0], Q = [400, 0] }, mass = "80 kg", centre = [220, 110], inertia = "3 kg m^2" }
-[pairs]
+[joints]
 body = { planar = ["frame", "engine"], START }
 [loads]
 front = { bushing = ["frame.A", "engine.P"], stiffness = ["200 N/mm", "80 N/mm", "9 kN m/rad"], FRONT }
@@ -116,8 +116,8 @@ def test_the_angle_is_wound_up_over_whole_turns():
 def test_between_moving_links_nothing_comes_from_outside():
     """Two free bodies that a bushing with damping joins: momentum and angular momentum stay."""
     text = made('linear = ["900 N s/m", "400 N s/m", "30 N m s/rad"]').replace('"frame.A"', '"sled.A"').replace("rear", "#")
-    text = text.replace("[pairs]", """sled = { points = { A = [50, 30] }, mass = "20 kg", centre = [90, 0], inertia = "1 kg m^2" }
-[pairs]
+    text = text.replace("[joints]", """sled = { points = { A = [50, 30] }, mass = "20 kg", centre = [90, 0], inertia = "1 kg m^2" }
+[joints]
 sled = { planar = ["frame", "sled"], free = { x = -200, vy = "3 m/s", omega = "60 rpm" } }""")  # fmt: skip
     run = simulate(mechviz.loads(text).mechanism, 0.4, tolerance=1e-11)
     t = np.linspace(0.0, 0.4, 41)
@@ -160,7 +160,7 @@ def test_a_mode_of_a_free_body_cannot_be_shown():
     assert len(found.modes) == 3 and "body.x [m]" in "\n".join(vibration_lines(scene, found))
     with pytest.raises(mechviz.SceneError, match="a mode is shown by driven pairs, and a free body has none") as refused:
         mode_scene(scene, found, 1)
-    assert refused.value.faults[0].path == "pairs.body" and "two sliding pairs and a pin" in refused.value.faults[0].remedy
+    assert refused.value.faults[0].path == "joints.body" and "two sliding pairs and a pin" in refused.value.faults[0].remedy
 
 
 @pytest.mark.parametrize(

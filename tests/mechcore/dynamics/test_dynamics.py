@@ -402,7 +402,7 @@ def test_bad_input_is_refused_in_words():
             simulate(dataclasses.replace(body, **change), 1.0)
     with pytest.raises(MechanismError, match="no duration"):
         simulate(body, -1.0)
-    with pytest.raises(MechanismError, match=r"pairs.O.stops.*starts 57.2958° above the upper stop 's' at -90°"):
+    with pytest.raises(MechanismError, match=r"joints.O.stops.*starts 57.2958° above the upper stop 's' at -90°"):
         simulate(body, 1.0, stops=[Stop(name="s", pair="O", at=-np.pi / 2)])
 
 

@@ -268,7 +268,7 @@ def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
     assert [h.kind for h in found.happenings if h.item == "K"] == ["lost"]
     t = np.linspace(found.happenings[-1].time, found.duration, 50)
     assert np.ptp(found.view(t).coordinate("S")[:, 0]) < 1e-12
-    with pytest.raises(MechanismError, match=r"pairs\.K\.friction: friction between a cam and its follower while forces move"):
+    with pytest.raises(MechanismError, match=r"joints\.K\.friction: friction between a cam and its follower while forces move"):
         rough = with_brake(mechanism, 6.0)
         pairs = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.pairs)
         simulate(replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)), 0.1, liftoffs=[Liftoff(pair="K")])
@@ -319,16 +319,16 @@ frame = { points = { O2 = [200, 0], P = [260, -110] } }
 crank = { points = { O2 = [0, 0], A = [60, 0] }, mass = "0.6 kg", centre = [20, 0], inertia = "4e-4 kg m^2" }
 lever = { points = { P = [0, 0] }, mass = "0.9 kg", centre = [0, 60], inertia = "0.002 kg m^2" }
 
-[pairs]
+[joints]
 O2 = { revolute = ["frame", "crank"], drive = { speed = "950 rpm", start = -40 } }
 P = { revolute = ["frame", "lever"] }
 
-[pairs.K2]
+[joints.K2]
 cam = ["crank", "lever"]
 closure = "form"
 follower = { groove = 8, guide = "P", point = "A" }
 
-[pairs.K2.profile]
+[joints.K2.profile]
 base = 0
 phase = 42
 lift = [{ over = 12 }, { over = 60, to = -22, law = "3-4-5" }, { over = 12 }]
@@ -343,7 +343,7 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
     """Only the cam that may be left has a gap; the other one's contact is that of the crank's angle throughout."""
     text = resources.files("mechviz").joinpath("gallery", "valve-float.toml").read_text(encoding="utf-8")
     data = merged(tomllib.loads(text), tomllib.loads(BESIDE)) | {"run": {"frames": 40, "duration": "14 ms"}}
-    data["pairs"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
+    data["joints"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
     run = run_scene(mechviz.Scene.build(**data))
     assert [h.kind for h in run.simulation.happenings][:1] == ["lost"]
     found = {t.path[1:]: t for t in tables(run) if t.path[1] == "cams"}
@@ -359,8 +359,8 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
 def test_a_face_too_short_is_told_while_the_follower_touches():
     text = resources.files("mechviz").joinpath("gallery", "valve-float.toml").read_text(encoding="utf-8")
     data = tomllib.loads(text) | {"run": {"frames": 120, "duration": "14 ms"}}
-    data["pairs"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
-    data["pairs"]["K"]["follower"]["face"] = [2, 2]
+    data["joints"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
+    data["joints"]["K"]["follower"]["face"] = [2, 2]
     run = run_scene(mechviz.Scene.build(**data))
     told = [e for e in simulation_events(run) if "the contact leaves the face" in e.text]
     (cam,) = placed_cams(run.motion)

@@ -104,7 +104,7 @@ def test_the_four_bar_of_a_scene_that_stopped_after_a_turn():
         crank = { points = { O2 = [0, 0], B = [1, 0] }, mass = 2, centre = [0.5, 0], inertia = 0.01 }
         coupler = { points = { B = [0, 0], C = [3, 0], P = [1.5, 0.5] }, mass = 3, centre = [1.5, 0], inertia = 0.05 }
         rocker = { points = { O4 = [0, 0], C = [2, 0] }, mass = 2, centre = [1, 0], inertia = 0.02 }
-        [pairs]
+        [joints]
         O2 = { revolute = ["frame", "crank"], free = { position = "60 deg", speed = "5 rad/s" } }
         B = { revolute = ["crank", "coupler"] }
         C = { revolute = ["coupler", "rocker"], side = "left" }

@@ -33,7 +33,7 @@ frame = { points = { A = [0, 0], D = [200, 0], H = [40, 160] } }
 crank = { points = { A = [0, 0], B = [60, 0] }, mass = "1.4 kg", centre = [20, 5], inertia = "0.004 kg m^2" }
 coupler = { points = { B = [0, 0], C = [180, 0], E = [90, 70] }, mass = "0.8 kg", centre = [90, 20], inertia = "0.003 kg m^2" }
 rocker = { points = { D = [0, 0], C = [150, 0] }, mass = "0.9 kg", centre = [60, 0], inertia = "0.002 kg m^2" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], free = { position = 40, speed = "90 rpm" } }
 B = { revolute = ["crank", "coupler"] }
 C = { revolute = ["coupler", "rocker"], side = "left" }
@@ -65,7 +65,7 @@ crank = { points = { A = [0, 0], B = [40, 0] }, mass = "3 kg", centre = [10, 0],
 coupler = { points = { B = [0, 0], C = [150, 0], E = [70, 30] }, mass = "0.6 kg", centre = [60, 0], inertia = "0.003 kg m^2" }
 piston = { points = { C = [0, 0] }, mass = "0.9 kg" }
 fan = { points = { W = [0, 0] }, mass = "1 kg", inertia = "0.01 kg m^2" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], free = { position = 40, speed = "200 rpm" } }
 B = { revolute = ["crank", "coupler"] }
 C = { revolute = ["coupler", "piston"] }
@@ -87,7 +87,7 @@ run = { duration = "0.1 s", tolerance = 1e-8 }
 frame = { points = { A = [0, 0], H = [300, 250] } }
 crank = { points = { A = [0, 0], B = [260, 0] }, mass = "1.4 kg", centre = [120, 5], inertia = "0.04 kg m^2" }
 coupler = { points = { B = [0, 0], C = [180, 0], E = [90, 70] }, mass = "0.8 kg", centre = [90, 20], inertia = "0.013 kg m^2" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], LEAD }
 B = { revolute = ["crank", "coupler"], free = { position = 50, speed = "-20 rpm" }STOPS }
 [loads]
@@ -310,7 +310,7 @@ run = { frames = 60, duration = "2.1 s", tolerance = 1e-10 }
 [links]
 frame = { points = { O = [0, 0] } }
 rod = { points = { O = [0, 0], G = [1, 0] }, mass = 1, centre = "G", inertia = 0.1 }
-[pairs]
+[joints]
 O = { revolute = ["frame", "rod"], free = { position = 0 } }
 [loads.F]
 force = [0, 5]

@@ -232,7 +232,7 @@ def test_jam_in_motion_is_refused_in_words():
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
     )
-    with pytest.raises(MechanismError, match=r"pairs\.S\.friction"):
+    with pytest.raises(MechanismError, match=r"joints\.S\.friction"):
         simulate(mechanism, 1.0)
 
 
@@ -308,12 +308,12 @@ run = { duration = "2 s" }
 frame = { points = { O = [0, 0] } }
 upper = { points = { O = [0, 0], J = [0.5, 0] }, mass = 1, centre = [0.25, 0], inertia = 0.03 }
 lower = { points = { J = [0, 0], E = [0.4, 0] }, mass = 0.7, centre = [0.2, 0], inertia = 0.02 }
-[pairs.J]
+[joints.J]
 revolute = ["upper", "lower"]
 free = { position = 40 }
 friction = { coefficient = 0.15, radius = "20 mm", static = 0.2 }
 stops = [{ at = -5, side = "lower", restitution = 0.3 }, { at = 60, side = "upper" }]
-[pairs.O]
+[joints.O]
 revolute = ["frame", "upper"]
 friction = { coefficient = 0.1, radius = "20 mm" }
 """

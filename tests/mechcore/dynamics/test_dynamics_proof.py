@@ -302,7 +302,7 @@ frame = { points = { A = [0, 0], H = [-60, 90] } }
 crank = { points = { A = [0, 0], B = [40, 0] }, mass = "3 kg", centre = [5, 3], inertia = "0.05 kg m^2" }
 rod = { points = { B = [0, 0], C = [150, 0] }, mass = "0.9 kg", centre = [52, 4], inertia = "0.0031 kg m^2" }
 piston = { points = { C = [0, 0] }, mass = "0.7 kg" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], free = { position = 20, speed = "120 rpm" }, friction = { brake = "0.3 N m" } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }

@@ -56,7 +56,7 @@ def test_a_free_pair_is_read_in_the_units_of_the_scene_and_written_back():
 
 def test_prescribed_drives_stand_beside_free_coordinates():
     """A double pendulum whose upper joint turns evenly: the lower bar swings; the drive's work closes the balance."""
-    text = PENDULUM.replace("[pairs]", 'low = { points = { E = [0, 0], F = [300, 0] }, mass = 1, shape = "bar" }\n[pairs]')
+    text = PENDULUM.replace("[joints]", 'low = { points = { E = [0, 0], F = [300, 0] }, mass = 1, shape = "bar" }\n[joints]')
     text = text.replace('free = { position = -30, speed = "10 rpm" }', 'drive = { speed = "60 rpm" }')
     text += 'E = { revolute = ["bar", "low"], free = { position = 20 } }\n'
     run = run_scene(mechviz.loads(text))
@@ -78,7 +78,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
         ),
         ((("free =", 'drive = { speed = "1 rpm" }, free ='),), "free and drive at once"),
         ((('"2 s"', '"2 m"'),), "run.duration"),
-        ((('"10 rpm"', '"10 mm/s"'),), "pairs.O.free.speed"),
+        ((('"10 rpm"', '"10 mm/s"'),), "joints.O.free.speed"),
         ((("free = {", 'side = "left", free = {'),), "side on a free pair, whose position its start decides."),
         ((("frames = 100", "frames = 100\ncycles = 2"),), "2 cycles of a motion that forces decide."),
         ((("frames = 100", 'frames = 100\nmethod = "gaus"'),), "Did you mean 'gauss'?"),
@@ -97,10 +97,10 @@ def test_prescribed_drives_stand_beside_free_coordinates():
         ),
         ((("[run]", 'plans = ["velocity"]\n[run]'),), "plans are made for prescribed motions"),
         ((("[run]", 'answers = ["velocity_ratio"]\n[run]'),), "velocity_ratio is told per unit speed of a drive"),
-        ((("[pairs]", '[watch]\nw = { pair = "P" }\n[pairs]'),), "there is no pair 'P'"),
-        ((("[pairs]", '[watch]\nw = { pair = "O", of = "x" }\n[pairs]'),), "'x' of a pair."),
-        ((("[pairs]", '[watch]\nw = { pair = "O", point = "bar.E" }\n[pairs]'),), "a pair and a point at once to watch."),
-        ((("[pairs]", '[watch]\nw = { point = "bar.F" }\n[pairs]'),), "link 'bar' has no point 'F'"),
+        ((("[joints]", '[watch]\nw = { pair = "P" }\n[joints]'),), "there is no pair 'P'"),
+        ((("[joints]", '[watch]\nw = { pair = "O", of = "x" }\n[joints]'),), "'x' of a pair."),
+        ((("[joints]", '[watch]\nw = { pair = "O", point = "bar.E" }\n[joints]'),), "a pair and a point at once to watch."),
+        ((("[joints]", '[watch]\nw = { point = "bar.F" }\n[joints]'),), "link 'bar' has no point 'F'"),
     ],
 )
 def test_faults_name_the_item_and_the_remedy(changes, words):
@@ -114,9 +114,9 @@ def test_faults_name_the_item_and_the_remedy(changes, words):
         ((('duration = "2 s"', "tolerance = 1e-6"),), "run.tolerance nothing is free"),
         (
             (('duration = "2 s"', ""), ('rpm" } }', 'rpm" }, stops = [{ at = 40, side = "upper" }] }')),
-            "pairs.O.stops nothing is free",
+            "joints.O.stops nothing is free",
         ),
-        ((('duration = "2 s"', ""), ("[pairs]", '[watch]\nw = { pair = "O" }\n[pairs]')), "watch.w nothing is free"),
+        ((('duration = "2 s"', ""), ("[joints]", '[watch]\nw = { pair = "O" }\n[joints]')), "watch.w nothing is free"),
     ],
 )
 def test_what_only_a_motion_under_forces_has_is_refused_elsewhere(changes, words):
@@ -231,7 +231,7 @@ def test_a_follower_leaves_its_cam_where_a_seat_holds_it_up(tmp_path: Path):
 
 
 def test_a_stop_into_which_a_cam_drives_its_follower_is_refused():
-    with pytest.raises(MechanismError, match=r"(?s)pairs.S.stops.*S strikes its upper stop, but prescribed drives"):
+    with pytest.raises(MechanismError, match=r"(?s)joints.S.stops.*S strikes its upper stop, but prescribed drives"):
         run_scene(_seated("upper", 0))
 
 
@@ -242,7 +242,7 @@ def test_a_stop_into_which_a_cam_drives_its_follower_is_refused():
             (('"2 s"', '"1e9 s"'), ('"10 rpm"', '"0 rpm"')),
             r"(?s)run.duration.*1e\+09 s are .* periods; motions are followed over 50,000 at most",
         ),
-        ((('"10 rpm"', '"1e7 rpm"'),), r"(?s)pairs.O.free.speed.*it would go 333333 turns in 2 s"),
+        ((('"10 rpm"', '"1e7 rpm"'),), r"(?s)joints.O.free.speed.*it would go 333333 turns in 2 s"),
         (
             (("frames =", 'method = "energy"\nframes ='), (" } }\n", ' }, stops = [{ at = 80, side = "upper" }] }\n')),
             r"run\.method",
@@ -261,5 +261,5 @@ def test_runs_that_nobody_would_wait_for_are_refused_by_the_scene_s_keys(changes
 def test_a_start_beyond_a_stop_of_a_pair_that_is_led_is_told_in_units():
     text = next(e for e in mechviz.gallery() if e.name == "valve-float").path.read_text()
     text = text.replace("angle = 180 }", 'angle = 180, stops = [{ at = -90, side = "upper" }] }')
-    with pytest.raises(MechanismError, match=r"(?s)pairs\.S\.stops.*starts 60.5 mm above the upper stop 'S upper' at -90 mm"):
+    with pytest.raises(MechanismError, match=r"(?s)joints\.S\.stops.*starts 60.5 mm above the upper stop 'S upper' at -90 mm"):
         run_scene(mechviz.loads(text))

@@ -191,7 +191,7 @@ run = { duration = "3 s", frames = 120, method = "gauss" }
 [links]
 frame = { points = { O = [0, 0] } }
 bar = { points = { O = [0, 0], E = [400, 0] }, mass = "1 kg", shape = "bar" }
-[pairs]
+[joints]
 O = { revolute = ["frame", "bar"], free = { position = -90.0000000001 } }
 """
     )

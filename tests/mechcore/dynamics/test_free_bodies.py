@@ -26,7 +26,7 @@ run = { duration = "0.8 s", tolerance = 1e-10 }
 [links]
 frame = { points = { O = [0, 0] } }
 plate = { points = { P = [-100, -50], Q = [100, -50], T = [0, 120] }, mass = "4 kg", centre = [30, 10], inertia = "0.09 kg m^2" }
-[pairs]
+[joints]
 body = { planar = ["frame", "plate"], at = "T", START }
 """
 START = 'free = { x = 300, y = "0.2 m", vx = "2 m/s", vy = "4 m/s", angle = 20, omega = "90 rpm" }'
@@ -52,9 +52,9 @@ def test_a_thrown_body_flies_a_parabola_and_turns_evenly():
 @pytest.mark.parametrize("speed", [-7.0, 0.4])
 def test_the_flight_is_the_same_seen_from_a_turning_link(speed):
     """Coordinates in the axes of a crank that is driven: the world's motion does not know of it."""
-    crank = "crank = { points = { O = [0, 0] } }\n[pairs]"
+    crank = "crank = { points = { O = [0, 0] } }\n[joints]"
     pin = f'O = {{ revolute = ["frame", "crank"], drive = {{ speed = "{speed} rad/s" }} }}'
-    text = THROWN.replace('["frame", "plate"]', '["crank", "plate"]').replace("[pairs]", f"{crank}\n{pin}")
+    text = THROWN.replace('["frame", "plate"]', '["crank", "plate"]').replace("[joints]", f"{crank}\n{pin}")
     at, v, w = 0.3 + 0.2j, 2.0 + 4.0j - 1j * speed * (0.3 + 0.2j), 3.0 * np.pi - speed
     start = f"free = {{ x = 300, y = 200, vx = '{v.real} m/s', vy = '{v.imag} m/s', angle = 20, omega = '{w} rad/s' }}"
     seen = simulate(mechviz.loads(text.replace("START", start)).mechanism, 0.8, tolerance=1e-11)
@@ -82,7 +82,7 @@ def test_beside_a_loop_that_changes_its_leading_pair():
         crank = { points = { A = [0, 0], B = [150, 0] }, mass = "1 kg", shape = "bar" }
         coupler = { points = { B = [0, 0], C = [180, 0] }, mass = "1 kg", shape = "bar" }
         rocker = { points = { D = [0, 0], C = [120, 0] }, mass = "1 kg", shape = "bar" }
-        [pairs]
+        [joints]
         A = { revolute = ["frame", "crank"], free = { position = 70 } }
         B = { revolute = ["crank", "coupler"] }
         C = { revolute = ["coupler", "rocker"], side = "left" }
@@ -90,7 +90,7 @@ def test_beside_a_loop_that_changes_its_leading_pair():
         """
     loop = "\n".join(line.strip() for line in loop.splitlines())
     alone = THROWN.replace("START", START).replace("O = [0, 0]", "O = [0, 0], A = [0, 0], D = [200, 0]")
-    both = alone.replace("[pairs]", loop)
+    both = alone.replace("[joints]", loop)
     four_bar = both.replace(next(line for line in both.splitlines() if line.startswith("plate")), "")
     four_bar = four_bar.replace(next(line for line in both.splitlines() if line.startswith("body")), "")
     t = np.linspace(0.0, 0.8, 33)
@@ -118,11 +118,11 @@ def test_a_recording_knows_nothing_of_what_it_is_made_of(tmp_path):
             "free = { position = 3 }",
             "position does not go with a planar pair. Its start has x, y, angle, vx, vy and omega.",
         ),
-        ("friction = { coefficient = 1 }", "pairs.body: 'free' is missing. Add free = { y ="),
-        ('drive = { speed = "60 rpm" }', "pairs.body.drive: drive does not go with a planar pair. Its start is free ="),
-        ('free = { x = "3 deg" }', "pairs.body.free.x"),
-        ('free = { vx = "3 m" }', "pairs.body.free.vx"),
-        ("free = { xx = 3 }", "pairs.body.free: unknown key 'xx'."),
+        ("friction = { coefficient = 1 }", "joints.body: 'free' is missing. Add free = { y ="),
+        ('drive = { speed = "60 rpm" }', "joints.body.drive: drive does not go with a planar pair. Its start is free ="),
+        ('free = { x = "3 deg" }', "joints.body.free.x"),
+        ('free = { vx = "3 m" }', "joints.body.free.vx"),
+        ("free = { xx = 3 }", "joints.body.free: unknown key 'xx'."),
         ("free = {}, branch = 'ahead'", "branch does not go with a planar pair"),
     ],
 )
@@ -135,12 +135,12 @@ def test_what_is_wrong_with_a_free_body_is_said(start, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('at = "T"', 'at = "X"', "pairs.body.at: link 'plate' has no point 'X'."),
-        ('at = "T"', 'at = ["O", "T"]', "pairs.body.at: names two points. Name one point of 'plate'."),
+        ('at = "T"', 'at = "X"', "joints.body.at: link 'plate' has no point 'X'."),
+        ('at = "T"', 'at = ["O", "T"]', "joints.body.at: names two points. Name one point of 'plate'."),
         ('["frame", "plate"]', '["frame", "plte"]', "there is no link 'plte'"),
         (
-            "[pairs]",
-            '[pairs]\n"body.x" = { revolute = ["frame", "plate"], at = ["O", "T"] }',
+            "[joints]",
+            '[joints]\n"body.x" = { revolute = ["frame", "plate"], at = ["O", "T"] }',
             "the planar 'body' brings along a part",
         ),
         ('run = { duration = "0.8 s", tolerance = 1e-10 }', "", "'duration' is missing: how long does body move?"),
@@ -179,7 +179,7 @@ def test_a_torque_on_a_free_body_is_drawn_at_its_centre():
     [links]
     frame = { points = { O = [0, 0] } }
     body = { points = { P = [0, 0], Q = [0.3, 0] }, mass = 2, centre = [0.1, 0], inertia = 1 }
-    [pairs]
+    [joints]
     B = { planar = ["frame", "body"], at = "P", free = { vx = 1 } }
     [loads]
     spin = { torque = 3, on = "body" }

@@ -135,7 +135,7 @@ frames = 50
 [links]
 frame = { points = { O = [0, 0] } }
 wheel = { points = { O = [0, 0] }, mass = 1, centre = "O", inertia = 0.5 }
-[pairs]
+[joints]
 O = { revolute = ["frame", "wheel"], free = { position = 0 } }
 [loads]
 motor = { MOTOR }

@@ -31,7 +31,7 @@ run = { duration = "2 s", tolerance = 1e-11 }
 [links]
 frame = { points = { S = [0, 0] } }
 block = { points = { S = [0, 0] }, mass = "2 kg", shape = "point" }
-[pairs]
+[joints]
 S = { prismatic = ["frame", "block"], FREE MORE }
 [loads]
 servo = { servo = "S", TARGET, GAINS }
@@ -107,7 +107,7 @@ run = { duration = "1.5 s", tolerance = 1e-10 }
 frame = { points = { A = [0, 0] } }
 upper = { points = { A = [0, 0], B = [400, 0] }, mass = "2 kg", centre = [200, 0], inertia = "0.03 kg m^2" }
 lower = { points = { B = [0, 0], C = [250, 0] }, mass = "1 kg", centre = [125, 0], inertia = "0.006 kg m^2" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "upper"], free = { position = 10 } }
 B = { revolute = ["upper", "lower"], free = { position = 30 } }
 [loads.shoulder]
@@ -226,7 +226,7 @@ frame = { points = { A = [0, 0] } }
 crank = { points = { A = [0, 0], B = [100, 0] }, mass = "1 kg", shape = "bar" }
 rod = { points = { B = [0, 0], C = [300, 0] }, mass = "1 kg", shape = "bar" }
 piston = { points = { C = [0, 0] }, mass = "1 kg", shape = "point" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"] AFREE }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }

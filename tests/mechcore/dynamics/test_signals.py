@@ -65,7 +65,7 @@ run = { duration = "3 s", tolerance = 1e-11 }
 [links]
 frame = { points = { S = [0, 0], H = [-200, 0] } }
 block = { points = { S = [0, 0] }, mass = "2 kg" }
-[pairs]
+[joints]
 S = { prismatic = ["frame", "block"], free = {} }
 [loads]
 spring = { spring = ["frame.H", "block.S"], stiffness = "800 N/m", free_length = 200 }
@@ -170,7 +170,7 @@ run = { duration = "3 s", tolerance = 1e-10 }
 frame = { points = { S = [0, 0], T = [0, 0] } }
 tug = { points = { T = [0, 0] }, mass = "1 kg" }
 block = { points = { S = [0, 0] }, mass = "2 kg" }
-[pairs]
+[joints]
 T = { prismatic = ["frame", "tug"], drive = { zones = { run_up = 40, steady = 60, braking = 30 }, speed = "100 mm/s", start = 300 }}
 S = { prismatic = ["frame", "block"], free = {} }
 [loads]
@@ -210,7 +210,7 @@ frame = { points = { O = [0, 0] } }
 crank = { points = { O = [0, 0], P = [40, 0] }, mass = "1 kg", centre = "O", inertia = "0.003 kg m^2" }
 rod = { points = { P = [0, 0], Q = [150, 0] }, mass = "0.4 kg", centre = [60, 0], inertia = "0.001 kg m^2" }
 ram = { points = { Q = [0, 0] }, mass = "2 kg" }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], drive = { speed = "90 rpm", start = 20, DRIVE } }
 P = { revolute = ["crank", "rod"] }
 Q = { revolute = ["rod", "ram"] }
@@ -288,12 +288,12 @@ def test_a_drive_whose_speed_follows_a_signal_beside_a_free_joint():
 @pytest.mark.parametrize(
     ("drive", "path", "words"),
     [
-        ("ramp = { end = 1 }", "pairs.O.drive", "without saying how long a cycle lasts. Add duration"),
-        ("ramp = { end = 0 }, duration = 1", "pairs.O.drive.ramp.end", "it jumps"),
-        ("step = { at = 1 }, sine = { period = 1 }, duration = 1", "pairs.O.drive", "has sine and step at once"),
-        ("sine = { period = 1 }, travel = 90", "pairs.O.drive.travel", "travel does not go with sine"),
-        ("duration = 2", "pairs.O.drive.duration", "duration does not go with speed"),
-        ("sine = { }", "pairs.O.drive.sine", "frequency or period"),
+        ("ramp = { end = 1 }", "joints.O.drive", "without saying how long a cycle lasts. Add duration"),
+        ("ramp = { end = 0 }, duration = 1", "joints.O.drive.ramp.end", "it jumps"),
+        ("step = { at = 1 }, sine = { period = 1 }, duration = 1", "joints.O.drive", "has sine and step at once"),
+        ("sine = { period = 1 }, travel = 90", "joints.O.drive.travel", "travel does not go with sine"),
+        ("duration = 2", "joints.O.drive.duration", "duration does not go with speed"),
+        ("sine = { }", "joints.O.drive.sine", "frequency or period"),
     ],
 )
 def test_faults_of_speeds_with_signals(drive, path, words):

@@ -21,7 +21,7 @@ RUN
 frame = { points = { G = [0, 0], H = [-300, 0] } }
 belt = { points = { P = [0, 0] }, mass = "1 kg", shape = "point" }
 mass = { points = { P = [0, 0] }, mass = "2 kg", shape = "point" }
-[pairs]
+[joints]
 belt = { prismatic = ["frame", "belt"], at = ["G", "P"], drive = { speed = "100 mm/s", travel = 1000 } }
 S = { prismatic = ["belt", "mass"], at = "P", friction = { coefficient = 0.2, static = 0.35, stribeck = "60 mm/s" }, MOTION }
 [loads]
@@ -97,7 +97,7 @@ def test_a_pin_slows_down_by_the_speed_of_its_surface():
     [links]
     frame = { points = { A = [0, 0] } }
     wheel = { points = { A = [0, 0] }, mass = "30 kg", centre = "A", inertia = "0.4 kg m^2" }
-    [pairs.A]
+    [joints.A]
     revolute = ["frame", "wheel"]
     free = { speed = "40 rpm" }
     friction = { coefficient = 0.05, static = 0.3, stribeck = "30 mm/s", radius = 20, EXACT }
@@ -124,8 +124,8 @@ def test_a_pin_slows_down_by_the_speed_of_its_surface():
             "friction.stribeck: the curve falls from static to 0.2, and static is missing. Add static = 0.3",
         ),
         ("static = 0.35", "static = 0.2", "and static is no greater. Add static = 0.3, or leave stribeck out."),
-        ('"60 mm/s"', '"60 mm"', "pairs.S.friction.stribeck"),
-        ('"60 mm/s"', "0", "pairs.S.friction.stribeck: 0 is zero. Give a positive value."),
+        ('"60 mm/s"', '"60 mm"', "joints.S.friction.stribeck"),
+        ('"60 mm/s"', "0", "joints.S.friction.stribeck: 0 is zero. Give a positive value."),
         (
             "coefficient = 0.2, static = 0.35, stribeck",
             "brake = 3, stribeck",
@@ -145,7 +145,7 @@ def test_wheels_have_no_stribeck_speed():
     [links]
     frame = { points = { A = [0, 0] } }
     wheel = { points = { A = [0, 0] } }
-    [pairs]
+    [joints]
     A = { rolling = ["frame", "wheel"], radius = 1, friction = { lever = 0.01, stribeck = 1 }, drive = { speed = 1, travel = 1 } }
     """
     with pytest.raises(mechviz.SceneError, match="stribeck does not go with the friction of a rolling pair"):

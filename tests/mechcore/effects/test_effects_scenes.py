@@ -21,7 +21,7 @@ frame  = { points = { A = [0, 0], H = [0, 200], "P.x" = [-50, 0] } }
 crank  = { points = { A = [0, 0], B = [40, 0] } }
 rod    = { points = { B = [0, 0], C = [150, 0] } }
 piston = { points = { C = [0, 0], T = [20, 0] }, mass = 1, centre = "C", gravity = [0, "-1.62 m/s^2"] }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }
@@ -190,7 +190,7 @@ frame  = { points = { O = [0, 0], G = [0, OFFSET] } }
 crank  = { points = { O = [0, 0], B = [40, 0] } }
 rod    = { points = { B = [0, 0], C = [150, 0] } }
 piston = { points = { C = [0, 0] } }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], drive = { speed = "SPEED rpm", start = START } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }

@@ -177,17 +177,17 @@ T = [0, 25]
 R = [0, 65]
 Q = [0, 105]
 P = [60, 120]
-[pairs]
+[joints]
 O = { revolute = ["frame", "cam"], drive = { speed = "3500 rpm", start = 145 } }
 S = { prismatic = ["frame", "tappet"], at = ["G", "T"], along = [0, 1], friction = { brake = "5 N", coefficient = 0.1 } }
 R = { revolute = ["tappet", "rod"], clearance = { radial = 0.1, stiffness = "300 N/mm", restitution = 0.5, speed = "0.3 m/s" } }
 Q = { revolute = ["rod", "rocker"] }
 P = { revolute = ["frame", "rocker"], friction = { coefficient = 0.1, radius = 8 } }
-[pairs.K]
+[joints.K]
 cam = ["cam", "tappet"]
 follower = { flat = true, guide = "S", point = "T", face = [20, 20] }
 liftoff = { restitution = 0.2 }
-[pairs.K.profile]
+[joints.K.profile]
 base = 25
 phase = -110
 lift = [{ over = 70, to = 8.5, law = "3-4-5" }, { over = 70, to = 0, law = "3-4-5" }, { over = 220 }]
@@ -255,7 +255,7 @@ def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
         ("restitution = 0.5", "restitution = 0.5, exponent = 0.5", "no exponent of a contact"),
         ('stiffness = "200 N/mm"', 'stiffness = "200 N m/rad"', "torsional stiffness"),
         ('effects = ["inertia"]', "effects = []", "B has clearance, motion under forces needs masses"),
-        ("[pairs.B]", "[pairs.B]\nfriction = { coefficient = 0.1 }", "friction of a pair with clearance"),
+        ("[joints.B]", "[joints.B]\nfriction = { coefficient = 0.1 }", "friction of a pair with clearance"),
         ('duration = "0.4 s"', "cycles = 2", "'duration' is missing: how long does B move?"),
         ("frame = {", '"B.journal" = { points = { A = [0, 0] } }\nframe = {', "which is taken"),
         ('C = { revolute = ["rod", "piston"] }', 'C = { revolute = ["rod", "piston"], clearance = {} }', "radial"),

@@ -363,7 +363,7 @@ def test_offset_of_a_bearing_that_slides_along():
 def test_numbers_that_are_no_friction_are_refused():
     m, _ = reference_slider_crank()
     for wrong in (Friction(coefficient=-0.1, radius=0.01), Friction(coefficient=np.nan, radius=0.01), Friction(coefficient=0.1)):
-        with pytest.raises(MechanismError, match=r"pairs\.B\.friction"):
+        with pytest.raises(MechanismError, match=r"joints\.B\.friction"):
             load(rub(m, B=wrong), TURN, 1.0)
 
 

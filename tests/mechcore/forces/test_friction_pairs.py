@@ -253,7 +253,7 @@ motor = { points = { A = [0, 0] } }
 drum  = { points = { B = [0, 0], Q = [80, 0] } }
 pump  = { points = { P = [0, 0], R = [300, 0] } }
 
-[pairs]
+[joints]
 A = { revolute = ["frame", "motor"], drive = { speed = "120 rpm" } }
 B = { revolute = ["frame", "drum"], friction = { coefficient = 0.1, radius = 12 } }
 V = { belt = ["motor", "drum"], radii = [50, 150] }

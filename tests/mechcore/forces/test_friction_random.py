@@ -87,7 +87,7 @@ def test_six_bars(data, mechanism):
 @settings(max_examples=25)
 @given(st.data(), loaded(slider_cranks()))
 def test_slider_cranks_with_every_effect(data, mechanism):
-    """Some of every effect and load of the registry (`test_effects.loads` sees to that), with dry friction in random pairs."""
+    """Some of every effect and load of the registry (`test_effects.loads` sees to that), with dry friction in random joints."""
     check(data.draw(frictions(mechanism)))
 
 

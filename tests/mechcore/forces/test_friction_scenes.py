@@ -33,20 +33,20 @@ def forces_of(name: str, frames: int | None = None):
 
 
 FAULTS = [
-    ("pairs/B/friction", {"coefficient": -0.1, "radius": 0.01}, "pairs.B.friction.coefficient", "-0.1 is negative."),
-    ("pairs/B/friction", {"coefficient": "high", "radius": 0.01}, "pairs.B.friction.coefficient", "coefficient of friction"),
-    ("pairs/B/friction", {"coefficient": 0.1}, "pairs.B.friction", "'radius' is missing"),
-    ("pairs/B/friction", {"radius": "5 mm"}, "pairs.B.friction", "'coefficient' is missing."),
-    ("pairs/B/friction", {"coefficient": 0.1, "radius": "5 s"}, "pairs.B.friction.radius", "a length is wanted"),
-    ("pairs/B/friction", {"coefficient": 0.1, "radius": 0}, "pairs.B.friction.radius", "zero"),
+    ("joints/B/friction", {"coefficient": -0.1, "radius": 0.01}, "joints.B.friction.coefficient", "-0.1 is negative."),
+    ("joints/B/friction", {"coefficient": "high", "radius": 0.01}, "joints.B.friction.coefficient", "coefficient of friction"),
+    ("joints/B/friction", {"coefficient": 0.1}, "joints.B.friction", "'radius' is missing"),
+    ("joints/B/friction", {"radius": "5 mm"}, "joints.B.friction", "'coefficient' is missing."),
+    ("joints/B/friction", {"coefficient": 0.1, "radius": "5 s"}, "joints.B.friction.radius", "a length is wanted"),
+    ("joints/B/friction", {"coefficient": 0.1, "radius": 0}, "joints.B.friction.radius", "zero"),
     (
-        "pairs/B/friction",
+        "joints/B/friction",
         {"coefficient": 0.1, "length": 0.1},
-        "pairs.B.friction",
+        "joints.B.friction",
         "length does not go with the friction of a revolute",
     ),
-    ("pairs/B/friction", {"mu": 0.1, "radius": 0.01}, "pairs.B.friction", "unknown key 'mu'."),
-    ("pairs/B/friction", 0.1, "pairs.B.friction", "where a table is wanted"),
+    ("joints/B/friction", {"mu": 0.1, "radius": 0.01}, "joints.B.friction", "unknown key 'mu'."),
+    ("joints/B/friction", 0.1, "joints.B.friction", "where a table is wanted"),
     ("friction", {"coefficient": -1}, "friction.coefficient", "-1 is negative."),
     ("friction", {"lever": 1}, "friction", "unknown key 'lever'."),
     ("effects", ["friction"], "effects", "friction is named, but no pair has any."),
@@ -62,12 +62,12 @@ def test_faults(where, value, path, message):
 
 def test_more_faults():
     slide = {"prismatic": ["frame", "rocker"], "at": "C", "friction": {"coefficient": 0.1, "height": 0.02}}
-    found = faults_of(changed(("pairs/D", slide)))
-    assert any(f.path == "pairs.D.friction.height" and "length" in f.remedy for f in found)
+    found = faults_of(changed(("joints/D", slide)))
+    assert any(f.path == "joints.D.friction.height" and "length" in f.remedy for f in found)
     rolling = {"rolling": ["frame", "rocker"], "at": "C", "radius": 1, "friction": {"coefficient": 0.1}}
-    assert any("does not go with the friction of a rolling pair" in f.message for f in faults_of(changed(("pairs/D", rolling))))
+    assert any("does not go with the friction of a rolling pair" in f.message for f in faults_of(changed(("joints/D", rolling))))
     weld = {"weld": ["frame", "rocker"], "at": "C", "friction": {"coefficient": 0.1}}
-    assert any(f.message == "friction does not go with a weld." for f in faults_of(changed(("pairs/D", weld))))
+    assert any(f.message == "friction does not go with a weld." for f in faults_of(changed(("joints/D", weld))))
 
 
 def test_defaults_units_and_writing_back():
@@ -83,7 +83,7 @@ frame  = { points = { A = [0, 0], G = [0, 0] } }
 crank  = { points = { A = [0, 0], B = [40, 0] } }
 rod    = { points = { B = [0, 0], C = [150, 0] } }
 piston = { points = { C = [0, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 B = { revolute = ["crank", "rod"], friction = { coefficient = 0.2, exact = true } }
 C = { revolute = ["rod", "piston"], friction = { coefficient = 0 } }

@@ -119,9 +119,9 @@ def test_drives_that_go_on_for_ever_are_refused_with_the_limit():
     most = 50_000
     assert solve_motion(compiled, [0.0, 0.999 * most * TURN]).frames == 2
     with pytest.raises(
-        MechanismError, match=r"pairs.A.drive: it goes 111111 turns .* over 50,000 turns at most\. Run fewer cycles"
+        MechanismError, match=r"joints.A.drive: it goes 111111 turns .* over 50,000 turns at most\. Run fewer cycles"
     ):
         solve_motion(compiled, [0.0, np.radians(4e7)])
     slider = replace(engine(), drives=(Drive(pair="S", law=ConstantSpeed(0.2, 1.0)),), modes={"B": "left"})
-    with pytest.raises(MechanismError, match=r"pairs.S.drive: it goes 6e\+07 mm, .* times the size of the mechanism"):
+    with pytest.raises(MechanismError, match=r"joints.S.drive: it goes 6e\+07 mm, .* times the size of the mechanism"):
         solve_motion(compile_mechanism(slider), [0.0, 6e4])

@@ -236,7 +236,7 @@ def faults_of(mechanism: Mechanism, times=None) -> str:
 def test_a_drive_range_that_cannot_be_assembled_is_named_with_its_gap():
     m = four_bar(**ROCKER, start=0.5)
     text = faults_of(m)
-    assert "pairs.D" in text and "drive A" in text and "mm" in text and "keep the drive within" in text
+    assert "joints.D" in text and "drive A" in text and "mm" in text and "keep the drive within" in text
     limit = next(c for c in case("linkages", "fourbar-limits")["expected"] if c["AB"] == 0.22)["crank_angle_limit_stretched"]
     flat = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21, start=0.5)
     (low, high), *_ = reachable_ranges(compile_mechanism(flat))

@@ -29,7 +29,7 @@ units = { length = "mm" }
 frame = { points = { A = [0, 0], B = [700, 0] } }
 a = { points = { A = [0, 0], C = [500, 0] } }
 b = { points = { B = [0, 0], C = [400, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "a"] }
 B = { revolute = ["frame", "b"] }
 C = { revolute = ["a", "b"], side = "left" }
@@ -46,7 +46,7 @@ frame   = { points = { A = [0, 0], D = [200, 0] } }
 crank   = { points = { A = [0, 0], B = [60, 0] } }
 coupler = { points = { B = [0, 0], C = [180, 0] } }
 rocker  = { points = { D = [0, 0], C = [150, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { DRIVE } }
 B = { revolute = ["crank", "coupler"] }
 C = { revolute = ["coupler", "rocker"], side = "left" }
@@ -58,7 +58,7 @@ M = { torque = "5 N m", on = "rocker" FACTOR }
 
 HELD = "speed = 0, start = 40"
 FREE = FOUR_BAR.replace(", drive = { DRIVE }", "").replace("RUN", "").replace("FACTOR", "")
-LOOSE = TRUSS.replace('"a", "b"], side = "left"', '"a", "c"]').replace("[pairs]", "c = { points = { C = [0, 0] } }\n[pairs]")
+LOOSE = TRUSS.replace('"a", "b"], side = "left"', '"a", "c"]').replace("[joints]", "c = { points = { C = [0, 0] } }\n[joints]")
 
 
 def four_bar_text(drive: str = HELD, run: str = "", factor: str = "") -> str:
@@ -139,7 +139,7 @@ def test_every_law_can_stand_still(drive, lasts):
 
 def test_a_program_follows_a_held_master():
     ram = 'S = { prismatic = ["frame", "ram"], at = ["A", "T"], drive = { start = 0, PROGRAM } }'
-    text = four_bar_text("speed = 0, start = 45").replace("[pairs]\n", f"[pairs]\n{ram}\n")
+    text = four_bar_text("speed = 0, start = 45").replace("[joints]\n", f"[joints]\n{ram}\n")
     text = text.replace("[links]\n", "[links]\nram = { points = { T = [0, 0] } }\n")
     program = 'program = { master = "A", segments = [{ over = 90, to = 8, law = "constant-velocity" }, { over = 270, to = 0 }] }'
     law = next(d.law for d in mechviz.loads(text.replace("PROGRAM", program)).mechanism.drives if d.pair == "S")
@@ -175,7 +175,7 @@ a = { points = { A = [0, 0], B = [50, 0] } }
 b = { points = { B = [0, 0], C = [90, 0] } }
 c = { points = { C = [0, 0], D = [80, 0] } }
 d = { points = { E = [0, 0], D = [30, 0] } }
-[pairs]
+[joints]
 A = { HELD }
 E = { revolute = ["frame", "d"], drive = { speed = "30 rpm", start = 10 } }
 B = { revolute = ["a", "b"] }
@@ -214,7 +214,7 @@ def test_core_mechanisms_rest_too():
         (drive,) = scene.mechanism.drives
         q = float(drive.law(0.2)[0])
         moved = solve_motion(compile_mechanism(scene.mechanism), np.array([0.2]))
-        start = scene.changed({("pairs", drive.pair, "drive"): {"speed": 0, "start": f"{q!r} rad"}, ("run",): {"duration": "1 s"}})
+        start = scene.changed({("joints", drive.pair, "drive"): {"speed": 0, "start": f"{q!r} rad"}, ("run",): {"duration": "1 s"}})
         still = solve_motion(compile_mechanism(start.mechanism), default_times(start.mechanism, 5))
         if name != "geared-slider-cranks":  # wheels stand as at their own start
             assert still.pose(scene.mechanism.links[-1].name)[-1, :2] == pytest.approx(
@@ -226,14 +226,14 @@ def test_core_mechanisms_rest_too():
 @pytest.mark.parametrize(
     ("text", "path", "words", "remedy"),
     [
-        (TRUSS.replace("C = [500, 0]", "C = [50, 0]"), "pairs.C", "miss each other by 250 mm", "length"),
-        (LOOSE, "pairs", "3 freedoms", "drive"),
-        (FREE, "pairs", "a freedom that no drive takes", "speed = 0"),
+        (TRUSS.replace("C = [500, 0]", "C = [50, 0]"), "joints.C", "miss each other by 250 mm", "length"),
+        (LOOSE, "joints", "3 freedoms", "drive"),
+        (FREE, "joints", "a freedom that no drive takes", "speed = 0"),
         (TRUSS.replace("[links]", 'answers = ["velocity_ratio"]\n[links]'), "answers[0]", "no drive", "Leave it out"),
         (TRUSS.replace('"C" }\n', '"C", table = { position = [0, 1], factor = [0, 1] } }\n'), "loads.W.table", "no drive", "time"),
         (four_bar_text("speed = 9", 'run = { duration = "1 s" }'), "run.duration", "nothing is free", "cycles"),
         # toggle: the crank held where coupler and rocker are in line
-        (four_bar_text("speed = 0").replace("[200, 0]", "[390, 0]"), "pairs", "do not hold it", "position"),
+        (four_bar_text("speed = 0").replace("[200, 0]", "[390, 0]"), "joints", "do not hold it", "position"),
     ],
 )
 def test_what_does_not_hold_is_refused(text, path, words, remedy):

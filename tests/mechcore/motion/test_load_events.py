@@ -26,7 +26,7 @@ crank = { points = { A = [0, 0], B = [40, 0] } }
 rod = { points = { B = [0, 0], C = [120, 0] } }
 rocker = { points = { D = [0, 0], C = [90, 0] } }
 
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm", start = 17 } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "rocker"], side = "left" }
@@ -43,7 +43,7 @@ crank = { points = { A = [0, 0], B = [40, 0] } }
 rod = { points = { B = [0, 0], C = [120, 0] } }
 slide = { points = { C = [0, 0] } }
 
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm", start = 17 } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "slide"], branch = "ahead" }

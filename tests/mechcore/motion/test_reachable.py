@@ -29,7 +29,7 @@ frame   = { points = { A = [0, 0], D = [200, 0] } }
 crank   = { points = { A = [0, 0], B = [120, 0] } }
 coupler = { points = { B = [0, 0], C = [100, 0] } }
 rocker  = { points = { D = [0, 0], C = [110, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { DRIVE } }
 B = { revolute = ["crank", "coupler"] }
 C = { revolute = ["coupler", "rocker"], side = "left" }
@@ -116,7 +116,7 @@ frame = { points = { O = [0, 0] } }
 crank = { points = { O = [0, 0], P = [40, 0] } }
 rod   = { points = { P = [0, 0], C = [130, 0] } }
 slide = { points = { C = [0, 0] } }
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"] }
 P = { revolute = ["crank", "rod"], side = "left" }
 C = { revolute = ["rod", "slide"] }
@@ -133,7 +133,7 @@ units = { length = "mm", angle = "deg" }
 [links]
 frame = { points = { A = [0, 0], D = [300, 0] } }
 arm   = { points = { D = [0, 0], E = [200, 0] } }
-[pairs]
+[joints]
 H = { cylinder = ["frame", "arm"], at = ["A", "E"], side = "left", drive = { speed = 20, start = 250, range = "reachable" } }
 D = { revolute = ["frame", "arm"] }
 """
@@ -159,7 +159,7 @@ SLIDE = """
 [links]
 frame = { points = { O = [0, 0] } }
 slide = { points = { C = [0, 0] } }
-[pairs]
+[joints]
 S = { prismatic = ["frame", "slide"], at = ["O", "C"], drive = { speed = 1, range = "reachable" } }
 """
 TWO = """
@@ -170,7 +170,7 @@ a = { points = { A = [0, 0], B = [50, 0] } }
 b = { points = { B = [0, 0], C = [60, 0] } }
 c = { points = { C = [0, 0], D = [80, 0] } }
 d = { points = { E = [0, 0], D = [30, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "a"], drive = { speed = 30, range = "reachable" } }
 E = { revolute = ["frame", "d"], drive = { OTHER } }
 B = { revolute = ["a", "b"] }
@@ -191,11 +191,11 @@ def test_beside_drives_that_stand_still():
 @pytest.mark.parametrize(
     ("text", "path", "words"),
     [
-        (TWO.replace("OTHER", 'speed = "9 rpm"'), "pairs.A.drive.range", "another one moves"),
-        (ROCKER.replace("DRIVE", REACHABLE + ", travel = 9"), "pairs.A.drive.travel", "as far as it can"),
-        (ROCKER.replace("DRIVE", REACHABLE.replace("reachable", "reachabel")), "pairs.A.drive.range", "'reachable'"),
-        (ROCKER.replace("DRIVE", 'range = "reachable", speed = 0'), "pairs.A.drive.range", "stands still"),
-        (SLIDE, "pairs.S.drive.range", "nothing limits"),
+        (TWO.replace("OTHER", 'speed = "9 rpm"'), "joints.A.drive.range", "another one moves"),
+        (ROCKER.replace("DRIVE", REACHABLE + ", travel = 9"), "joints.A.drive.travel", "as far as it can"),
+        (ROCKER.replace("DRIVE", REACHABLE.replace("reachable", "reachabel")), "joints.A.drive.range", "'reachable'"),
+        (ROCKER.replace("DRIVE", 'range = "reachable", speed = 0'), "joints.A.drive.range", "stands still"),
+        (SLIDE, "joints.S.drive.range", "nothing limits"),
     ],
 )
 def test_what_has_no_reach_is_refused(text, path, words):

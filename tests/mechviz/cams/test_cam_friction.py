@@ -13,7 +13,7 @@ from mechcore.forces.cam_rating import contact_force, placed_cams
 
 def rubbing(name: str, table: str) -> str:
     text = text_of(name).replace('"gravity"]', '"gravity", "friction"]')
-    return text.replace("[pairs.K.profile]", f"friction = {table}\n\n[pairs.K.profile]")
+    return text.replace("[joints.K.profile]", f"friction = {table}\n\n[joints.K.profile]")
 
 
 def test_a_flat_face_rubs_along_the_cam():
@@ -77,7 +77,7 @@ def test_what_is_lacking_keeps_the_contact():
 @pytest.mark.parametrize(
     ("name", "table", "words"),
     [
-        ("cam-roller", "{ coefficient = 0.1 }", ["pairs.K.friction", "'radius' is missing", "rubs on its pin"]),
+        ("cam-roller", "{ coefficient = 0.1 }", ["joints.K.friction", "'radius' is missing", "rubs on its pin"]),
         ("cam-flat", "{ coefficient = 0.1, radius = 4 }", ["no roller"]),
         ("cam-flat", "{ lever = 4 }", ["lever does not go with the friction of a cam"]),
         ("cam-flat", "{ }", ["'coefficient' is missing"]),

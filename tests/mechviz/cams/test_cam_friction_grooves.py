@@ -28,7 +28,7 @@ def text_of(name: str) -> str:
 
 def rubbing(name: str, table: str | None = None) -> str:
     table = table or f"{{ coefficient = {MU}, radius = {1e3 * PIN} }}"
-    return text_of(name).replace("[pairs.K.profile]", f"friction = {table}\n\n[pairs.K.profile]")
+    return text_of(name).replace("[joints.K.profile]", f"friction = {table}\n\n[joints.K.profile]")
 
 
 def solved(text: str, frames: int = 180):
@@ -204,8 +204,8 @@ def _pitch_rate(cam, angle, h=1e-6):
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("{ coefficient = 0.1 }", ["pairs.K.friction", "'radius' is missing", "rubs on its pin"]),
-        ("{ coefficient = 0.1, radius = 8 }", ["pairs.K.friction.radius", "not thinner than its roller"]),
+        ("{ coefficient = 0.1 }", ["joints.K.friction", "'radius' is missing", "rubs on its pin"]),
+        ("{ coefficient = 0.1, radius = 8 }", ["joints.K.friction.radius", "not thinner than its roller"]),
     ],
 )
 def test_faults_of_friction_at_barrel_cams(table, words):

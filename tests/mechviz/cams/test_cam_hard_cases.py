@@ -19,8 +19,8 @@ TURN = np.radians
 
 
 def with_profile(name: str, profile: str) -> str:
-    head, _, tail = text_of(name).partition("[pairs.K.profile]\n")
-    return f"{head}[pairs.K.profile]\n{profile}\n\n{tail[tail.index('[loads]') :]}"
+    head, _, tail = text_of(name).partition("[joints.K.profile]\n")
+    return f"{head}[joints.K.profile]\n{profile}\n\n{tail[tail.index('[loads]') :]}"
 
 
 LIFT = "lift = [{ over = 120, to = 20, law = 'harmonic' }, { over = 120, to = 0, law = 'harmonic' }, { over = 120 }]"

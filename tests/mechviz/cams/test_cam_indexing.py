@@ -102,7 +102,7 @@ def test_the_rollers_that_are_allowed_leave_room_between_them(name):
     most = float(words.split("up to")[1].split()[0])
     apart = 2.0 * np.sin(np.pi / cam.blank.rollers) * (cam.cam.inner if name == SCENES[0] else cam.arm)
     assert 2e-3 * most < apart
-    key = ("pairs", "K", "follower", "roller")
+    key = ("joints", "K", "follower", "roller")
     compile_mechanism(scene.changed({key: most - 0.001}).mechanism)
     with pytest.raises(ValueError, match=r"no rib between them|undercuts"):
         compile_mechanism(scene.changed({key: most + 0.001}).mechanism)
@@ -119,14 +119,14 @@ def test_scenes_read_as_they_were_written(name):
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
-        ("cam-indexing", "to = 36", "to = 40", ["pairs.K.profile.lift", "ends at 40°", "Let it end at 36° after a whole turn"]),
-        ("cam-indexing", "over = 210", "over = 200", ["pairs.K.profile.lift", "in 350°"]),
-        ("cam-indexing", 'closure = "form"', 'closure = "force"', ["pairs.K.closure", "Give closure = 'form'"]),
-        ("cam-indexing", "globoid = {", "base = 0\ngloboid = {", ["pairs.K.profile.base", "Leave it out"]),
-        ("cam-indexing", "rollers = 10", "rollers = 2", ["pairs.K.profile.globoid.rollers"]),
-        ("cam-indexing", "rollers = 10", "rollers = 5", ["pairs.K.profile.globoid.rollers", "Give at least 6"]),
-        ("cam-indexing", "roller = 9", "roller = 20", ["pairs.K.follower.roller", "no rib between them"]),
-        ("cam-indexing-barrel", "P = [96, 0]", "P = [140, 0]", ["pairs.K.profile.barrel", "the rollers pass its axis at up to"]),
+        ("cam-indexing", "to = 36", "to = 40", ["joints.K.profile.lift", "ends at 40°", "Let it end at 36° after a whole turn"]),
+        ("cam-indexing", "over = 210", "over = 200", ["joints.K.profile.lift", "in 350°"]),
+        ("cam-indexing", 'closure = "form"', 'closure = "force"', ["joints.K.closure", "Give closure = 'form'"]),
+        ("cam-indexing", "globoid = {", "base = 0\ngloboid = {", ["joints.K.profile.base", "Leave it out"]),
+        ("cam-indexing", "rollers = 10", "rollers = 2", ["joints.K.profile.globoid.rollers"]),
+        ("cam-indexing", "rollers = 10", "rollers = 5", ["joints.K.profile.globoid.rollers", "Give at least 6"]),
+        ("cam-indexing", "roller = 9", "roller = 20", ["joints.K.follower.roller", "no rib between them"]),
+        ("cam-indexing-barrel", "P = [96, 0]", "P = [140, 0]", ["joints.K.profile.barrel", "the rollers pass its axis at up to"]),
         ("cam-indexing-barrel", "barrel = {", "end = {", ["rollers do not go with end"]),
     ],
 )  # fmt: skip
@@ -150,7 +150,7 @@ def test_faults_of_indexing_cams(name, old, new, words):
         ("cam-indexing", "depth = 12", "depth = 1e6", "profile.globoid.depth", "smaller"),
         ("cam-indexing-barrel", "depth = 10", "depth = 1e6", "profile.barrel.depth", "smaller"),
         ("cam-inverse-slide", "phase = 42", 'phase = "42 deg"', "profile.phase", "length is wanted"),
-        ("cam-inverse-slide", "[pairs.K.profile]", "graphical = { step = 5 }\n[pairs.K.profile]", "graphical", "disc cam"),
+        ("cam-inverse-slide", "[joints.K.profile]", "graphical = { step = 5 }\n[joints.K.profile]", "graphical", "disc cam"),
     ],
 )
 def test_one_fault_is_told_once_and_where_it_is(name, old, new, path, words):
@@ -159,4 +159,4 @@ def test_one_fault_is_told_once_and_where_it_is(name, old, new, path, words):
     with pytest.raises(ValueError) as refused:
         compile_mechanism(mechviz.loads(text.replace(old, new)).mechanism)
     (fault,) = refused.value.faults
-    assert fault.path == f"pairs.K.{path}" and words in f"{fault.message} {fault.remedy}"
+    assert fault.path == f"joints.K.{path}" and words in f"{fault.message} {fault.remedy}"

@@ -211,7 +211,7 @@ def test_faults_of_ratings(keys, words):
 def test_a_material_too_few_is_one_fault():
     with pytest.raises(mechviz.SceneError) as error:
         mechviz.loads(BASE.replace("RATING", 'rating = { width = 8, materials = ["cast iron"] }'))
-    assert [(f.path, f.message) for f in error.value.faults] == [("pairs.K.rating.materials", "has 1 entry.")]
+    assert [(f.path, f.message) for f in error.value.faults] == [("joints.K.rating.materials", "has 1 entry.")]
 
 
 def test_a_step_makes_a_whole_turn_in_the_scene_and_in_the_command_alike():
@@ -272,7 +272,7 @@ def steepest() -> float:
 
 
 def test_check_tells_limits_that_are_violated_and_the_command_fails(tmp_path):
-    text = BASE.replace("RATING", "").replace("[pairs.K.profile]", "[pairs.K.profile]\npressure_limit = 15")
+    text = BASE.replace("RATING", "").replace("[joints.K.profile]", "[joints.K.profile]\npressure_limit = 15")
     alpha = f"{steepest():.5g}°"
     checked = invoked(tmp_path, text, "check")
     (line,) = [line for line in checked.output.splitlines() if line.startswith("limits ")]

@@ -142,17 +142,17 @@ def test_the_viewer_turns_them_as_the_recording_does():
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
-        ("cam-barrel", "barrel = { radius = 45, depth = 9 }", "barrel = { radius = 45, depth = 50 }", ["pairs.K.profile", "50 mm"]),
+        ("cam-barrel", "radius = 45, depth = 9 }", "radius = 45, depth = 50 }", ["joints.K.profile", "50 mm"]),
         ("cam-barrel", "barrel = {", "rib = { radius = 3, depth = 1 }\nbarrel = {", ["barrel and rib at once"]),
-        ("cam-barrel-rib", "roller = 8", "knife = true", ["pairs.K.follower", "Give roller"]),
-        ("cam-barrel", "roller = 8", "roller = 60", ["pairs.K", "undercuts the flank", "Give at most"]),
-        ("cam-barrel", "C = [0, 105]", "C = [5, 105]", ["pairs.K.follower.point", "passes the cam's axis at 5 mm"]),
-        ("cam-barrel-arm", "axis = [0, 1]\n", "", ["pairs.K.profile.axis", "missing"]),
-        ("cam-barrel-arm", "axis = [0, 1]", "axis = [0, -1]", ["pairs.K.profile.axis", "to the left"]),
-        ("cam-barrel-arm", "base = -21", "base = 300", ["pairs.K.profile.base", "does not reach 300 mm"]),
-        ("cam-barrel-rib", ", thickness = 8", "", ["pairs.K.profile.rib", "'thickness' is missing"]),
-        ("cam-roller", "base = 40", "base = -40", ["pairs.K.profile.base", "-40 is negative"]),
-        ("cam-roller", "base = 40", "axis = [0, 1]\nbase = 40", ["pairs.K.profile.axis", "across the plane"]),
+        ("cam-barrel-rib", "roller = 8", "knife = true", ["joints.K.follower", "Give roller"]),
+        ("cam-barrel", "roller = 8", "roller = 60", ["joints.K", "undercuts the flank", "Give at most"]),
+        ("cam-barrel", "C = [0, 105]", "C = [5, 105]", ["joints.K.follower.point", "passes the cam's axis at 5 mm"]),
+        ("cam-barrel-arm", "axis = [0, 1]\n", "", ["joints.K.profile.axis", "missing"]),
+        ("cam-barrel-arm", "axis = [0, 1]", "axis = [0, -1]", ["joints.K.profile.axis", "to the left"]),
+        ("cam-barrel-arm", "base = -21", "base = 300", ["joints.K.profile.base", "does not reach 300 mm"]),
+        ("cam-barrel-rib", ", thickness = 8", "", ["joints.K.profile.rib", "'thickness' is missing"]),
+        ("cam-roller", "base = 40", "base = -40", ["joints.K.profile.base", "-40 is negative"]),
+        ("cam-roller", "base = 40", "axis = [0, 1]\nbase = 40", ["joints.K.profile.axis", "across the plane"]),
     ],
 )  # fmt: skip
 def test_faults_of_spatial_cams(name, old, new, words):
@@ -282,8 +282,8 @@ def test_a_slide_drives_a_link_with_a_slot(slides):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('bed = "S"', 'bed = "P"', ["pairs.K.profile.bed", "'P' is no prismatic pair of 'slide'"]),
-        ("P = [110, -60]", "P = [10, -60]", ["pairs.K", "mm of the slide the groove lies along the motion"]),
+        ('bed = "S"', 'bed = "P"', ["joints.K.profile.bed", "'P' is no prismatic pair of 'slide'"]),
+        ("P = [110, -60]", "P = [10, -60]", ["joints.K", "mm of the slide the groove lies along the motion"]),
     ],
 )
 def test_faults_of_slides_with_rollers(old, new, words):
@@ -293,10 +293,10 @@ def test_faults_of_slides_with_rollers(old, new, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('closure = "form"', 'closure = "force"', ["pairs.K.follower.groove", "Add closure = 'form'"]),
-        ('point = "A"', 'point = "E"', ["pairs.K.follower.point", "'E'"]),
-        ("over = 60", "over = 360", ["pairs.K.lift", "Let the crank swing"]),
-        ("P = [60, -110]", "P = [160, 0]", ["pairs.K", "the groove lies along the motion"]),
+        ('closure = "form"', 'closure = "force"', ["joints.K.follower.groove", "Add closure = 'form'"]),
+        ('point = "A"', 'point = "E"', ["joints.K.follower.point", "'E'"]),
+        ("over = 60", "over = 360", ["joints.K.lift", "Let the crank swing"]),
+        ("P = [60, -110]", "P = [160, 0]", ["joints.K", "the groove lies along the motion"]),
     ],
 )
 def test_faults_of_inverse_cams(old, new, words):

@@ -118,7 +118,7 @@ def test_odd_names_go_through_a_recording_and_back(tmp_path: Path, name):
     for old in ("rod", "B"):
         text = re.sub(rf"(?<![\w\"]){old}(?= =|\])|\"{old}\"", quoted, text)
     scene = loads(text)
-    assert name in scene.document.links and name in scene.document.pairs
+    assert name in scene.document.links and name in scene.document.joints
     run = run_scene(scene, frames=12)
     write_recording(run, tmp_path / "a.rrd")
     found = inspect(tmp_path / "a.rrd")

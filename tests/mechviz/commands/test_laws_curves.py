@@ -346,7 +346,7 @@ SCENE = {
         "shaft": {"points": {"O": [0, 0], "P": [10, 0]}},
         "slide": {"points": {"C": [0, 0]}},
     },
-    "pairs": {
+    "joints": {
         "O": {"revolute": ["frame", "shaft"], "drive": {"speed": "60 rpm"}},
         "X": {
             "prismatic": ["frame", "slide"],
@@ -369,7 +369,7 @@ SCENE = {
 
 def changed(**keys):
     data = json.loads(json.dumps(SCENE))
-    data["pairs"]["X"]["drive"]["program"].update(keys)
+    data["joints"]["X"]["drive"]["program"].update(keys)
     return data
 
 

@@ -50,10 +50,10 @@ def test_a_text_shows_its_quantities_in_the_units_of_its_reader():
 
 
 def test_faults_and_events_show_theirs_too():
-    fault = Fault("pairs.A", f"{as_length(0.0254)} apart.", f"Give {as_length(0.0127)}.")
-    assert str(fault) == "pairs.A: 25.4 mm apart. Give 12.7 mm."
-    assert fault.in_units(ODD) == Fault("pairs.A", "1 in apart.", "Give 0.5 in.")
-    assert replace(fault, path="pairs.B").in_units(ODD).message == "1 in apart."
+    fault = Fault("joints.A", f"{as_length(0.0254)} apart.", f"Give {as_length(0.0127)}.")
+    assert str(fault) == "joints.A: 25.4 mm apart. Give 12.7 mm."
+    assert fault.in_units(ODD) == Fault("joints.A", "1 in apart.", "Give 0.5 in.")
+    assert replace(fault, path="joints.B").in_units(ODD).message == "1 in apart."
     event = Event(0.0, "INFO", "A", f"at {as_angle(np.pi)}")
     assert event.text == "at 180°" and event.in_units(ODD).text == "at 0.5 turn"
 
@@ -111,7 +111,7 @@ def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
     """A scene of the gallery with one number of its links, pairs or loads multiplied."""
     name, raw = rng.choice(SCENES)
     raw = copy.deepcopy(raw)
-    *parents, key = rng.choice([p for p in numbers(raw) if p[0] in ("links", "pairs", "loads")] or [("run",)])
+    *parents, key = rng.choice([p for p in numbers(raw) if p[0] in ("links", "joints", "loads")] or [("run",)])
     if not parents:
         return name, raw
     table = raw
@@ -126,7 +126,7 @@ def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
     rng, told = random.Random(units.length), 0
     while told < 10:
         name, raw = spoilt(rng)
-        if "free" in str(raw["pairs"]):
+        if "free" in str(raw["joints"]):
             continue
         if rng.random() < 0.3:  # its numbers are counted in other units: what the reader says of them
             raw["units"] = vars(units)
@@ -151,7 +151,7 @@ def test_a_fault_within_a_fault_is_in_the_units_too():
     """The sketch of a mechanism that cannot be led to its start: words of one fault inside those of another."""
     text = load("excavator-arm").text
     raw = tomllib.loads(text)
-    drive = raw["pairs"]["C1"]["drive"]
+    drive = raw["joints"]["C1"]["drive"]
     place = next(iter(numbers(drive)))
     table = drive
     for part in place[:-1]:
@@ -166,10 +166,10 @@ def test_a_fault_within_a_fault_is_in_the_units_too():
 @pytest.mark.parametrize(
     ("name", "change", "path"),
     [
-        ("cam-roller", ("over = 60 }", "over = 50 }"), "pairs.K.profile.lift"),
-        ("cam-barrel", ("roller = 8", "roller = 80"), "pairs.K.follower.roller"),
-        ("cam-inverse", ("groove = 8", "groove = 60"), "pairs.K.follower.groove"),
-        ("cam-oscillating-roller", ("base = ", "base = 9"), "pairs.K.profile.base"),
+        ("cam-roller", ("over = 60 }", "over = 50 }"), "joints.K.profile.lift"),
+        ("cam-barrel", ("roller = 8", "roller = 80"), "joints.K.follower.roller"),
+        ("cam-inverse", ("groove = 8", "groove = 60"), "joints.K.follower.groove"),
+        ("cam-oscillating-roller", ("base = ", "base = 9"), "joints.K.profile.base"),
     ],
 )
 def test_faults_of_cams_name_keys_that_exist(name, change, path):
@@ -193,7 +193,7 @@ rocker = { points = { D = [0, 0], C = [90, 0] } }
 link = { points = { C = [0, 0], H = [70, 0] } }
 arm = { points = { G = [0, 0], H = [70, 0] } }
 
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { oscillation = { centre = 60, amplitude = 20, period = "1 s" } } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "rocker"], side = "right" }
@@ -214,7 +214,7 @@ H = { revolute = ["link", "arm"], side = "left" }
 )
 def test_the_other_assembly_mode_of_a_group_before_is_named_where_it_fits(change, words):
     scene = mechviz.loads(SIX_BAR.replace(*change))
-    with pytest.raises(MechanismError, match=rf"(?s)pairs.H: .*{words}"):
+    with pytest.raises(MechanismError, match=rf"(?s)joints.H: .*{words}"):
         check_lines(scene)
     check_lines(mechviz.loads(SIX_BAR.replace(*change).replace('"right"', '"left"')))
     far = mechviz.loads(SIX_BAR.replace("G = [150, 150]", "G = [150, 400]"))

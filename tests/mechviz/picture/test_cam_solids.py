@@ -101,10 +101,10 @@ units = { length = "mm", angle = "deg" }
 frame = { points = { A = [0, 0], G = [0, 90] } }
 crank = { points = { A = [0, 0], B = [60, 0] } }
 follower = { points = { T = [0, 0] } }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 S = { prismatic = ["frame", "follower"], at = ["G", "T"], along = [0, 1] }
-[pairs.K]
+[joints.K]
 cam = ["crank", "follower"]
 profile = { base = 30, lift = [{ over = 180, to = 12 }, { over = 180, to = 0 }] }
 follower = { roller = 8, guide = "S", point = "T" }

@@ -24,17 +24,17 @@ frame  = { points = { O = [0, 0], P = [0.55, -0.35] } }
 boom   = { points = { O = [0, 0], Q = [2.3, 0.95], U = [2.6, 1.45], S = [5.2, 0] } }
 stick  = { points = { S = [0, 0], V = [-0.75, 0.2], T = [2.7, 0] } }
 
-[pairs]
+[joints]
 O  = { revolute = ["frame", "boom"] }
 S  = { revolute = ["boom", "stick"] }
 
-[pairs.C1]
+[joints.C1]
 cylinder = ["frame", "boom"]
 at = ["P", "Q"]
 side = "left"
 drive = { oscillation = { centre = 2.35, amplitude = 0.3, period = "8 s" } }
 
-[pairs.C2]
+[joints.C2]
 cylinder = ["boom", "stick"]
 at = ["U", "V"]
 side = "left"
@@ -53,13 +53,13 @@ lever = { points = { O = [0, 0], B = [0, 60] } }
 strut = { points = { B = [0, 0], C = [85, 0] } }
 jaw   = { points = { C = [0, 0] } }
 
-[pairs]
+[joints]
 O = { revolute = ["frame", "lever"] }
 B = { revolute = ["lever", "strut"] }
 C = { revolute = ["strut", "jaw"] }
 S = { prismatic = ["frame", "jaw"], at = ["G", "C"], along = [1, 0], branch = "ahead" }
 
-[pairs.Z]
+[joints.Z]
 cylinder = ["frame", "lever"]
 at = ["P", "B"]
 side = "left"
@@ -81,7 +81,7 @@ upper = { points = { F = [0, 0], C = [200, 0] } }
 lower = { points = { C = [0, 0], D = [200, 0] } }
 ram   = { points = { D = [0, 0] }, mass = "80 kg" }
 
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "upper"], side = "right" }
@@ -104,7 +104,7 @@ crank = { points = { O = [13, 7], B = [63, 7] } }
 rod = { points = { B = [5, 5], C = [185, 5] } }
 piston = { points = { C = [11, 3] }, mass = "2 kg" }
 
-[pairs]
+[joints]
 O = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 B = { revolute = ["crank", "rod"] }
 C = { revolute = ["rod", "piston"] }
@@ -224,7 +224,7 @@ units = { length = "mm" }
 frame = { points = { O = [0, 60] } }
 wheel = { points = { C = [0, 0] } }
 
-[pairs.W]
+[joints.W]
 rolling = ["frame", "wheel"]
 at = ["O", "C"]
 radius = 60

@@ -19,11 +19,13 @@ from hypothesis import strategies as st
 from schemas import SCHEMA, conforms
 
 import mechviz
+from mechcore.errors import MechanismError
 from mechcore.laws.timed import ConstantSpeed, Oscillation, Piecewise, TableLaw
 from mechcore.spec.loads import Force, Torque
 from mechcore.spec.mechanism import Prismatic, Revolute
 from mechviz.files import OutputError
 from mechviz.hard_cases.input import BASE
+from mechviz.runs import run_scene
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import gallery
@@ -41,15 +43,15 @@ def four_bar(**changes: Any) -> Scene:
 
 def driven(drive: dict[str, Any], **changes: Any) -> Any:
     """The law of the four-bar's crank under another drive."""
-    pairs = {**FOUR_BAR["pairs"], "A": {"revolute": ["frame", "crank"], "drive": drive}}
-    return four_bar(pairs=pairs, **changes).mechanism.drives[0].law
+    pairs = {**FOUR_BAR["joints"], "A": {"revolute": ["frame", "crank"], "drive": drive}}
+    return four_bar(joints=pairs, **changes).mechanism.drives[0].law
 
 
 def slider(pair: dict[str, Any], **changes: Any) -> Scene:
     """A block on the frame, moved by a sliding pair."""
     links = {"frame": {"points": {"O": [0, 0], "X": [30, 40]}}, "block": {"points": {"O": [0, 0]}}}
     pair = {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 5, "frequency": 2}}, **pair}
-    return Scene.build(units={"length": "mm"}, links=links, pairs={"O": pair}, **changes)
+    return Scene.build(units={"length": "mm"}, links=links, joints={"O": pair}, **changes)
 
 
 # --- what a scene says, in SI -----------------------------------------------------------------------------------------
@@ -137,9 +139,9 @@ def test_every_kind_of_quantity_understands_its_own_example():
 def test_gravity_effects_run_and_frame_are_read():
     links = {key if key != "frame" else "base": {**value} for key, value in FOUR_BAR["links"].items()}
     links["crank"] |= {"mass": 0.4, "shape": "bar"}
-    pairs = json.loads(json.dumps(FOUR_BAR["pairs"]).replace('"frame"', '"base"'))
+    pairs = json.loads(json.dumps(FOUR_BAR["joints"]).replace('"frame"', '"base"'))
     s = four_bar(
-        links=links, pairs=pairs, frame="base", effects=["gravity"], gravity=[0, "-1.62 m/s^2"], run={"frames": 90, "cycles": 3}
+        links=links, joints=pairs, frame="base", effects=["gravity"], gravity=[0, "-1.62 m/s^2"], run={"frames": 90, "cycles": 3}
     )
     assert (s.mechanism.frame, s.mechanism.gravity, s.frames, s.cycles) == ("base", (0.0, -1.62), 90, 3)
     assert s.mechanism.effects == s.effects == ("gravity",)
@@ -179,7 +181,7 @@ def test_a_mass_alone_is_fine_where_no_effect_computes_with_it():
 def test_a_slider_of_one_point_that_cannot_turn_needs_neither_centre_nor_inertia():
     links = {"frame": {"points": {"O": [0, 0]}}, "block": {"points": {"O": [3, 4]}, "mass": 2}}
     pairs = {"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}}
-    made = Scene.build(links=links, pairs=pairs, effects=["inertia"]).mechanism.links[1]
+    made = Scene.build(links=links, joints=pairs, effects=["inertia"]).mechanism.links[1]
     assert (made.mass, made.centre, made.inertia) == (2.0, (3.0, 4.0), 0.0)
 
 
@@ -251,8 +253,8 @@ def test_prismatic_pairs():
 
 def test_the_three_ways_to_state_an_assembly_mode():
     for key, word in (("side", "right"), ("assembly", "crossed"), ("branch", "behind")):
-        pairs = {**FOUR_BAR["pairs"], "C": {"revolute": ["coupler", "rocker"], key: word}}
-        assert four_bar(pairs=pairs).mechanism.modes == {"C": word}
+        pairs = {**FOUR_BAR["joints"], "C": {"revolute": ["coupler", "rocker"], key: word}}
+        assert four_bar(joints=pairs).mechanism.modes == {"C": word}
 
 
 def test_loads_are_read_in_si():
@@ -291,7 +293,7 @@ DRAWN: dict[str, Any] = {
         "coupler": {"points": ["B", "C", "E"]},
         "rocker": {"points": ["C", "D"]},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm"}},
         "B": {"revolute": ["crank", "coupler"]},
         "C": {"revolute": ["coupler", "rocker"]},
@@ -315,8 +317,8 @@ def test_drawn_links_take_their_shape_and_place_from_the_sketch():
 
 def test_a_drive_between_drawn_links_starts_at_the_drawn_angle_unless_it_states_another():
     assert Scene.build(**DRAWN).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 2)
-    pairs = {**DRAWN["pairs"], "A": {"revolute": ["frame", "crank"], "drive": {"speed": 1, "start": 30}}}
-    assert Scene.build(**{**DRAWN, "pairs": pairs}).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 6)
+    pairs = {**DRAWN["joints"], "A": {"revolute": ["frame", "crank"], "drive": {"speed": 1, "start": 30}}}
+    assert Scene.build(**{**DRAWN, "joints": pairs}).mechanism.drives[0].law(0.0)[0] == pytest.approx(math.pi / 6)
 
 
 def test_a_sketch_beside_coordinates_gives_rough_poses_only():
@@ -337,7 +339,7 @@ def test_a_sliding_pair_hands_its_angle_to_a_sketched_slider():
 def test_a_sliding_pair_between_drawn_links_keeps_the_drawn_angle():
     s = Scene.build(
         links={"frame": {"points": ["O"]}, "block": {"points": ["O", "P"]}},
-        pairs={"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}},
+        joints={"O": {"prismatic": ["frame", "block"], "drive": {"oscillation": {"amplitude": 1, "frequency": 1}}}},
         sketch={"O": [0, 0], "P": [0, 2]},
     )
     pair = s.mechanism.pairs[0]
@@ -413,7 +415,7 @@ def chains(draw: Any) -> dict[str, Any]:
         "effects": draw(st.sampled_from([[], ["inertia"], ["gravity", "inertia"]])),
         "trace": [f"{names[-1]}.out"],
         "links": links,
-        "pairs": pairs,
+        "joints": pairs,
         "loads": {"F": {"force": [draw(NUMBERS), 1], "on": names[-1], "at": "out"}},
     }
 
@@ -499,7 +501,7 @@ def test_builder_and_text_give_the_same_scene():
         crank = { points = { A = [0, 0], B = ["6 cm", 0] }, mass = "0.4 kg", shape = "bar" }
         coupler = { points = { B = [0, 0], C = [180, 0], E = [90, 70] } }
         rocker = { points = { D = [0, 0], C = [150, 0] } }
-        [pairs]
+        [joints]
         A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
         B = { revolute = ["crank", "coupler"] }
         C = { revolute = ["coupler", "rocker"], side = "left" }
@@ -598,9 +600,9 @@ def test_the_json_schema_accepts_the_gallery(name):
         ("links.crank.mass", -1),
         ("links.crank.mass", "1"),
         ("links.crank.mas", 1),
-        ("pairs.C.side", "lefft"),
-        ("pairs.A.drive.speed", True),
-        ("pairs.A.revolute", ["frame"]),
+        ("joints.C.side", "lefft"),
+        ("joints.A.drive.speed", True),
+        ("joints.A.revolute", ["frame"]),
         ("run", {"frames": 0}),
         ("effects", ["inertai"]),
         ("loads", {"P": {"force": [1, 2]}}),
@@ -634,3 +636,21 @@ def test_the_package_offers_the_scene_api():
     assert mechviz.load is load
     with pytest.raises(AttributeError, match="nonsense"):
         mechviz.nonsense  # noqa: B018
+
+
+def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
+    text = load("crank-rocker").text
+    assert "[joints]" in text
+    former = text.replace("[joints]", "[joints]")
+    scene = loads(former)
+    assert scene == load("crank-rocker") and scene.text == former
+    with pytest.raises(SceneError, match=r"pairs\.A\.drive\.speed  .* is a frequency"):
+        loads(former.replace("60 rpm", "60 Hz"))
+    with pytest.raises(SceneError, match=r"pairs  joints and pairs at once"):
+        loads(former + '\n[joints]\nZ = { revolute = ["frame", "crank"] }\n')
+    stretched = loads(former.replace("C = [180, 0]", "C = [18, 0]"))  # what the core finds when it is solved
+    with pytest.raises(MechanismError) as error:
+        run_scene(stretched, frames=9)
+    assert all(not fault.path.startswith("joints") for fault in error.value.faults), str(error.value)
+    assert scene.changed({("joints", "A", "drive", "speed"): "30 rpm"}).document.joints["A"].drive.speed == "30 rpm"
+    assert "[joints]" in scene.to_toml()

@@ -43,7 +43,7 @@ RICH: dict[str, Any] = {
         "rod": {"points": {"R": [0, 0], "S": [300, 0], "C": [10, 0]}},
         "piston": {"points": {"S": [0, 0]}, "mass": 3},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "crank"], "drive": {"speed": "60 rpm", "start": 30, "zones": {"run_up": 90, "steady": 360}}},
         "B": {"revolute": ["crank", "coupler"]},
         "C": {"revolute": ["coupler", "rocker"], "side": "left"},
@@ -84,7 +84,7 @@ class Slip:
         return (self.where, *self.spoils)
 
 
-D, GAS, BRAKE = "pairs/A/drive", "loads/gas", "loads/brake"
+D, GAS, BRAKE = "joints/A/drive", "loads/gas", "loads/brake"
 LAW = (f"{D}/law", D)
 SLIPS = [
     Slip("title", 5, "title", "where a text"),
@@ -113,39 +113,39 @@ SLIPS = [
     Slip("links/rocker/mas", 2, "links.rocker", "unknown key 'mas'"),
     Slip("links/piston/mass", [3], "links.piston.mass", "where a mass is wanted"),
     Slip("links/wheel/shape", "point", "links.wheel.shape", "without a mass"),
-    Slip("pairs/A/revolute/1", "crnak", "pairs.A.revolute[1]", "no link 'crnak'"),
-    Slip("pairs/A/drvie", 1, "pairs.A", "unknown key 'drvie'"),
-    Slip(f"{D}/speed", "60 Hz", "pairs.A.drive.speed", "is a frequency"),
-    Slip(f"{D}/start", "3 mm", "pairs.A.drive.start", "is a length"),
-    Slip(f"{D}/zones/runup", 3, "pairs.A.drive.zones", "unknown key 'runup'"),
-    Slip(f"{D}/zones/steady", -1, "pairs.A.drive.zones.steady", "negative"),
-    Slip(f"{D}/travel", 5, "pairs.A.drive.travel", "travel does not go with", (f"{D}/oscillation",)),
+    Slip("joints/A/revolute/1", "crnak", "joints.A.revolute[1]", "no link 'crnak'"),
+    Slip("joints/A/drvie", 1, "joints.A", "unknown key 'drvie'"),
+    Slip(f"{D}/speed", "60 Hz", "joints.A.drive.speed", "is a frequency"),
+    Slip(f"{D}/start", "3 mm", "joints.A.drive.start", "is a length"),
+    Slip(f"{D}/zones/runup", 3, "joints.A.drive.zones", "unknown key 'runup'"),
+    Slip(f"{D}/zones/steady", -1, "joints.A.drive.zones.steady", "negative"),
+    Slip(f"{D}/travel", 5, "joints.A.drive.travel", "travel does not go with", (f"{D}/oscillation",)),
     Slip(
         f"{D}/oscillation",
         {"amplitude": "1 kg"},
-        "pairs.A.drive.oscillation.amplitude",
+        "joints.A.drive.oscillation.amplitude",
         "'1 kg' is a mass",
         (f"{D}/travel",),
     ),
-    Slip("pairs/B/revolute/0", 7, "pairs.B.revolute[0]", "7 where a text is wanted"),
-    Slip("pairs/B/along", [1, 0], "pairs.B.along", "does not go with a revolute pair"),
-    Slip("pairs/C/side", "lefft", "pairs.C.side", "'lefft' is not one of"),
-    Slip("pairs/C/branch", "ahead", "pairs.C.branch", "both choose the assembly mode"),
-    Slip("pairs/C/revolute/1", "roker", "pairs.C.revolute[1]", "no link 'roker'"),
-    Slip("pairs/D/at", ["D", "DD"], "pairs.D.at[1]", "link 'frame' has no point 'DD'"),
-    Slip("pairs/D/drive", {"oscillation": {"amplitude": 1}}, "pairs.D.drive.oscillation", "none of frequency or period"),
-    Slip("pairs/W/revolut", ["frame", "wheel"], "pairs.W", "unknown key 'revolut'", ("pairs/W/revolute",)),
-    Slip("pairs/X/radii", [45, 45], "pairs.X.radii", "sum is 90 mm", ("pairs/X/teeth", "links/frame/points/G", "pairs/W/at")),
-    Slip("pairs/X/teeth", [1, 2], "pairs.X", "teeth and radii at once", ("pairs/X/radii",)),
-    Slip("pairs/X/carrier", "frme", "pairs.X.carrier", "no link 'frme'"),
-    Slip("pairs/X/pressure_angle", 60, "pairs.X.pressure_angle", "no pressure angle of teeth"),
-    Slip("pairs/X/internal", "no", "pairs.X.internal", "where true or false"),
-    Slip("pairs/W/at", "GG", "pairs.W.at", "has no point 'GG'"),
-    Slip("pairs/R/revolute", ["rocker"], "pairs.R.revolute", "names 1 link"),
-    Slip("pairs/S/branch", 5, "pairs.S.branch", "5 is not one of"),
-    Slip("pairs/T/guide", "piton", "pairs.T.guide", "not one of the two links"),
-    Slip("pairs/T/along", [0, 0], "pairs.T.along", "length zero"),
-    Slip("pairs/T/at/0", "J", "pairs.T.at[0]", "link 'frame' has no point 'J'"),
+    Slip("joints/B/revolute/0", 7, "joints.B.revolute[0]", "7 where a text is wanted"),
+    Slip("joints/B/along", [1, 0], "joints.B.along", "does not go with a revolute pair"),
+    Slip("joints/C/side", "lefft", "joints.C.side", "'lefft' is not one of"),
+    Slip("joints/C/branch", "ahead", "joints.C.branch", "both choose the assembly mode"),
+    Slip("joints/C/revolute/1", "roker", "joints.C.revolute[1]", "no link 'roker'"),
+    Slip("joints/D/at", ["D", "DD"], "joints.D.at[1]", "link 'frame' has no point 'DD'"),
+    Slip("joints/D/drive", {"oscillation": {"amplitude": 1}}, "joints.D.drive.oscillation", "none of frequency or period"),
+    Slip("joints/W/revolut", ["frame", "wheel"], "joints.W", "unknown key 'revolut'", ("joints/W/revolute",)),
+    Slip("joints/X/radii", [45, 45], "joints.X.radii", "sum is 90 mm", ("joints/X/teeth", "links/frame/points/G", "joints/W/at")),
+    Slip("joints/X/teeth", [1, 2], "joints.X", "teeth and radii at once", ("joints/X/radii",)),
+    Slip("joints/X/carrier", "frme", "joints.X.carrier", "no link 'frme'"),
+    Slip("joints/X/pressure_angle", 60, "joints.X.pressure_angle", "no pressure angle of teeth"),
+    Slip("joints/X/internal", "no", "joints.X.internal", "where true or false"),
+    Slip("joints/W/at", "GG", "joints.W.at", "has no point 'GG'"),
+    Slip("joints/R/revolute", ["rocker"], "joints.R.revolute", "names 1 link"),
+    Slip("joints/S/branch", 5, "joints.S.branch", "5 is not one of"),
+    Slip("joints/T/guide", "piton", "joints.T.guide", "not one of the two links"),
+    Slip("joints/T/along", [0, 0], "joints.T.along", "length zero"),
+    Slip("joints/T/at/0", "J", "joints.T.at[0]", "link 'frame' has no point 'J'"),
     Slip("sketch/EE", [1, 2], "sketch.EE", "no link has a point 'EE'", ("sketch/E",)),
     Slip("sketch/whel", {"at": [0, 0]}, "sketch.whel", "no link 'whel'", ("sketch/wheel",)),
     Slip("sketch/wheel/at/0", "1 kg", "sketch.wheel.at[0]", "is a mass"),
@@ -168,10 +168,10 @@ SLIPS = [
     Slip(f"{BRAKE}/table/factor/3", "half", "loads.brake.table.factor[3]", "where a plain number is wanted"),
 ]
 CONFLICTS = {  # follow from a pair of slips only, or hide each other by their meaning
-    frozenset({"pairs/X/radii", "frame"}),
+    frozenset({"joints/X/radii", "frame"}),
 }
 COMPANIONS = {  # slips that are two faults by themselves
-    f"{D}/oscillation": [("pairs.A.drive", "at once"), ("pairs.A.drive.oscillation", "none of frequency or period")],
+    f"{D}/oscillation": [("joints.A.drive", "at once"), ("joints.A.drive.oscillation", "none of frequency or period")],
 }
 
 
@@ -194,8 +194,8 @@ def slipped(slips: list[Slip]) -> dict[str, Any]:
             del table[key]
         else:
             table[key] = copy.deepcopy(slip.value)
-        if slip.where == "pairs/W/revolut":
-            del data["pairs"]["W"]["revolute"]
+        if slip.where == "joints/W/revolut":
+            del data["joints"]["W"]["revolute"]
         if slip.where == "sketch/EE":
             del data["sketch"]["E"]
         if slip.where == "sketch/whel":

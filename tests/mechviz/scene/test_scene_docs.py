@@ -40,7 +40,7 @@ def test_fragments_of_the_page_are_valid(text):
         if "drive" in data:
             DriveDocument.model_validate(data["drive"])
             continue
-        pair = data.get("pairs", {}).get("A", {})
+        pair = data.get("joints", {}).get("A", {})
         if list(pair) == ["drive"]:
             pair["revolute"] = ["frame", "crank"]
         SceneDocument.model_validate(data)

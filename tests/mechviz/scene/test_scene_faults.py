@@ -21,13 +21,12 @@ def test_the_sound_scene_is_sound():
     assert Scene.build(**BASE).mechanism.frame == "frame"
 
 
-DRIVE = "pairs/A/drive"
+DRIVE = "joints/A/drive"
 TABLE = "loads/M/table"
 CASES = [
     # where, value, path of the fault, what it says, how to mend it
     ("links/rocker/mas", 1, "links.rocker", "unknown key 'mas'.", "Did you mean 'mass'?"),
     ("links/rocker/color", "red", "links.rocker", "unknown key 'color'.", "'points', 'mass', 'centre'"),
-    ("joints", {}, "joints", "unknown key 'joints'.", "Did you mean 'pairs'?"),
     ("links/crank/mass", -0.4, "links.crank.mass", "-0.4 is negative.", "positive"),
     ("links/crank/inertia", "-1 kg m^2", "links.crank.inertia", "'-1 kg m^2' is negative.", "positive"),
     ("links/crank/mass", "60 mm", "links.crank.mass", "'60 mm' is a length, a mass is wanted.", "'0.4 kg'"),
@@ -40,8 +39,8 @@ CASES = [
     ("links/crank/mass", 10**400, "links.crank.mass", "is not a finite number.", "finite"),
     ("links/crank/mass", "1e999 kg", "links.crank.mass", "is not a finite number.", "finite"),
     ("links/crank/points/B", [1e40, 0], "links.crank.points.B[0]", "1e+37 m is beyond 1e+30.", "its unit"),
-    (f"{DRIVE}/speed", "1e-99 rpm", "pairs.A.drive.speed", "is below 1e-30.", "its unit"),
-    (DRIVE, {"speed": 1, "zones": {"run_up": 1e-99}}, "pairs.A.drive.zones.run_up", "is too short a way.", "its unit"),
+    (f"{DRIVE}/speed", "1e-99 rpm", "joints.A.drive.speed", "is below 1e-30.", "its unit"),
+    (DRIVE, {"speed": 1, "zones": {"run_up": 1e-99}}, "joints.A.drive.zones.run_up", "is too short a way.", "its unit"),
     ("links/crank/points/B", [60], "links.crank.points.B", "[60] has 1 entry, two are wanted.", "[x, y]"),
     ("links/crank/points/B", [60, 0, 0], "links.crank.points.B", "has 3 entries, two are wanted.", "[x, y]"),
     ("links/crank/points/B", 60, "links.crank.points.B", "60 where a pair of numbers is wanted.", "[x, y]"),
@@ -65,80 +64,80 @@ CASES = [
     ("links/" + "a" * 101, {"points": {"P": [0, 0]}}, "links." + "a" * 101, "a name of 101 characters.", "100"),
     ("links/spare", {"points": {"P": [0, 0]}}, "links.spare", "no chain of pairs joins it to 'frame'.", "Add the pair"),
     ("frame", "Frame", "frame", "there is no link 'Frame' to be the fixed one.", "Did you mean 'frame'?"),
-    ("pairs/B/revolute", ["crank", "copler"], "pairs.B.revolute[1]", "there is no link 'copler'.", "mean 'coupler'?"),
-    ("pairs/B/revolute", ["crank"], "pairs.B.revolute", "names 1 link, a pair joins two.", '["frame", "crank"]'),
-    ("pairs/B/revolute", ["a", "b", "c"], "pairs.B.revolute", "names 3 links, a pair joins two.", '2 pairs with at = "B"'),
-    ("pairs/B/revolute", ["crank", "crank"], "pairs.B.revolute", "joins 'crank' to itself.", "two different"),
-    ("pairs/B/revolute", "crank", "pairs.B.revolute", "'crank' where a list is wanted.", "brackets"),
-    ("pairs/B/revolute", ["crank", 5], "pairs.B.revolute[1]", "5 where a text is wanted.", "quotes"),
-    ("pairs/B", {}, "pairs.B", "has none of revolute, prismatic, weld", "Give one"),
-    ("pairs/B/prismatic", ["crank", "coupler"], "pairs.B", "revolute and prismatic at once.", "Keep one"),
-    ("pairs/B/at", "Q", "pairs.B.at", "link 'crank' has no point 'Q'.", "Points of 'crank': 'A', 'B'."),
-    ("pairs/B/at", ["B", "F"], "pairs.B.at[1]", "link 'coupler' has no point 'F'.", "'B', 'C', 'E'"),
-    ("pairs/B/along", [1, 0], "pairs.B.along", "along does not go with a revolute pair.", "Leave it out."),
-    ("pairs/C/side", "lefft", "pairs.C.side", "'lefft' is not one of 'left', 'right'.", "Did you mean 'left'?"),
-    ("pairs/C/side", 5, "pairs.C.side", "5 is not one of 'left', 'right'.", "one of these"),
-    ("pairs/C/assembly", "open", "pairs.C.assembly", "side and assembly at once", "Keep one"),
-    ("pairs/A/side", "left", "pairs.A.side", "side on a driven pair", "Leave out side."),
-    (DRIVE, {}, "pairs.A.drive", "the drive has no law of motion.", "speed, oscillation"),
-    (f"{DRIVE}/oscillation", {"amplitude": 1, "period": 1}, "pairs.A.drive", "speed and oscillation at once.", "Keep one"),
-    (DRIVE, {"speed": 0, "range": [0, 1]}, "pairs.A.drive.range", "a drive that stands still", "start = "),
-    (f"{DRIVE}/speed", "1 Hz", "pairs.A.drive.speed", "a frequency, an angular speed is wanted.", "rpm"),
-    (f"{DRIVE}/speed", "20 mm/s", "pairs.A.drive.speed", "is a linear speed, an angular speed is wanted.", "'60 rpm'"),
-    (f"{DRIVE}/start", [1, 2], "pairs.A.drive.start", "only segments start with a velocity", "position alone"),
-    (f"{DRIVE}/start", "5 mm", "pairs.A.drive.start", "'5 mm' is a length, an angle is wanted.", "'30 deg'"),
-    (f"{DRIVE}/travel", -1, "pairs.A.drive.travel", "-1 is negative.", "positive"),
-    (f"{DRIVE}/range", [1], "pairs.A.drive.range", "has 1 entry.", "at least 2"),
-    (f"{DRIVE}/range", [60, -60], "pairs.A.drive.range", "the first value is not the smaller one.", "[least, greatest]"),
-    (DRIVE, {"speed": 1, "range": [0, 1], "start": 0}, "pairs.A.drive.range", "range says both", "Keep one"),
-    (DRIVE, {"zones": {"steady": 1}}, "pairs.A.drive", "zones without a speed.", "steady speed"),
-    (DRIVE, {"speed": 1, "zones": {}}, "pairs.A.drive.zones", "all zones have the range zero", "run_up"),
-    (DRIVE, {"speed": 1, "zones": {"steady": -5}}, "pairs.A.drive.zones.steady", "-5 is negative.", "positive"),
-    (DRIVE, {"speed": 1, "zones": {"steady": 5}, "travel": 9}, "pairs.A.drive.travel", "does not go with zones", "Leave out"),
-    (DRIVE, {"oscillation": {"amplitude": 1}}, "pairs.A.drive.oscillation", "none of frequency or period.", "Give one"),
+    ("joints/B/revolute", ["crank", "copler"], "joints.B.revolute[1]", "there is no link 'copler'.", "mean 'coupler'?"),
+    ("joints/B/revolute", ["crank"], "joints.B.revolute", "names 1 link, a pair joins two.", '["frame", "crank"]'),
+    ("joints/B/revolute", ["a", "b", "c"], "joints.B.revolute", "names 3 links, a pair joins two.", '2 pairs with at = "B"'),
+    ("joints/B/revolute", ["crank", "crank"], "joints.B.revolute", "joins 'crank' to itself.", "two different"),
+    ("joints/B/revolute", "crank", "joints.B.revolute", "'crank' where a list is wanted.", "brackets"),
+    ("joints/B/revolute", ["crank", 5], "joints.B.revolute[1]", "5 where a text is wanted.", "quotes"),
+    ("joints/B", {}, "joints.B", "has none of revolute, prismatic, weld", "Give one"),
+    ("joints/B/prismatic", ["crank", "coupler"], "joints.B", "revolute and prismatic at once.", "Keep one"),
+    ("joints/B/at", "Q", "joints.B.at", "link 'crank' has no point 'Q'.", "Points of 'crank': 'A', 'B'."),
+    ("joints/B/at", ["B", "F"], "joints.B.at[1]", "link 'coupler' has no point 'F'.", "'B', 'C', 'E'"),
+    ("joints/B/along", [1, 0], "joints.B.along", "along does not go with a revolute pair.", "Leave it out."),
+    ("joints/C/side", "lefft", "joints.C.side", "'lefft' is not one of 'left', 'right'.", "Did you mean 'left'?"),
+    ("joints/C/side", 5, "joints.C.side", "5 is not one of 'left', 'right'.", "one of these"),
+    ("joints/C/assembly", "open", "joints.C.assembly", "side and assembly at once", "Keep one"),
+    ("joints/A/side", "left", "joints.A.side", "side on a driven pair", "Leave out side."),
+    (DRIVE, {}, "joints.A.drive", "the drive has no law of motion.", "speed, oscillation"),
+    (f"{DRIVE}/oscillation", {"amplitude": 1, "period": 1}, "joints.A.drive", "speed and oscillation at once.", "Keep one"),
+    (DRIVE, {"speed": 0, "range": [0, 1]}, "joints.A.drive.range", "a drive that stands still", "start = "),
+    (f"{DRIVE}/speed", "1 Hz", "joints.A.drive.speed", "a frequency, an angular speed is wanted.", "rpm"),
+    (f"{DRIVE}/speed", "20 mm/s", "joints.A.drive.speed", "is a linear speed, an angular speed is wanted.", "'60 rpm'"),
+    (f"{DRIVE}/start", [1, 2], "joints.A.drive.start", "only segments start with a velocity", "position alone"),
+    (f"{DRIVE}/start", "5 mm", "joints.A.drive.start", "'5 mm' is a length, an angle is wanted.", "'30 deg'"),
+    (f"{DRIVE}/travel", -1, "joints.A.drive.travel", "-1 is negative.", "positive"),
+    (f"{DRIVE}/range", [1], "joints.A.drive.range", "has 1 entry.", "at least 2"),
+    (f"{DRIVE}/range", [60, -60], "joints.A.drive.range", "the first value is not the smaller one.", "[least, greatest]"),
+    (DRIVE, {"speed": 1, "range": [0, 1], "start": 0}, "joints.A.drive.range", "range says both", "Keep one"),
+    (DRIVE, {"zones": {"steady": 1}}, "joints.A.drive", "zones without a speed.", "steady speed"),
+    (DRIVE, {"speed": 1, "zones": {}}, "joints.A.drive.zones", "all zones have the range zero", "run_up"),
+    (DRIVE, {"speed": 1, "zones": {"steady": -5}}, "joints.A.drive.zones.steady", "-5 is negative.", "positive"),
+    (DRIVE, {"speed": 1, "zones": {"steady": 5}, "travel": 9}, "joints.A.drive.travel", "does not go with zones", "Leave out"),
+    (DRIVE, {"oscillation": {"amplitude": 1}}, "joints.A.drive.oscillation", "none of frequency or period.", "Give one"),
     (
         DRIVE,
         {"oscillation": {"amplitude": 1, "frequency": -2}},
-        "pairs.A.drive.oscillation.frequency",
+        "joints.A.drive.oscillation.frequency",
         "-2 is negative.",
         "positive",
     ),
-    (DRIVE, {"segments": []}, "pairs.A.drive.segments", "is empty.", "at least 1"),
-    (DRIVE, {"segments": [{"to": 5}]}, "pairs.A.drive.segments[0]", "'duration' is missing.", "Add duration"),
+    (DRIVE, {"segments": []}, "joints.A.drive.segments", "is empty.", "at least 1"),
+    (DRIVE, {"segments": [{"to": 5}]}, "joints.A.drive.segments[0]", "'duration' is missing.", "Add duration"),
     (
         DRIVE,
         {"segments": [{"duration": -1, "to": 5}]},
-        "pairs.A.drive.segments[0].duration",
+        "joints.A.drive.segments[0].duration",
         "-1 is negative.",
         "positive",
     ),
     (
         DRIVE,
         {"segments": [{"duration": 1, "to": [5, "3 mm/s"]}]},
-        "pairs.A.drive.segments[0].to[1]",
+        "joints.A.drive.segments[0].to[1]",
         "'3 mm/s' is a linear speed, an angular speed is wanted.",
         "'60 rpm'",
     ),
-    (DRIVE, {"table": {"time": [0, 1], "position": [0]}}, "pairs.A.drive.table.position", "has 1 entry.", "at least 2"),
-    (DRIVE, {"table": {"time": [0, 1, 2], "position": [0, 1]}}, "pairs.A.drive.table", "3 times and 2 positions.", "one position"),
+    (DRIVE, {"table": {"time": [0, 1], "position": [0]}}, "joints.A.drive.table.position", "has 1 entry.", "at least 2"),
+    (DRIVE, {"table": {"time": [0, 1, 2], "position": [0, 1]}}, "joints.A.drive.table", "3 times and 2 positions.", "one position"),
     (
         DRIVE,
         {"table": {"time": [0, 2, 1], "position": [0, 1, 2]}},
-        "pairs.A.drive.table.time[2]",
+        "joints.A.drive.table.time[2]",
         "does not grow",
         "increasing order",
     ),
     (
         DRIVE,
         {"table": {"time": [0, 1, 2], "position": [0, 1, 0], "periodic": True}},
-        "pairs.A.drive.table",
+        "joints.A.drive.table",
         "a periodic table of 3 rows.",
         "four",
     ),
     (
         DRIVE,
         {"table": {"time": [0, 1], "position": [0, 1], "periodic": 1}},
-        "pairs.A.drive.table.periodic",
+        "joints.A.drive.table.periodic",
         "1 where true or false is wanted.",
         "",
     ),
@@ -154,7 +153,7 @@ CASES = [
     ("units/angle", "degre", "units.angle", "unknown unit 'degre'.", "Did you mean 'deg'?"),
     ("units/length", "nan", "units.length", "unknown unit 'nan'.", ""),
     ("links/crank/mass", "5 kg nan", "links.crank.mass", "unknown unit 'nan'.", ""),
-    ("pairs/C/side", "\ud800", "pairs.C.side", "a text that files can hold is wanted.", "surrogates"),
+    ("joints/C/side", "\ud800", "joints.C.side", "a text that files can hold is wanted.", "surrogates"),
     ("units/colour", "red", "units", "unknown key 'colour'.", "'length', 'angle'"),
     ("gravity", [0], "gravity", "[0] has 1 entry, two are wanted.", "[x, y]"),
     ("title", 5, "title", "5 where a text is wanted.", "quotes"),
@@ -284,38 +283,43 @@ COMBINED = [
         "'B' and 'C' are drawn at the same place.",
         "Move one",
     ),
-    ([("pairs", {}), ("loads", {})], "pairs", "the scene has no pairs.", "[pairs]"),
-    ([("links", {}), ("pairs", {})], "links", "the scene has no links.", "[links]"),
-    ([("pairs/B", {"prismatic": ["crank", "coupler"], "side": "left"})], "pairs.B.side", "does not go with a prismatic", "branch"),
-    ([("pairs/B", {"prismatic": ["crank", "coupler"], "along": [0, 0]})], "pairs.B.along", "length zero", "[1, 0]"),
-    ([("pairs/B", {"prismatic": ["crank", "coupler"], "along": 5})], "pairs.B.along", "5 where a direction is wanted", "[1, 0]"),
+    ([("joints", {}), ("loads", {})], "joints", "the scene has no joints.", "[joints]"),
+    ([("links", {}), ("joints", {})], "links", "the scene has no links.", "[links]"),
     (
-        [("pairs/B", {"prismatic": ["crank", "coupler"], "along": ["A", "F"]})],
-        "pairs.B.along[1]",
+        [("joints/B", {"prismatic": ["crank", "coupler"], "side": "left"})],
+        "joints.B.side",
+        "does not go with a prismatic",
+        "branch",
+    ),
+    ([("joints/B", {"prismatic": ["crank", "coupler"], "along": [0, 0]})], "joints.B.along", "length zero", "[1, 0]"),
+    ([("joints/B", {"prismatic": ["crank", "coupler"], "along": 5})], "joints.B.along", "5 where a direction is wanted", "[1, 0]"),
+    (
+        [("joints/B", {"prismatic": ["crank", "coupler"], "along": ["A", "F"]})],
+        "joints.B.along[1]",
         "link 'crank' has no point 'F'.",
         "'A', 'B'",
     ),
     (
-        [("pairs/B", {"prismatic": ["crank", "coupler"], "along": ["A", "A"]})],
-        "pairs.B.along",
+        [("joints/B", {"prismatic": ["crank", "coupler"], "along": ["A", "A"]})],
+        "joints.B.along",
         "'A' and 'A' are at the same place.",
         "two different points",
     ),
     (
-        [("pairs/B", {"prismatic": ["crank", "coupler"], "guide": "rocker"})],
-        "pairs.B.guide",
+        [("joints/B", {"prismatic": ["crank", "coupler"], "guide": "rocker"})],
+        "joints.B.guide",
         "'rocker' is not one of the two links.",
         "'crank', 'coupler'",
     ),
     (
-        [("pairs/A", {"prismatic": ["frame", "crank"], "drive": {"speed": 5}})],
-        "pairs.A.drive",
+        [("joints/A", {"prismatic": ["frame", "crank"], "drive": {"speed": 5}})],
+        "joints.A.drive",
         "constant speed along a guide without saying how far.",
         "travel",
     ),
     (
-        [("pairs/A", {"prismatic": ["frame", "crank"], "drive": {"speed": "5 rpm", "travel": 9}})],
-        "pairs.A.drive.speed",
+        [("joints/A", {"prismatic": ["frame", "crank"], "drive": {"speed": "5 rpm", "travel": 9}})],
+        "joints.A.drive.speed",
         "'5 rpm' is an angular speed, a linear speed is wanted.",
         "'20 mm/s'",
     ),
@@ -338,11 +342,11 @@ def test_all_faults_of_a_file_come_at_once_in_the_order_of_the_file():
         ("links/crank/points/B", ["60 kg", 0]),
         ("links/crank/mass", -1),
         ("links/coupler/mas", 1),
-        ("pairs/A/revolute", ["frame", "crnk"]),
+        ("joints/A/revolute", ["frame", "crnk"]),
         (f"{DRIVE}/speed", "0 Hz"),
-        ("pairs/B/at", "Q"),
-        ("pairs/C/side", "lefft"),
-        ("pairs/C/revolute", ["coupler", "roker"]),
+        ("joints/B/at", "Q"),
+        ("joints/C/side", "lefft"),
+        ("joints/C/revolute", ["coupler", "roker"]),
         ("loads/P/at", "Z"),
         ("loads/M/torque", "5 N"),
         (TABLE, {"position": [1, 0], "factor": [1, 2], "drive": "D"}),
@@ -352,12 +356,12 @@ def test_all_faults_of_a_file_come_at_once_in_the_order_of_the_file():
         "links.crank.points.B[0]",
         "links.crank.mass",
         "links.coupler",
-        "pairs.A.revolute[1]",
-        "pairs.A.drive.speed",
-        "pairs.B.at",
-        "pairs.B.at",
-        "pairs.C.revolute[1]",
-        "pairs.C.side",
+        "joints.A.revolute[1]",
+        "joints.A.drive.speed",
+        "joints.B.at",
+        "joints.B.at",
+        "joints.C.revolute[1]",
+        "joints.C.side",
         "loads.P.at",
         "loads.M.torque",
         "loads.M.table.position[1]",
@@ -371,14 +375,14 @@ def test_all_faults_of_a_file_come_at_once_in_the_order_of_the_file():
         ("links/rocker/mas", 1),
         ("links/crank/points/B", [60]),
         ("links/coupler/points", 5),
-        ("pairs/A/drve", 1),
-        ("pairs/B/revolut", ["crank", "coupler"]),
+        ("joints/A/drve", 1),
+        ("joints/B/revolut", ["crank", "coupler"]),
         (f"{DRIVE}/sped", 5),
         (f"{DRIVE}/speed", "60 rmp"),
-        ("pairs/C/side", "lefft"),
+        ("joints/C/side", "lefft"),
         ("loads/P/force", ["1 m", 0]),
         ("units/length", "kg"),
-        ("pairs/A/revolute", ["frame", "crnk"]),
+        ("joints/A/revolute", ["frame", "crnk"]),
         ("links/coupler/points", {"B": [0, 0], "C": [180, 0], "F": [90, 70]}),
         ("frame", "base"),
     ],
@@ -386,8 +390,8 @@ def test_all_faults_of_a_file_come_at_once_in_the_order_of_the_file():
 def test_one_slip_is_one_fault(change):
     """What follows from a slip is not reported beside it."""
     data = changed(change)
-    if change[0] == "pairs/B/revolut":
-        del data["pairs"]["B"]["revolute"]
+    if change[0] == "joints/B/revolut":
+        del data["joints"]["B"]["revolute"]
     assert len(faults_of(data)) == 1
 
 
@@ -409,7 +413,7 @@ def test_a_guess_fits_the_value_and_makes_no_second_fault(change, meant):
 
 def test_without_a_drive_no_drive_decides():
     data = changed(("run", {"tolerance": 1e-6}))
-    del data["pairs"]["A"]["drive"]
+    del data["joints"]["A"]["drive"]
     words = " ".join(map(str, faults_of(data)))
     assert "nothing moves" in words and "drive decides" not in words and "instead of its drive" not in words
 
@@ -422,7 +426,7 @@ def test_a_misspelt_key_of_masses_does_not_make_the_rest_look_incomplete():
 def test_no_message_is_pydantic_s():
     """Values of every wrong type at every place give messages of our own."""
     places = ["title", "units", "run", "run/frames", "effects", "trace", "gravity", "links", "links/crank", "links/crank/points",
-              "links/crank/centre", "pairs", "pairs/B", "pairs/B/at", DRIVE, f"{DRIVE}/start", f"{DRIVE}/table", "sketch",
+              "links/crank/centre", "joints", "joints/B", "joints/B/at", DRIVE, f"{DRIVE}/start", f"{DRIVE}/table", "sketch",
               "loads", "loads/P", "loads/P/force", "loads/P/at", TABLE, "links/crank/points/B", f"{DRIVE}/segments"]  # fmt: skip
     for place in places:
         for value in (5, True, "text", [], {}, [[]], [{}], {"a": 1}, {"a": {"b": []}}, [1, 2], ["a", "b"], 1e300):
@@ -447,21 +451,21 @@ def test_no_message_is_pydantic_s():
 
 def test_a_report_reads_like_the_one_of_the_examples():
     with pytest.raises(SceneError) as error:
-        Scene.build(name="crank_rocker.toml", **changed(("links/rocker/mas", 1), ("pairs/C/side", "lefft")))
+        Scene.build(name="crank_rocker.toml", **changed(("links/rocker/mas", 1), ("joints/C/side", "lefft")))
     assert str(error.value).splitlines() == [
         "crank_rocker.toml: 2 problems",
-        "  links.rocker  unknown key 'mas'. Did you mean 'mass'?",
-        "  pairs.C.side  'lefft' is not one of 'left', 'right'. Did you mean 'left'?",
+        "  links.rocker   unknown key 'mas'. Did you mean 'mass'?",
+        "  joints.C.side  'lefft' is not one of 'left', 'right'. Did you mean 'left'?",
     ]
     assert isinstance(error.value, MechanismError)
 
 
 def test_a_long_report_is_wrapped_and_aligned():
     with pytest.raises(SceneError) as error:
-        Scene.build(**changed(("pairs/B/at", "Q"), (DRIVE, {"segments": [{"duration": -1, "to": 5}]})))
+        Scene.build(**changed(("joints/B/at", "Q"), (DRIVE, {"segments": [{"duration": -1, "to": 5}]})))
     lines = str(error.value).splitlines()
     assert max(map(len, lines)) <= 120
-    assert lines[1] == "  pairs.A.drive.segments[0].duration"
+    assert lines[1] == "  joints.A.drive.segments[0].duration"
     assert lines[2] == " " * 36 + "-1 is negative. Give a positive value."
 
 

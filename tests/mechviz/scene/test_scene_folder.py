@@ -35,7 +35,7 @@ frame   = { points = { A = [0, 0], D = [200, 0] } }
 crank   = { points = { A = [0, 0], B = [60, 0] }, mass = { mesh = "parts/bar.stl", density = "7850 kg/m^3" } }
 coupler = { points = { B = [0, 0], C = [180, 0] }, mass = 0.2, shape = "bar" }
 rocker  = { points = { D = [0, 0], C = [150, 0] }, mass = 0.2, shape = "bar" }
-[pairs]
+[joints]
 A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
 B = { revolute = ["crank", "coupler"] }
 C = { revolute = ["coupler", "rocker"], side = "left" }

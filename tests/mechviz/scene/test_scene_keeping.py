@@ -37,12 +37,12 @@ crank = { points = { A = [0, 0], B = [1.0, 0] }, mass = "1 kg" }  # the crank
 rod = { mass = 2 }
 
 # about the pairs
-[pairs.K]
+[joints.K]
 cam = 1    # one
 law = "3-4-5"
 
 # its profile
-[pairs.K.profile]
+[joints.K.profile]
 base = 40 # mm
 
 [[events]]
@@ -94,10 +94,10 @@ def _changed(*changes: tuple[tuple[Any, ...], Any]) -> dict[str, Any]:
         ([(("links", "rod"), None)], 1, set()),
         ([(("links",), None)], 3, {"# all links", "# the crank"}),
         ([(("links", "new"), {"mass": 1})], 0, set()),
-        ([(("pairs", "K", "profile", "base"), 44), (("events", 1, "at"), 3)], 2, set()),
-        ([(("pairs", "K", "lift"), 3)], 0, set()),
-        ([(("pairs", "K", "profile"), None)], 2, {"# mm"}),
-        ([(("pairs",), None)], 6, {"# mm", "# its profile", "# one"}),
+        ([(("joints", "K", "profile", "base"), 44), (("events", 1, "at"), 3)], 2, set()),
+        ([(("joints", "K", "lift"), 3)], 0, set()),
+        ([(("joints", "K", "profile"), None)], 2, {"# mm"}),
+        ([(("joints",), None)], 6, {"# mm", "# its profile", "# one"}),
         ([(("trace",), ["rod.A"]), (("loads",), {"P": {"force": [1, 2]}})], 0, set()),
     ],
 )
@@ -109,7 +109,7 @@ def test_only_what_differs_is_written(changes, lines, comments):
     left = text.splitlines()
     assert sum(bool(line) and line not in left for line in TEXT.splitlines()) == lines
     assert {comment for comment in COMMENTS if comment not in text} == comments
-    for comment, header in (("# about the pairs", "[pairs.K]"), ("# its profile", "[pairs.K.profile]")):
+    for comment, header in (("# about the pairs", "[joints.K]"), ("# its profile", "[joints.K.profile]")):
         if comment in left and header in left:
             assert left[left.index(comment) + 1] == header, "a comment stays above what it is about"
 

@@ -31,7 +31,7 @@ BASE: dict[str, Any] = {
         "c": {"points": {"C": [0, 0]}},
         "bar": {"points": {"G": [0, 0]}},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "a"], "drive": TURNING},
         "B": {"revolute": ["frame", "b"]},
         "D": {"revolute": ["frame", "arm"], "at": "A"},
@@ -44,7 +44,7 @@ BASE: dict[str, Any] = {
 
 def changed(**pairs: Any) -> dict[str, Any]:
     data = json.loads(json.dumps(BASE))
-    data["pairs"] |= pairs
+    data["joints"] |= pairs
     return data
 
 
@@ -133,7 +133,7 @@ def test_the_carrier_is_the_frame_where_both_wheels_are_pinned_to_it_else_the_on
              "planet": {"points": {"P": [0, 0]}}}  # fmt: skip
     pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING}, "S": {"revolute": ["arm", "sun"], "at": "O"},
              "P": {"revolute": ["arm", "planet"]}, "G": {"gear": ["sun", "planet"], "teeth": [2, 3]}}  # fmt: skip
-    assert Scene.build(links=links, pairs=pairs).mechanism.pairs[-1].carrier == "arm"
+    assert Scene.build(links=links, joints=pairs).mechanism.pairs[-1].carrier == "arm"
     assert made({"gear": ["a", "b"], "teeth": [2, 3]}).carrier == "frame"
 
 
@@ -187,10 +187,10 @@ def test_drives_of_pairs_that_slide_are_lengths():
 def test_the_sketch_sets_the_phase_of_a_gear():
     data = changed(X={"gear": ["a", "b"], "teeth": [20, 40]})
     data["sketch"] = {"b": {"at": [100, 0], "angle": "35 deg"}}
-    del data["pairs"]["S"]
-    data["pairs"]["C"] |= {"drive": TURNING}
-    data["pairs"]["D"] |= {"drive": TURNING}
-    data["pairs"]["G"] |= {"drive": SWAYING}
+    del data["joints"]["S"]
+    data["joints"]["C"] |= {"drive": TURNING}
+    data["joints"]["D"] |= {"drive": TURNING}
+    data["joints"]["G"] |= {"drive": SWAYING}
     motion = solve_motion(compile_mechanism(Scene.build(**data).mechanism), [0.0, 0.25])
     np.testing.assert_allclose(np.degrees(motion.pose("b")[:, 2]), [35.0, 35.0 - 45.0], rtol=1e-12)
 
@@ -198,7 +198,7 @@ def test_the_sketch_sets_the_phase_of_a_gear():
 def test_a_weld_between_drawn_links_keeps_the_drawn_angle():
     s = Scene.build(
         links={"frame": {"points": ["O"]}, "a": {"points": ["O", "P"]}, "b": {"points": ["P", "Q"]}},
-        pairs={"O": {"revolute": ["frame", "a"], "drive": TURNING}, "P": {"weld": ["a", "b"]}},
+        joints={"O": {"revolute": ["frame", "a"], "drive": TURNING}, "P": {"weld": ["a", "b"]}},
         sketch={"O": [0, 0], "P": [2, 0], "Q": [2, 3]},
     )
     assert s.mechanism.pairs[-1].angle == pytest.approx(math.pi / 2)
@@ -208,7 +208,7 @@ def test_a_weld_hands_on_its_angle_to_a_sketched_link_and_holds_what_it_carries_
     links = {"frame": {"points": {"O": [0, 0]}}, "block": {"points": {"O": [0, 0], "W": [1, 0]}, "mass": 1, "centre": "W"},
              "top": {"points": {"W": [0, 0], "T": [0, 5]}, "mass": 2, "centre": "T"}}  # fmt: skip
     pairs = {"O": {"prismatic": ["frame", "block"], "drive": SWAYING}, "W": {"weld": ["block", "top"], "angle": 0.5}}
-    s = Scene.build(links=links, pairs=pairs, effects=["inertia"], sketch={"O": [0, 0], "W": [1, 0]})
+    s = Scene.build(links=links, joints=pairs, effects=["inertia"], sketch={"O": [0, 0], "W": [1, 0]})
     assert s.mechanism.sketch["top"] == pytest.approx((1.0, 0.0, 0.5))
     assert s.mechanism.links[2].inertia == 0.0, "it cannot turn: no moment of inertia is asked for"
 
@@ -341,7 +341,7 @@ FAULTS = [
 
 @pytest.mark.parametrize(("pair", "path", "message", "remedy"), FAULTS)
 def test_a_fault_of_a_pair_has_path_message_and_remedy(pair, path, message, remedy):
-    found = [fault for fault in faults_of(changed(X=pair)) if fault.path == f"pairs.X{path}" and message in fault.message]
+    found = [fault for fault in faults_of(changed(X=pair)) if fault.path == f"joints.X{path}" and message in fault.message]
     assert len(found) == 1, faults_of(changed(X=pair))
     assert remedy in found[0].remedy
     assert found[0].message[-1] in ".?"
@@ -373,9 +373,9 @@ def test_faults_of_new_pairs_come_with_all_others_in_the_order_of_the_file():
     data["links"]["a"]["mass"] = -1
     data["trace"] = ["nowhere"]
     assert {f.path for f in faults_of(data)} == {
-        "links.a.mass", "pairs.X.radii", "pairs.Y", "pairs.Z.slider", "pairs.Z.pressure_angle", "trace[0]",
+        "links.a.mass", "joints.X.radii", "joints.Y", "joints.Z.slider", "joints.Z.pressure_angle", "trace[0]",
     }  # fmt: skip
-    assert [f.path for f in faults_of(data)][1:5] == ["pairs.X.radii", "pairs.Y", "pairs.Z.slider", "pairs.Z.pressure_angle"]
+    assert [f.path for f in faults_of(data)][1:5] == ["joints.X.radii", "joints.Y", "joints.Z.slider", "joints.Z.pressure_angle"]
 
 
 def test_gears_do_not_hold_a_link():
@@ -387,25 +387,25 @@ def test_gears_do_not_hold_a_link():
 def test_parts_of_a_cylinder_need_their_names():
     data = changed(X={"cylinder": ["frame", "b"], "at": ["P", "T"], "drive": SWAYING})
     data["links"]["X.rod"] = {"points": {"P": [0, 0]}}
-    data["pairs"]["X.eye"] = {"revolute": ["frame", "X.rod"], "at": "P"}
+    data["joints"]["X.eye"] = {"revolute": ["frame", "X.rod"], "at": "P"}
     assert [(f.path, f.remedy) for f in faults_of(data)] == [
         ("links.X.rod", "Rename the link or the cylinder."),
-        ("pairs.X.eye", "Rename the pair or the cylinder."),
+        ("joints.X.eye", "Rename the joint or the cylinder."),
     ]
 
 
 def test_two_links_that_could_both_carry_a_gear_pair_are_named():
     data = changed(X={"gear": ["a", "b"], "teeth": [2, 3]}, Q={"revolute": ["arm", "b"], "at": ["C", "B"]})
-    data["pairs"]["A"] = {"revolute": ["c", "a"], "at": ["C", "A"], "drive": TURNING}
-    data["pairs"]["B"] = {"revolute": ["c", "b"], "at": ["C", "B"]}
-    found = [f for f in faults_of(data) if f.path == "pairs.X"]
+    data["joints"]["A"] = {"revolute": ["c", "a"], "at": ["C", "A"], "drive": TURNING}
+    data["joints"]["B"] = {"revolute": ["c", "b"], "at": ["C", "B"]}
+    found = [f for f in faults_of(data) if f.path == "joints.X"]
     assert [f.message for f in found] == ["'a' and 'b' are both pinned to 'arm', 'c'."] or found[0].message.endswith("'c', 'arm'.")
     assert "carrier" in found[0].remedy
 
 
 def test_belts_that_do_not_fit_are_refused_by_the_core():
     scene = Scene.build(**changed(X={"belt": ["a", "b"], "radii": [20, 90], "crossed": True}))
-    with pytest.raises(MechanismError, match=r"pairs\.X: pulleys .* do not fit"):
+    with pytest.raises(MechanismError, match=r"joints\.X: pulleys .* do not fit"):
         compile_mechanism(scene.mechanism)
 
 
@@ -433,13 +433,13 @@ def test_a_wheel_on_the_shaft_of_another_link_is_carried_too():
     pairs = {"O": {"revolute": ["frame", "arm"], "drive": TURNING},
              "S": {"revolute": ["arm", "sun"], "at": ["O", "C"], "drive": TURNING},
              "B": {"revolute": ["frame", "b"]}, "G": {"gear": ["sun", "b"], "teeth": [20, 30]}}  # fmt: skip
-    scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs)
+    scene = Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=pairs)
     assert scene.mechanism.pairs[-1].carrier == "frame"
     motion = solve_motion(compile_mechanism(scene.mechanism), [0.0, 0.1])
     np.testing.assert_allclose(motion.velocity("b")[:, 2], -2.0 / 3.0 * motion.velocity("sun")[:, 2])
     pairs["S"] = {"revolute": ["arm", "sun"], "at": ["P", "C"], "drive": TURNING}  # beside the axis
     with pytest.raises(SceneError, match="no link carries both wheels"):
-        Scene.build(units={"length": "mm", "angle": "deg"}, links=links, pairs=pairs)
+        Scene.build(units={"length": "mm", "angle": "deg"}, links=links, joints=pairs)
 
 
 @pytest.mark.parametrize(("radii", "crossed"), [([150, 40], False), ([60, 40], True)])
@@ -453,7 +453,7 @@ def test_belts_that_do_not_fit_are_refused_when_the_scene_is_checked(radii, cros
 frame = {{ points = {{ A = [0, 0], B = [100, 0] }} }}
 a = {{ points = {{ A = [0, 0] }} }}
 b = {{ points = {{ B = [0, 0] }} }}
-[pairs]
+[joints]
 A = {{ revolute = ["frame", "a"], drive = {{ speed = "10 rpm" }} }}
 B = {{ revolute = ["frame", "b"] }}
 V = {{ belt = ["a", "b"], radii = {radii}, crossed = {str(crossed).lower()} }}
@@ -463,4 +463,4 @@ V = {{ belt = ["a", "b"], radii = {radii}, crossed = {str(crossed).lower()} }}
         app(["check", str(path)])
     assert stopped.value.code == 2
     said = "".join(capsys.readouterr())
-    assert "pairs.V" in said and f"radius {radii[0]} mm and {radii[1]} mm do not fit on axes 100 mm apart" in said
+    assert "joints.V" in said and f"radius {radii[0]} mm and {radii[1]} mm do not fit on axes 100 mm apart" in said

@@ -34,7 +34,7 @@ BASE = {
         "coupler": {"points": {"B": [0, 0], "D": [0.3, 0]}, "mass": 1.6, "centre": [0.14, 0.02], "inertia": 0.05},
         "rocker": {"points": {"E": [0, 0], "D": [0.25, 0]}, "mass": 1.2, "centre": [0.12, -0.01], "inertia": 0.007},
     },
-    "pairs": {
+    "joints": {
         "A": {"revolute": ["frame", "crank"], "drive": {"speed": 20}},
         "B": {"revolute": ["crank", "coupler"]},
         "D": {"revolute": ["coupler", "rocker"], "side": "left"},

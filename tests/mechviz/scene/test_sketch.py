@@ -93,7 +93,7 @@ def test_a_sketch_from_which_nothing_leads_to_the_start_is_refused():
     with pytest.raises(MechanismError) as refused:
         compile_mechanism(four_bar(lengths, -drawn, sketch))
     (fault,) = refused.value.faults
-    assert fault.path == "pairs.C" and "the sketch is drawn at A = 40°" in fault.message and "cannot be led" in fault.message
+    assert fault.path == "joints.C" and "the sketch is drawn at A = 40°" in fault.message and "cannot be led" in fault.message
     assert fault.remedy.startswith("Sketch the mechanism where its drives start, or state the assembly mode of the start instead: ")
     for mode in ("left", "right"):
         assert f'side = "{mode}" at C' in fault.remedy

@@ -115,7 +115,7 @@ def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
 
 def test_a_cam_is_judged_by_a_force():
     found = {p.key: p.unit for p in find_parameters(scene.load("cam-roller"))}
-    assert found["pairs.K.rating.margin"] == "N" and found["pairs.K.rating.width"] == "mm"
+    assert found["joints.K.rating.margin"] == "N" and found["joints.K.rating.width"] == "mm"
 
 
 def test_a_length_is_shown_positive_whichever_way_its_point_lies():
@@ -537,7 +537,7 @@ def test_a_cam_follows_its_values_while_they_are_dragged():
     opened = run_scene(scene.load("cam-flat"), frames=60)
     built = build(opened)
     draft = Draft.of(opened.scene)
-    parameter = next(p for p in find_parameters(opened.scene) if p.key == "pairs.K.profile.base")
+    parameter = next(p for p in find_parameters(opened.scene) if p.key == "joints.K.profile.base")
     dragged = run_scene(draft.with_value(parameter.path, parameter.written(1.15 * parameter.value)).scene(), frames=60)
     shown, exact = show_of_run(dragged, built, show_of_run(opened, built)).bodies, build(dragged).bodies["cam"]
 

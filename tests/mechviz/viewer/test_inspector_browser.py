@@ -260,7 +260,7 @@ def test_the_other_assembly_is_chosen_from_a_list(viewer, page):
     folder.click()
     page.get_by_label("D side", exact=True).click()
     page.get_by_role("option", name="right", exact=True).click()
-    until(page, lambda: viewer.run.scene.document.pairs["D"].side == "right", "the other side")
+    until(page, lambda: viewer.run.scene.document.joints["D"].side == "right", "the other side")
     assert abs(viewer.run.motion.pose("rocker")[0, 2] - before) > 0.5
     _until_drawn(viewer, page)
     folder.click()
@@ -522,7 +522,7 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     page.get_by_role("alert").filter(has_text="undercut").filter(has_text="Reachable: 10.6").first.wait_for()
     page.get_by_label("K lift 1 law", exact=True).click()
     page.get_by_role("option", name="harmonic", exact=True).click()
-    until(page, lambda: viewer.run.scene.document.pairs["K"].profile.lift[0].law == "harmonic", "another law")
+    until(page, lambda: viewer.run.scene.document.joints["K"].profile.lift[0].law == "harmonic", "another law")
     until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
     assert viewer.studio.wait(rested=True)
     whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}

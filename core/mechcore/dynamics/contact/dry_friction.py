@@ -181,7 +181,7 @@ class DrySystem:
         worst = elements[slide[int(np.argmax(share))]]
         raise MechanismError(
             Fault(
-                f"pairs.{worst.pair}.friction",
+                f"joints.{worst.pair}.friction",
                 f"at t = {t:.6g} s no acceleration is in balance with the friction that it causes (it jams in motion, Painleve).",
                 "Lower the coefficient, or lengthen the bearing.",
             )

@@ -48,7 +48,7 @@ def impact(
     if np.linalg.matrix_rank(jacobian, tol=HELD * float(np.abs(jacobian).max(initial=1e-300))) < len(jacobian):
         side = "upper" if hit > 0.0 else "lower"
         why = f"at t = {t:.6g} s {pair} strikes its {side} stop, but prescribed drives or other stops lead it: no impulse stops it."
-        raise MechanismError(Fault(f"pairs.{pair}.stops", why, "Move the stop beyond the motion, or leave it out."))
+        raise MechanismError(Fault(f"joints.{pair}.stops", why, "Move the stop beyond the motion, or leave it out."))
     change, lost = newton_impact(inertia, jacobian, hit, restitution)
     return shifted(v, change), lost
 

@@ -201,5 +201,5 @@ def rubbing(compiled: Compiled, q: Array, v: Array, t: float, before: Mapping[Ke
     for e in elements:
         if e.what == "slide" and e.joint < 0:
             why = "friction between a cam and its follower while forces move the cam: what sticks there is not found."
-            raise MechanismError(Fault(f"pairs.{e.pair}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
+            raise MechanismError(Fault(f"joints.{e.pair}.friction", why, "Prescribe the cam's drive, or leave its friction out."))
     return Phases(compiled, elements, soon, before) if elements else None

@@ -77,7 +77,7 @@ class Lifting:
             relation = relations.get(liftoff.pair)
             if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form:
                 raise MechanismError(
-                    Fault(f"pairs.{liftoff.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
+                    Fault(f"joints.{liftoff.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
                 )
             cam = relation.geometry
             rotary = model.joints[model.joint_index[cam.guide]].coordinate == "angle"
@@ -136,7 +136,7 @@ class Lifting:
         if not values[0] > 1e-14 * values[-1]:
             guide = self.contacts[name].guide
             raise MechanismError(
-                Fault(f"pairs.{name}.liftoff", f"no mass moves with {guide} once the cam lets go.", "Give the follower a mass.")
+                Fault(f"joints.{name}.liftoff", f"no mass moves with {guide} once the cam lets go.", "Give the follower a mass.")
             )
 
     def overlap(self, name: str, lifted: frozenset[str]) -> Callable[[Array, Array, Array], Array]:
@@ -225,7 +225,7 @@ def pressing(motion: Motion, forces: Any, name: str) -> Array:
     if np.isnan(force).any():
         t = float(motion.time[int(np.argmax(np.isnan(force)))])
         raise MechanismError(
-            Fault(f"pairs.{name}", f"at t = {t:.6g} s friction jams the follower.", "Lower a coefficient, or lengthen its guide.")
+            Fault(f"joints.{name}", f"at t = {t:.6g} s friction jams the follower.", "Lower a coefficient, or lengthen its guide.")
         )
     return np.asarray(force)
 

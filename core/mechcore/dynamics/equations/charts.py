@@ -167,7 +167,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     if not share[here] > POOR:
         raise MechanismError(
             Fault(
-                f"pairs.{compiled.mechanism.drives[0].pair}",
+                f"joints.{compiled.mechanism.drives[0].pair}",
                 f"at {as_coordinate(q, rotary=rotary)} its coordinate stands still while the mechanism moves (dead point): its "
                 "speed says nothing there.",
                 "Give the free start at another pair, or start next to the dead point.",

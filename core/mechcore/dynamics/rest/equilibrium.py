@@ -143,11 +143,11 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     if not free_of(compiled):
         why = "every drive is prescribed: nothing is free to come to rest."
-        raise MechanismError(Fault("pairs", why, "Give a pair a free start instead of its drive."))
+        raise MechanismError(Fault("joints", why, "Give a pair a free start instead of its drive."))
     loose = next(iter(journals_of(compiled.mechanism)), None)
     if loose is not None:  # its force bends within the clearance: differences over any step would mix flight and contact
         why = "a journal in its clearance has a stiffness only where it is pressed: nothing there is linear."
-        raise MechanismError(Fault(f"pairs.{loose}.clearance", why, "Leave out the clearance."))
+        raise MechanismError(Fault(f"joints.{loose}.clearance", why, "Leave out the clearance."))
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
     for count in range(1, MOST + 1):
@@ -234,7 +234,7 @@ def _within(found: Equilibrium, stops: Sequence[Stop]) -> None:
         if beyond > 1e-12:
             far = as_coordinate(beyond, rotary=found.compiled.model.rotary(s.pair))
             why = f"the equilibrium lies {far} beyond '{s.name}': the mechanism rests on this stop and does not vibrate freely."
-            raise MechanismError(Fault(f"pairs.{s.pair}.stops", why, "Move the stop, or leave it out."))
+            raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Move the stop, or leave it out."))
 
 
 TURN = 2.0 * np.pi

@@ -125,7 +125,7 @@ def _validated(compiled: Compiled, turns: int) -> tuple[str, float, float]:
     rotary = len(drives) == 1 and isinstance(drives[0].law, Free)
     rotary = rotary and model.joints[model.joint_index[drives[0].pair]].coordinate == "angle"
     if not rotary:
-        faults.append(Fault("pairs", "a steady run needs one free pair that turns, and no drive.", "Let the crank be free."))
+        faults.append(Fault("joints", "a steady run needs one free pair that turns, and no drive.", "Let the crank be free."))
     if turns < 1:
         faults.append(Fault("run.steady", f"a cycle of {turns} turns.", "Give 1, or 2 for a four-stroke engine."))
     if "inertia" not in mechanism.effects:

@@ -69,7 +69,7 @@ def _check(motion: Motion) -> None:
         f = friction_of(pair)
         if f is None:
             continue
-        path = f"pairs.{pair.name}.friction"
+        path = f"joints.{pair.name}.friction"
         for name in ("coefficient", "radius", "length", "height", "lever", "brake"):
             value = getattr(f, name)
             if not 0.0 <= value < np.inf:
@@ -89,4 +89,4 @@ def _refuse_indeterminate(motion: Motion) -> None:
         names = ", ".join(loose)
         why = f"constraints are redundant: statics does not tell what presses on {names}, and so not the friction there."
         remedy = "Leave out the friction of these pairs, or the constraint that is left over."
-        raise MechanismError([Fault(f"pairs.{loose[0]}.friction", why, remedy)])
+        raise MechanismError([Fault(f"joints.{loose[0]}.friction", why, remedy)])
