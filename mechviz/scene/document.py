@@ -211,7 +211,7 @@ class SceneDocument(Table):
     """Substitute masses, by the name of the link that they replace."""
 
 
-FORMER = {"joints": "joints"}
+FORMER = {"pairs": "joints"}
 """Former names of keys of a scene, which are read as the present ones for ever."""
 
 Place = tuple[str | int, ...]

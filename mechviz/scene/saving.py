@@ -26,12 +26,17 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
     """The text of ``opened`` with the values of ``scene``, an edited copy of it; None where that text cannot say it."""
     if not opened.text:
         return None
-    before, after = (s.document.model_dump(exclude_unset=True) for s in (opened, scene))
+    before, after = (_as_written(opened, s) for s in (opened, scene))
     text = patched(opened.text, before, after)
     try:
         return text if text is not None and loads(text, scene.name, scene.folder) == scene else None
     except SceneError:
         return None
+
+
+def _as_written(opened: Scene, scene: Scene) -> dict[str, Any]:
+    """The document of a scene as plain data, its keys as the text of ``opened`` calls them."""
+    return {opened.former.get(key, key): value for key, value in scene.document.model_dump(exclude_unset=True).items()}
 
 
 def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:

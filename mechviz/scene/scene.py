@@ -164,7 +164,7 @@ def json_schema() -> dict[str, Any]:
         **{key: value for key, value in schema.items() if key != "title"},
         "properties": {**schema["properties"], **{old: schema["properties"][new] for old, new in FORMER.items()}},
         "required": ["links"],
-        "anyOf": [{"required": ["joints"]}, {"required": ["joints"]}],
+        "anyOf": [{"required": ["joints"]}, {"required": ["pairs"]}],
     }
 
 

@@ -641,7 +641,7 @@ def test_the_package_offers_the_scene_api():
 def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
     text = load("crank-rocker").text
     assert "[joints]" in text
-    former = text.replace("[joints]", "[joints]")
+    former = text.replace("[joints]", "[pairs]")
     scene = loads(former)
     assert scene == load("crank-rocker") and scene.text == former
     with pytest.raises(SceneError, match=r"pairs\.A\.drive\.speed  .* is a frequency"):
@@ -652,5 +652,5 @@ def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
     with pytest.raises(MechanismError) as error:
         run_scene(stretched, frames=9)
     assert all(not fault.path.startswith("joints") for fault in error.value.faults), str(error.value)
-    assert scene.changed({("joints", "A", "drive", "speed"): "30 rpm"}).document.joints["A"].drive.speed == "30 rpm"
+    assert scene.changed({("pairs", "A", "drive", "speed"): "30 rpm"}).document.joints["A"].drive.speed == "30 rpm"
     assert "[joints]" in scene.to_toml()

@@ -159,3 +159,10 @@ def test_an_edited_scene_keeps_the_comments_of_its_file():
     assert len(old) == len(new) and sum(a != b for a, b in zip(old, new, strict=True)) == 2
     assert kept_text(edited, opened) is not None, "a scene that comes from no file has a text too"
     assert kept_text(opened, opened) == opened.text
+
+
+def test_a_scene_that_says_pairs_keeps_saying_so():
+    text = scene.load("crank-rocker").text.replace("[joints]", "[pairs]  # as in older files")
+    opened = loads(text, "crank-rocker", GALLERY_FOLDER)
+    kept = kept_text(opened, opened.changed({("joints", "A", "drive", "speed"): "30 rpm"}))
+    assert kept == text.replace("60 rpm", "30 rpm")
