@@ -169,7 +169,7 @@ def effects_block() -> str:
 
 def hard_tables() -> dict[str, str]:
     """The suite as tables."""
-    from mechviz.hard_cases.families import FAMILIES
+    from mechviz.hard_cases.case import FAMILIES
     from mechviz.hard_cases.suite import all_cases
 
     blocks = {}

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 LEAST, MOST = 3, 25
 BUDGET = 0.25  # seconds of repeats: quick work is repeated more often
 
@@ -72,16 +74,8 @@ def used() -> Iterator[Callable[[], float]]:
     found[0] = min(1.0, (time.process_time() - own) / max(time.perf_counter() - wall, 1e-9))
 
 
-def one_thread() -> None:
-    """Keep numpy to one thread; has to be called before it is first loaded."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-
-
 def machine() -> str:
     """The machine in a line: processor, cores, system, Python and numpy."""
-    import numpy as np
-
     cpu = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():

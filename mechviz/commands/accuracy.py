@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import check_targets, clear_errors, fail, interruptible, load_scene, progress_bar
-
-if TYPE_CHECKING:
-    from mechviz.accuracy.ladder import Point
+from mechcore.accuracy import accuracy_for
+from mechviz.accuracy.cache import keep, kept
+from mechviz.accuracy.diagram import diagram, dials_of, write_diagram
+from mechviz.accuracy.effects import influence_lines, influences
+from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
+from mechviz.accuracy.recorded import write_rrd
+from mechviz.accuracy.timing import machine, used
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
+from mechviz.commands.solving import QuickOpt, SceneArg, clear_errors, load_scene
 
 
 def accuracy(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    scene: SceneArg,
     target: Annotated[
         float | None, typer.Option("--target", "-t", metavar="ERROR", help="wanted relative error, such as 1e-6")
     ] = None,
@@ -23,28 +28,18 @@ def accuracy(
     rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
     dial: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
     again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")] = False,
+    quick: QuickOpt = False,
 ) -> None:
     """Measure what accuracy costs: error against time at a ladder of settings of each dial and method.
 
     Times are medians on one thread after a warm-up. Marked: * on the Pareto front (nothing is quicker and more exact), <- what the
     scene uses now. Results are kept by scene and machine; --again measures anew.
     """
-    from mechviz.accuracy.timing import one_thread, used
-
-    one_thread()
     if output is not None and output.suffix.lower() not in (".svg", ".png"):
         fail(f"{output}: diagrams are written as SVG or PNG. Give a name that ends in .svg or .png.")
     with clear_errors(scene):
-        from mechcore.accuracy import accuracy_for
-
         if target is not None:
             accuracy_for(target)  # refuses what is none
-        from mechviz.accuracy.cache import keep, kept
-        from mechviz.accuracy.diagram import diagram, dials_of, write_diagram
-        from mechviz.accuracy.ladder import ladder
-        from mechviz.accuracy.recorded import write_rrd
-
         check_targets(scene, output, rrd)
         loaded = load_scene(scene)
         if not loaded.frames:
@@ -73,8 +68,6 @@ def accuracy(
 
 def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
     """The points by dial and method: setting, error, time with its spread, marks."""
-    from mechviz.accuracy.ladder import cheapest, pareto
-
     lines = []
     for dial in dict.fromkeys(p.dial for p in points):
         own = [p for p in points if p.dial == dial]
@@ -94,8 +87,6 @@ def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
 
 def _answer(points: Sequence[Point], target: float | None) -> list[str]:
     """The cheapest setting of every dial that reaches the target, in words."""
-    from mechviz.accuracy.ladder import cheapest
-
     if target is None:
         return []
     lines = ["", f"cheapest settings that reach {target:g}"]
@@ -111,24 +102,18 @@ def _answer(points: Sequence[Point], target: float | None) -> list[str]:
 
 
 def effects(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    scene: SceneArg,
     accuracy: Annotated[float, typer.Option("--accuracy", "-a", metavar="ERROR", help="relative change that counts")] = 0.01,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher times")] = False,
+    quick: QuickOpt = False,
 ) -> None:
     """Measure what each effect and load does to the answer, beside its price in time; suggest those worth having.
 
     Each is left out, or added where the scene has what it needs, and everything is computed again: change of the peak effort and of
     the largest reaction, largest change at any frame, of the speed's fluctuation where forces decide the motion.
     """
-    from mechviz.accuracy.timing import one_thread
-
-    one_thread()
     if not 0.0 < accuracy < 1.0:
         fail(f"--accuracy: {accuracy:g} is no relative change. Give a number between 0 and 1, such as 0.01.")
     with clear_errors(scene):
-        from mechviz.accuracy.effects import influence_lines, influences
-        from mechviz.accuracy.timing import machine
-
         loaded = load_scene(scene)
         with progress_bar("measuring") as bar:
             base, found = influences(loaded, bar, 0.02 if quick else 0.2)

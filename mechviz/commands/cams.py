@@ -7,11 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from mechviz.commands.common import clear_errors, fail, load_scene, quantity_of, solve, warn_of_accuracy
+from mechcore.spec.mechanism import CamDrawn
+from mechcore.texts import Text
+from mechviz.commands.common import fail
+from mechviz.commands.solving import FramesOpt, SceneArg, clear_errors, load_scene, quantity_of, solve, warn_of_accuracy
+from mechviz.scene.cams.ratings import step_fault, whole_step
+from mechviz.scene.convert import LARGEST
+from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines
 
 
 def cams(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="gallery name or path of a scene file (.toml)")],
+    scene: SceneArg,
     method: Annotated[
         Literal["exact", "graphical"],
         typer.Option("--method", help="graphical: also the drawn lift and its error, point by point"),
@@ -26,9 +32,7 @@ def cams(
     strict: Annotated[
         bool, typer.Option("--strict", help="exit code 1 also where a condition fails that the scene states no limit for")
     ] = False,
-    frames: Annotated[
-        int | None, typer.Option("--frames", "-n", min=2, max=10_000_000, help="frames over the whole run [default: the scene's]")
-    ] = None,
+    frames: FramesOpt = None,
 ) -> None:
     """Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact.
 
@@ -36,12 +40,6 @@ def cams(
     contact that is lost, or the --margin.
     """
     with clear_errors(scene):
-        from mechcore.spec.mechanism import CamDrawn
-        from mechcore.texts import Text
-        from mechviz.scene.cams.ratings import step_fault, whole_step
-        from mechviz.scene.convert import LARGEST
-        from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines
-
         if method == "exact" and (step is not None or lines is not None):
             fail("--step and --lines are for --method graphical.")
         loaded = load_scene(scene)

@@ -1,8 +1,7 @@
-"""What the commands share: talk, faults, interruptions, progress, reading and solving scenes. Heavy libraries load only in use."""
+"""What all commands share: messages, exit codes, interruptions, progress bars. Loads neither numpy nor what reads scenes."""
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import sys
@@ -11,15 +10,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import typer
 
 from mechviz.files import OutputError, check_target
-
-if TYPE_CHECKING:
-    from mechviz.runs import Run
-    from mechviz.scene.scene import Scene
 
 
 def say(text: str) -> None:
@@ -35,8 +30,8 @@ def fail(text: str, code: int = 2) -> NoReturn:
 
 
 @contextmanager
-def clear_errors(source: str) -> Iterator[None]:
-    """Every expected fault as a message of ours; never a traceback."""
+def orderly() -> Iterator[None]:
+    """Interruptions, files that cannot be used and full outputs as messages with their exit codes; never a traceback."""
     try:
         yield
         sys.stdout.flush()
@@ -47,14 +42,6 @@ def clear_errors(source: str) -> Iterator[None]:
         fail(str(e), e.code)
     except OSError as e:
         raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
-    except ValueError as e:
-        from mechcore.errors import MechanismError  # here: listing the gallery must not load numpy and scipy
-
-        if not isinstance(e, MechanismError):
-            raise
-        from mechviz.scene.faults import SceneError
-
-        fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
 
 
 def check_targets(source: str, *paths: Path | None) -> None:
@@ -104,47 +91,6 @@ def interruptible(*libraries: str) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def load_scene(source: str, *, reachable: bool = False) -> Scene:
-    """A scene of the gallery or of a file; ``reachable``: its drive runs as far as it can and back."""
-    from mechviz.scene.scene import load
-
-    scene = load(source)
-    if not reachable:
-        return scene
-    from mechviz.scene.kinds.reachable import swinging
-
-    changes = swinging(scene.document)
-    if not changes:
-        fail("--reachable is for scenes with one drive, which says a speed and no travel or range.")
-    return scene.changed(changes)
-
-
-def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None) -> Run:
-    """A solved scene, with a bar of its stages; of a motion under forces how far it is known."""
-    from mechviz.runs import run_scene
-
-    with progress_bar("solving") as bar:
-        return run_scene(
-            scene,
-            frames=frames,
-            cycles=cycles,
-            accuracy=accuracy,
-            progress=bar.stage,
-            advance=lambda t, end: bar(round(1e3 * t / end), 1000),
-            warn=lambda words: say(f"note: {words}"),
-        )
-
-
-def warn_of_accuracy(run: Run) -> None:
-    """Say where a wanted accuracy is not reached."""
-    if run.accuracy.target is not None:
-        from mechviz.accuracy.words import target_words
-
-        for line in target_words(run):
-            if line.startswith("warning"):
-                say(line)
-
-
 @dataclass(frozen=True)
 class Bar:
     """How far long work is: to be called with what is done and of how much; ``stage`` is told what is done now."""
@@ -179,21 +125,3 @@ def progress_bar(label: str) -> Iterator[Bar]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(label, total=None)
         yield Bar(label, lambda **what: shown.update(task, **what))
-
-
-def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
-    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
-    from mechviz.scene.units import QuantityError, Units
-
-    if text is None:
-        return None
-    try:
-        value: float | str = float(text)
-    except ValueError:
-        value = text
-    if isinstance(value, float) and not math.isfinite(value):
-        fail(f"--{option}: {text} is not a finite number. Give a finite one.")
-    try:
-        return Units(**scene.document.units.model_dump()).si(value, kind)
-    except QuantityError as e:
-        fail(f"--{option}: {e} {e.remedy}")

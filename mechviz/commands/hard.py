@@ -8,8 +8,10 @@ from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import clear_errors, fail, progress_bar
-from mechviz.hard_cases.families import FAMILIES
+from mechviz.commands.common import fail, progress_bar
+from mechviz.commands.solving import clear_errors
+from mechviz.hard_cases.case import FAMILIES, as_data, summary, table
+from mechviz.hard_cases.suite import all_cases
 
 
 def hard(
@@ -21,9 +23,6 @@ def hard(
     Singular positions, benchmarks at which other programs fail, undercut cams, jams, stick-slip, impacts, chaos, careless input.
     Each expectation is computed apart from the program: a closed form, a balance, another method.
     """
-    from mechviz.hard_cases.case import as_data, summary, table
-    from mechviz.hard_cases.suite import all_cases
-
     if only is not None and only not in FAMILIES:
         fail(f"--only: '{only}' is no family. Choose from {', '.join(FAMILIES)}.")
     cases = all_cases(only)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import typer
 
-from mechviz.commands.common import clear_errors, fail, interruptible
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.catalogue import RISES, rise
+from mechcore.laws.curve import MotionCurve
+from mechcore.laws.factors import peak_factors
+from mechviz.commands.common import fail, interruptible
+from mechviz.commands.solving import clear_errors
 from mechviz.files import check_target, replacing
-
-if TYPE_CHECKING:
-    from mechcore.laws.curve import MotionCurve
-
 
 _COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
 _PANELS = ("s", "s'", "s''", "s'''")
@@ -26,8 +28,6 @@ def laws(
 ) -> None:
     """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other."""
     with clear_errors("laws"):
-        from mechcore.laws.catalogue import RISES
-
         chosen = {name: _parse(name) for name in (names or list(RISES))}
         if plot is not None and plot.suffix.lower() != ".svg":
             fail(f"{plot}: curves are written as SVG. Give a name that ends in .svg.")
@@ -43,9 +43,6 @@ def laws(
 
 def _parse(text: str) -> MotionCurve:
     """``name`` or ``name:key=value,key=value``."""
-    from mechcore.errors import Fault, MechanismError
-    from mechcore.laws.catalogue import rise
-
     name, _, rest = text.partition(":")
     parameters = {}
     for part in filter(None, rest.split(",")):
@@ -60,9 +57,6 @@ def _parse(text: str) -> MotionCurve:
 
 def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
     """Lines: law, Cv, Ca, Cj, largest |s' s''| (drive torque of inertia), derivatives that step at the ends and inside."""
-    from mechcore.laws.catalogue import RISES
-    from mechcore.laws.factors import peak_factors
-
     words = {1: "velocity", 2: "acceleration", 3: "jerk"}
     width = max(len("law"), *map(len, chosen))
     lines = [f"{'law':<{width}}  {'Cv':>8} {'Ca':>9} {'Cj':>10} {'|v a|':>8}  steps at the ends / inside; what it is"]
@@ -77,8 +71,6 @@ def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
 
 def laws_svg(chosen: dict[str, MotionCurve], width: int = 760, height: int = 190) -> str:
     """Four panels, one over the other: displacement, velocity, acceleration, jerk over the range; a step is a gap in the line."""
-    import numpy as np
-
     left, top, gap = 64, 34 + 18 * ((len(chosen) + 2) // 3), 26
     colours = [_COLOURS[k % len(_COLOURS)] for k in range(len(chosen))]
     parts = []

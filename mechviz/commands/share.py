@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from mechviz.commands.common import (
-    check_targets,
-    clear_errors,
-    fail,
-    interruptible,
-    load_scene,
-    progress_bar,
-    say,
-    solve,
-)
-
-if TYPE_CHECKING:
-    from mechviz.outputs.images.pictures import Look
-    from mechviz.outputs.rerun.reader import Recording
-
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.solving import clear_errors, load_scene, solve
+from mechviz.files import replacing
+from mechviz.outputs.images.browser import find_chromium
+from mechviz.outputs.images.drawing import write_svg
+from mechviz.outputs.images.pictures import VIEWS, Look, find_ffmpeg, moment
+from mechviz.outputs.images.pictures import film as make
+from mechviz.outputs.images.pictures import shot as take
+from mechviz.outputs.page.frames import MOST_FRAMES
+from mechviz.outputs.page.page import make_page
+from mechviz.outputs.page.source import is_recording, recorded
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.scene.units import QuantityError, Units
 
 SourceArg = Annotated[str, typer.Argument(metavar="SCENE|RECORDING", help="gallery name, scene file (.toml) or recording (.rrd)")]
 FramesOpt = Annotated[
@@ -50,14 +48,10 @@ def share(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
-    from mechviz.files import replacing
-
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)
         recording = _recording(source, frames, cycles, most)
-        from mechviz.outputs.page.page import make_page
-
         with interruptible("pyarrow"), progress_bar("sharing") as bar:
             text, chosen = make_page(recording, most=most, progress=bar)
             with replacing(path) as temporary:
@@ -88,12 +82,7 @@ def shot(
 
     A PNG is made by Chromium and looks like the shared page; an SVG needs no browser: a drawing seen from the front.
     """
-    from mechviz.outputs.images.browser import find_chromium
-
     with clear_errors(source):
-        from mechviz.outputs.images.pictures import moment
-        from mechviz.outputs.images.pictures import shot as take
-
         _ending(output, (".png", ".svg"), "a picture")
         drawing = output.suffix.lower() == ".svg"
         if drawing and (view not in ("3d", "front") or show is not None):
@@ -105,15 +94,11 @@ def shot(
         if not drawing:
             find_chromium()
         check_targets(source, output)
-        from mechviz.outputs.page.frames import MOST_FRAMES
-
         anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
         recording = _recording(source, frames, cycles, MOST_FRAMES if anywhere else None)
         place = moment(recording, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
-                from mechviz.outputs.images.drawing import write_svg
-
                 sides = {"width": look.width, "height": look.height}
                 write_svg(recording, output, time=place.time, dark=dark, progress=bar, **sides)
             else:
@@ -136,20 +121,13 @@ def film(
     cycles: CyclesOpt = None,
 ) -> None:
     """Write a film of a mechanism over its run, GIF or MP4; needs Chromium, but no display."""
-    from mechviz.outputs.images.browser import find_chromium
-
     with clear_errors(source):
-        from mechviz.outputs.images.pictures import film as make
-        from mechviz.outputs.images.pictures import find_ffmpeg
-
         _ending(output, (".gif", ".mp4"), "a film")
         look = _look(view, size, dark, show)
         find_chromium()
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
         check_targets(source, output)
-        from mechviz.outputs.page.frames import MOST_FRAMES
-
         recording = _recording(source, frames, cycles, MOST_FRAMES)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(recording, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
@@ -158,8 +136,6 @@ def film(
 
 def _recording(source: str, frames: int | None, cycles: int | None, most: int | None = None) -> Recording:
     """The recording that is meant, or one made of the scene, with ``most`` of its frames where a number is given."""
-    from mechviz.outputs.page.source import is_recording, recorded
-
     if not is_recording(source):
         run = solve(load_scene(source), frames, cycles)
         with interruptible("rerun", "mechviz.picture.meshes"), progress_bar("recording") as bar:
@@ -167,8 +143,6 @@ def _recording(source: str, frames: int | None, cycles: int | None, most: int | 
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")
     with progress_bar(f"opening {Path(source).name}"):
-        from mechviz.outputs.rerun.reader import Recording
-
         recording = Recording(source, most=most)
     if not recording.has("data", "links", recording.model["frame"], "pose"):
         fail(f"'{source}' holds no frames: it was interrupted before the first. Record the scene again.")
@@ -182,8 +156,6 @@ def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:
 
 
 def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
-    from mechviz.outputs.images.pictures import VIEWS, Look
-
     if view not in VIEWS:
         fail(f"--view {view}: there is no such view. There are: {', '.join(VIEWS)}.")
     match = re.fullmatch(r"(\d{1,5})\s*[xX×]\s*(\d{1,5})", size.strip())
@@ -195,8 +167,6 @@ def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
 
 def _quantity(text: str | None, option: str, unit: str, kind: str) -> float | None:
     """A time [s] or an angle [rad] of an option; a bare number is in ``unit``."""
-    from mechviz.scene.units import QuantityError, Units
-
     if text is None:
         return None
     bare = re.fullmatch(r"\s*[+-]?[0-9.]+([eE][+-]?[0-9]+)?\s*", text)

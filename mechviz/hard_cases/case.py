@@ -7,14 +7,16 @@ import re
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
-from mechviz.hard_cases.families import FAMILIES, Family
+
+Family = Literal["linkages", "cams", "friction", "dynamics", "input"]
+FAMILIES: tuple[Family, ...] = ("linkages", "cams", "friction", "dynamics", "input")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from mechcore.spec.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec.mechanism import Drive, Link, Mechanism
 from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, refused
 from mechviz.hard_cases.mechanisms import bars, chain, pendulum, pin
+from mechviz.scene.scene import load
 
 G = 9.81
 SQUEEZED = (
@@ -42,8 +43,6 @@ def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: 
 
 
 def _squeezer(method: Method, tolerance: float, bound: float) -> Outcome:
-    from mechviz.scene.scene import load
-
     simulation = simulate(load("andrews-squeezer").mechanism, 0.03, method=method, tolerance=tolerance)
     motion = simulation.motion([0.03])
     beta = float(simulation([0.03])[0][0, 0])

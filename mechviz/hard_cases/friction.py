@@ -18,6 +18,7 @@ from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic,
 from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
 from mechviz.hard_cases.mechanisms import load_at, slider_crank
 from mechviz.hard_cases.rubbing import bearing, gears, incline, sleeve
+from mechviz.scene.scene import load
 
 G = 9.81
 
@@ -55,8 +56,6 @@ def _beyond_the_jam() -> Outcome:
 
 def _jam_between_frames() -> Outcome:
     """The gallery's sleeve: where the lift's arm reaches b / (2 mu) = 200 mm, found between frames."""
-    from mechviz.scene.scene import load
-
     scene = load("jamming-sleeve")
     m = scene.mechanism
     forces = solve_forces(solve_motion(compile_mechanism(m), default_times(m, 37)))

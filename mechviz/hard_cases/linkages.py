@@ -13,6 +13,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
 from mechviz.hard_cases.mechanisms import TURN, at, chain, four_bar, slider_crank
+from mechviz.scene.scene import load
 
 
 def _branch(mode: str) -> Outcome:
@@ -145,8 +146,6 @@ def _long_chain() -> Outcome:
 
 def _triad() -> Outcome:
     """A group of class III over ten turns: the branch at the end is that of the start; rates by a second route."""
-    from mechviz.scene.scene import load
-
     m = load("triad").mechanism
     compiled = compile_mechanism(m)
     period = m.drives[0].law.duration

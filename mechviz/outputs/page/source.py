@@ -5,11 +5,10 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-    from mechviz.runs import Run
+from mechviz.outputs.rerun.reader import Recording
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.runs import Run
 
 
 def is_recording(source: str) -> bool:
@@ -33,9 +32,6 @@ def recorded(
 ) -> Recording:
     """A run as a recording in memory, of a long one ``most`` frames if that is given: what pages and pictures are made from, so
     that a scene and its recording look the same."""
-    from mechviz.outputs.rerun.reader import Recording
-    from mechviz.outputs.rerun.writer import write_recording
-
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         path = Path(folder) / "run.rrd"
         try:

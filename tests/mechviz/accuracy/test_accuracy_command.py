@@ -128,7 +128,7 @@ def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
 def test_the_command_prints_draws_and_keeps(tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "cache"))
     calls = []
-    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: calls.append(1) or list(POINTS))
+    monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *a, **k: calls.append(1) or list(POINTS))
     svg, png, rrd = (tmp_path / f"d.{kind}" for kind in ("svg", "png", "rrd"))
     first = CliRunner().invoke(app, ["accuracy", "crank-rocker", "--target", "1e-3", "-o", str(svg), "--rrd", str(rrd)])
     assert first.exit_code == 0, first.output
@@ -211,7 +211,7 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
 )
 def test_bad_options_are_refused(arguments, words, tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
-    monkeypatch.setattr(ladder_module, "ladder", lambda *a, **k: list(POINTS))
+    monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *a, **k: list(POINTS))
     found = CliRunner().invoke(app, ["accuracy", "crank-rocker", *arguments])
     assert found.exit_code == 2 and words in found.stderr
     assert CliRunner().invoke(app, ["effects", "crank-rocker", "--accuracy", "2"]).exit_code == 2

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechviz.hard_cases.families import FAMILIES
+from mechviz.hard_cases.case import FAMILIES
 from mechviz.hard_cases.suite import all_cases
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))

@@ -35,8 +35,8 @@ COMMANDS = {
 @pytest.mark.parametrize("fault", ["no folder", "a folder", "below a file"])
 def test_what_cannot_be_written_there_is_refused_before_anything_is_computed(tmp_path: Path, monkeypatch, command, fault):
     """The same words and the same exit code everywhere, whatever the command would write."""
-    monkeypatch.setattr("mechviz.runs.run_scene", lambda *_, **__: pytest.fail("it was computed"))
-    monkeypatch.setattr("mechviz.accuracy.ladder.ladder", lambda *_, **__: pytest.fail("it was measured"))
+    monkeypatch.setattr("mechviz.commands.solving.run_scene", lambda *_, **__: pytest.fail("it was computed"))
+    monkeypatch.setattr("mechviz.commands.accuracy.ladder", lambda *_, **__: pytest.fail("it was measured"))
     (tmp_path / "file").write_text("kept")
     place = {"no folder": "nowhere/out", "a folder": "out", "below a file": "file/out"}[fault]
     words = {"no folder": "does not exist", "a folder": "is a folder", "below a file": "is not a folder"}[fault]
@@ -83,7 +83,7 @@ def test_a_page_that_is_interrupted_on_its_way_says_nothing_of_hidden_files(tmp_
         stop.add_note("Interrupted: the 10 frames written so far are in '/tmp/hidden/run.part.rrd'.")
         raise stop
 
-    monkeypatch.setattr("mechviz.outputs.rerun.writer.write_recording", stopped)
+    monkeypatch.setattr("mechviz.outputs.page.source.write_recording", stopped)
     done = CliRunner().invoke(app, ["share", "crank-rocker", "-n", "12", "-o", str(tmp_path / "a.html")])
     assert (done.exit_code, done.stderr.strip()) == (130, "Interrupted: nothing was written.")
     assert not list(tmp_path.iterdir())

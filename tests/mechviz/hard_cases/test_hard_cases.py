@@ -9,8 +9,7 @@ from typer.testing import CliRunner
 
 import mechviz.hard_cases.input
 from mechviz.commands.main import app
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged
-from mechviz.hard_cases.families import FAMILIES
+from mechviz.hard_cases.case import FAMILIES, Case, Check, Outcome, compare, judged
 from mechviz.hard_cases.suite import all_cases
 
 CASES = all_cases()

@@ -359,7 +359,7 @@ def run(*arguments: str):
 
 
 def test_share_writes_a_page_of_a_recording_without_computing_anything(tmp_path, monkeypatch):
-    monkeypatch.setattr("mechviz.runs.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
+    monkeypatch.setattr("mechviz.commands.solving.run_scene", lambda *a, **k: pytest.fail("it was solved again"))
     path = tmp_path / "page.html"
     result = run("share", str(TEN.path), "-o", str(path), "--most", "100")
     assert result.exit_code == 0 and str(path) in result.output and "100 of 361 frames" in result.output
@@ -422,8 +422,8 @@ class Bars:
 
 def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):
     bars = Bars()
-    for place in ("mechviz.commands.common", "mechviz.commands.share", "mechviz.commands.main"):
-        monkeypatch.setattr(f"{place}.progress_bar", bars.bar)
+    for place in ("solving", "share", "export", "recording"):
+        monkeypatch.setattr(f"mechviz.commands.{place}.progress_bar", bars.bar)
     for command, wanted in (
         (("share", "crank-rocker", "-o", str(tmp_path / "a.html")), "sharing"),
         (("shot", "crank-rocker", "-o", str(tmp_path / "a.svg")), "drawing"),

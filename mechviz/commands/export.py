@@ -1,0 +1,100 @@
+"""``mechviz export``: tables, solids and profiles of cams as files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
+from mechviz.commands.solving import (
+    AccuracyOpt,
+    CyclesOpt,
+    FramesOpt,
+    ReachableOpt,
+    SceneArg,
+    clear_errors,
+    load_scene,
+    quantity_of,
+    solve,
+    warn_of_accuracy,
+)
+from mechviz.outputs.exports.cam_profiles import export_profiles
+from mechviz.outputs.exports.gltf import export_glb
+from mechviz.outputs.exports.gltf_marks import ARROWS
+from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet, export_stl
+from mechviz.outputs.exports.threemf import export_3mf
+from mechviz.quantities.vectors import FAMILIES
+
+
+def export(
+    scene: SceneArg,
+    csv: Annotated[Path | None, typer.Option("--csv", help="write all results as one table (CSV)")] = None,
+    parquet: Annotated[Path | None, typer.Option("--parquet", help="write all results as one table (Parquet)")] = None,
+    stl: Annotated[Path | None, typer.Option("--stl", help="write one STL a link into this folder (millimetres)")] = None,
+    glb: Annotated[Path | None, typer.Option("--glb", help="write the moving mechanism for viewers of glTF")] = None,
+    arrows: Annotated[
+        str | None, typer.Option("--arrows", metavar="NAME,NAME", help="in the GLB, such as reaction,drive; none: nothing")
+    ] = None,
+    threemf: Annotated[Path | None, typer.Option("--3mf", help="write all solids into one file to print (3MF)")] = None,
+    dxf: Annotated[Path | None, typer.Option("--dxf", help="write the profiles of cams as arcs (DXF, millimetres)")] = None,
+    svg: Annotated[Path | None, typer.Option("--svg", help="write the profiles of cams true to scale (SVG)")] = None,
+    profile: Annotated[Path | None, typer.Option("--profile", help="write cams' points, normals, curvature (CSV)")] = None,
+    every: Annotated[
+        str | None, typer.Option("--every", metavar="TIME", help='tables: a row each such time, as "1 ms", read between frames')
+    ] = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
+) -> None:
+    """Write results as tables, the links as solids, the profiles of cams as drawings."""
+    profiles = {kind: path for kind, path in (("dxf", dxf), ("svg", svg), ("csv", profile)) if path is not None}
+    if csv is None and parquet is None and stl is None and glb is None and threemf is None and not profiles:
+        fail("nothing to export: add --csv, --parquet, --glb, --3mf FILE or --stl FOLDER, of cams --dxf, --svg or --profile FILE.")
+    families = _families(arrows) if glb is not None else None
+    if glb is None and arrows is not None:
+        fail("--arrows is for --glb FILE: name that too.")
+    with clear_errors(scene):
+        check_targets(scene, csv, parquet, glb, threemf, *profiles.values())
+        loaded = load_scene(scene, reachable=reachable)
+        step = quantity_of(loaded, every, "every", "time")
+        run = solve(loaded, frames, cycles, accuracy)
+        warn_of_accuracy(run)
+        times = None if step is None else even_times(run, step)
+
+        def export_to(target: Path, write: Callable[..., Any], *more: Any, **options: Any) -> Any:
+            with progress_bar(f"exporting {target.name}"):
+                return write(run, target, *more, **options)
+
+        solid = any(path is not None for path in (stl, glb, threemf))
+        libraries = ["mechviz.picture.meshes", "trimesh"] if solid else []
+        libraries += ["pyarrow.parquet"] if parquet is not None else []
+        with interruptible(*libraries):
+            if csv is not None:
+                print(export_to(csv, export_csv, times))
+            if parquet is not None:
+                print(export_to(parquet, export_parquet, times))
+            if stl is not None:
+                for path in export_to(stl, export_stl):
+                    print(path)
+            if glb is not None:
+                print(export_to(glb, export_glb, arrows=ARROWS if families is None else families))
+            if threemf is not None:
+                print(export_to(threemf, export_3mf))
+            for kind, path in profiles.items():
+                print(export_to(path, export_profiles, kind, lambda line: print(line, file=sys.stderr)))
+
+
+def _families(text: str | None) -> tuple[str, ...] | None:
+    """The families of arrows that an option names; None where nothing is said."""
+    if text is None:
+        return None
+    names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
+    unknown = [name for name in names if name not in FAMILIES]
+    if unknown:
+        fail(f"--arrows {unknown[0]}: there are no such arrows. There are: {', '.join(FAMILIES)}.")
+    return names

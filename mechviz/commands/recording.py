@@ -1,0 +1,71 @@
+"""``mechviz record`` and ``inspect``: writes recordings, and prints what they hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mechviz.commands.common import check_targets, fail, interruptible, progress_bar, say
+from mechviz.commands.solving import AccuracyOpt, CyclesOpt, FramesOpt, ReachableOpt, SceneArg, clear_errors, load_scene, solve
+from mechviz.outputs.rerun.inspection import format_inspection
+from mechviz.outputs.rerun.inspection import inspect as inspect_recording
+from mechviz.outputs.rerun.live import live
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.runs import Run, run_scene, with_run
+from mechviz.scene.scene import Scene
+
+
+def record(
+    scene: SceneArg,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="recording to write [default: recordings/<scene>.rrd]")
+    ] = None,
+    frames: FramesOpt = None,
+    cycles: CyclesOpt = None,
+    accuracy: AccuracyOpt = None,
+    reachable: ReachableOpt = False,
+    live: Annotated[
+        int | None,
+        typer.Option(
+            "--live",
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="motion under forces: watch it on this port while it runs; 0: a free one",
+        ),
+    ] = None,
+) -> None:
+    """Solve a scene and write a rerun recording (.rrd). Open it with: rerun FILE."""
+    with clear_errors(scene):
+        loaded = load_scene(scene, reachable=reachable)
+        path = output
+        if path is None:
+            Path("recordings").mkdir(exist_ok=True)
+            path = Path("recordings") / f"{loaded.name}.rrd"
+        check_targets(scene, path)
+        if live is not None and loaded.simulation is None:
+            fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
+        run = None if live is not None else solve(loaded, frames, cycles, accuracy)
+        with interruptible("rerun", "mechviz.picture.meshes"):
+            if run is None:
+                run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
+            with progress_bar("recording") as bar:
+                summary = write_recording(run, path, progress=bar, begin=bar.stage)
+        say(str(summary))
+        print(path)
+
+
+def _solve_live(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int) -> Run:
+    """Solve a motion under forces; what is known of it is in the unfinished recording, and can be watched."""
+    scene = with_run(scene, frames, cycles)
+    with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
+        say(f"watch it with: rerun {address}")
+        return run_scene(scene, accuracy=accuracy, advance=lambda t, end: bar(round(1e3 * t / end), 1000), observe=observer)
+
+
+def inspect(recording: Annotated[Path, typer.Argument(metavar="FILE.rrd", help="a mechviz recording")]) -> None:
+    """Print what a recording holds, without a viewer: links, joints, peaks of forces and torque, health, events."""
+    with clear_errors(str(recording)):
+        print(format_inspection(inspect_recording(recording)))

@@ -1,0 +1,56 @@
+"""``mechviz show``, ``schema``, ``check`` and ``plan``: what a scene says and what will be computed for it."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from mechcore.effects.plan import make_plan
+from mechviz.commands.common import say
+from mechviz.commands.solving import ReachableOpt, SceneArg, clear_errors, load_scene
+from mechviz.scene.scene import json_schema
+from mechviz.studies.cost import cost_lines, measure
+from mechviz.studies.report import check_lines, plan_lines
+
+
+def show(scene: SceneArg) -> None:
+    """Print a scene's TOML text: a starting point for your own."""
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        print(loaded.to_toml(), end="")
+        if loaded.files:
+            say(f"note: it reads {', '.join(loaded.files)} from its folder, '{loaded.folder.path}': copy that along with the text.")
+
+
+def schema() -> None:
+    """Print the JSON Schema of scene files, for editors."""
+    with clear_errors("schema"):
+        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+def check(
+    scene: SceneArg,
+    equations: Annotated[
+        bool, typer.Option("--equations", help="also the contour equations, velocities and accelerations")
+    ] = False,
+    modes: Annotated[bool, typer.Option("--modes", help="also all assembly modes of every group at the start")] = False,
+    reachable: ReachableOpt = False,
+) -> None:
+    """Validate a scene and print its mobility, groups, contours, assembly modes and reachable range."""
+    with clear_errors(scene):
+        print("\n".join(check_lines(load_scene(scene, reachable=reachable), equations=equations, modes=modes)))
+
+
+def plan(
+    scene: SceneArg,
+    cost: Annotated[bool, typer.Option("--cost", help="also measure what each stage and effect costs")] = False,
+) -> None:
+    """Print what will be computed for a scene, what not, and why; with --cost what each stage and effect costs."""
+    with clear_errors(scene):
+        loaded = load_scene(scene)
+        print(loaded.title)
+        print("\n".join(plan_lines(make_plan(loaded.mechanism))))
+        if cost:
+            print("\n".join(cost_lines(measure(loaded), loaded.frames + 1)))

@@ -1,0 +1,93 @@
+"""``mechviz balance`` and ``vibrations``: studies that make other scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mechviz.commands.common import check_targets, fail, interruptible, say
+from mechviz.commands.solving import SceneArg, clear_errors, load_scene, quantity_of, solve
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.scene.scene import Scene, dump
+from mechviz.studies.balance import balance_scene
+from mechviz.studies.polar import write_polar
+from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
+
+
+def balance(
+    scene: SceneArg,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="write the scene with its counterweights to this file")
+    ] = None,
+    radius: Annotated[str | None, typer.Option(help='distance of the counterweights from their pivots, such as "60 mm"')] = None,
+    rocker_radius: Annotated[str | None, typer.Option(help="distance of the rocker's own from its pivot")] = None,
+    fraction: Annotated[
+        float | None, typer.Option(help="how much is balanced, 0 to 1 (slider-crank: of what goes to and fro)")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots, before and after (.svg)")] = None,
+) -> None:
+    """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
+    with clear_errors(scene):
+        check_targets("", output, plot)  # the scene itself may be given its counterweights
+        loaded = load_scene(scene)
+        stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
+        first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
+        found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
+        print("\n".join(found.lines()))
+        with interruptible():
+            if output is not None:
+                _dump(found.scene, output)
+            if plot is not None:
+                write_polar(plot, loaded.title, found.motion, {"before": found.before, "with counterweights": found.after})
+                print(plot)
+
+
+def _dump(scene: Scene, path: Path) -> None:
+    """Write a scene and say so, and which files went with it."""
+    copies = dump(scene, path)
+    say(f"{path} written." + (f" Copied beside it: {', '.join(copy.name for copy in copies)}." if copies else ""))
+
+
+def vibrations(
+    scene: SceneArg,
+    nearest: Annotated[
+        bool, typer.Option("--nearest", help="the nearest equilibrium, also an unstable one, instead of going downhill")
+    ] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="also write the modes as a table (CSV)")] = None,
+    mode: Annotated[int | None, typer.Option("--mode", metavar="K", help="the mode to show: 1 is the slowest")] = None,
+    amplitude: Annotated[
+        float, typer.Option(metavar="PART", help="largest displacement in it, as a part of the mechanism's size")
+    ] = 0.08,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="write the mode as a recording (.rrd) or as a scene (.toml)")
+    ] = None,
+) -> None:
+    """Find the equilibrium of a scene with free pairs, and its natural frequencies, damping ratios and modes.
+
+    The mechanism is let down from the start of its free pairs to where it stays at rest; about that place its equations of motion
+    are linearised. In a mode all parts move in step at one frequency; every small free motion is a sum of modes. Shapes are
+    printed with their largest part one, and are mass-normalised in the table.
+
+    Try: mechviz vibrations swinging-double-pendulum, then add --mode 2 -o mode2.rrd and open that with rerun.
+    """
+    if (mode is None) != (output is None):
+        fail("a mode to show needs both: --mode K and -o FILE.rrd (or FILE.toml).")
+    if output is not None and output.suffix not in (".rrd", ".toml"):
+        fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
+    with clear_errors(scene):
+        check_targets(scene, csv, output)
+        loaded = load_scene(scene)
+        found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
+        print("\n".join(vibration_lines(loaded, found)))
+        with interruptible(*(() if output is None else ("rerun", "mechviz.picture.meshes"))):
+            if csv is not None:
+                say(f"{vibrations_csv(found, csv)} written.")
+            if mode is not None and output is not None:
+                shown = mode_scene(loaded, found, mode, amplitude=amplitude)
+                if output.suffix == ".toml":
+                    _dump(shown, output)
+                else:
+                    write_recording(solve(shown, None, None), output)
+                    say(f"{output} written.")
