@@ -1,0 +1,15 @@
+"""The flywheel that keeps a machine's speed within two per cent, from the torque over its cycle."""
+
+import numpy as np
+
+import mechviz as mv
+from mechcore.forces.flywheel import flywheel
+
+run = mv.run("slider-crank-compressor", frames=720)
+forces = run.forces
+assert forces is not None
+
+found = flywheel(forces, fluctuation=0.02)
+print(f"Mean torque {found.mean:.2f} N m, excess work {found.excess:.1f} J")
+fastest, slowest = np.degrees([found.fastest, found.slowest])
+print(f"Flywheel {found.inertia:.4f} kg m²; the crank is fastest at {fastest:.1f}°, slowest at {slowest:.1f}°")
