@@ -1,6 +1,6 @@
-"""The figures of the README's performance section, quoted from a report: python benchmarks/quote.py [--report FILE] [--print]
+"""The figures of docs/performance.md, quoted from a report: python benchmarks/quote.py [--report FILE] [--print]
 
-Only ratios are quoted. What stands between `<!-- block: performance -->` and `<!-- end -->` in README.md is replaced; a part that
+Only ratios are quoted. What stands between `<!-- block: performance -->` and `<!-- end -->` on that page is replaced; a part that
 is missing in the report, or has failed, gets no row.
 """
 
@@ -159,7 +159,7 @@ def block(text: str) -> str:
     found = tables(text)
     head = next(row for row in text.splitlines() if re.match(r"\d{4}-\d\d-\d\d, ", row))
     lines = [
-        f"[benchmarks/REPORT.md](benchmarks/REPORT.md), {head.split(';')[0]}:",
+        f"`benchmarks/REPORT.md`, {head.split(';')[0]}:",
         "",
         "| what | figure | script |",
         "|---|---|---|",
@@ -173,7 +173,7 @@ def block(text: str) -> str:
 
 
 def main() -> None:
-    """Print the block, or put it into the README."""
+    """Print the block, or put it into the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--report", type=Path, default=HERE / "REPORT.md")
     parser.add_argument("--print", action="store_true", help="print, and change nothing")
@@ -182,16 +182,16 @@ def main() -> None:
     if given.print:
         print(body)
         return
-    readme = HERE.parent / "README.md"
+    page = HERE.parent / "docs" / "performance.md"
     text, count = re.subn(
         r"(<!-- block: performance -->\n).*?(<!-- end -->)",
         lambda m: f"{m[1]}\n{body}\n\n{m[2]}",
-        readme.read_text(encoding="utf-8"),
+        page.read_text(encoding="utf-8"),
         flags=re.DOTALL,
     )
     if count != 1:
-        raise SystemExit(f"README.md: the block is there {count} times")
-    readme.write_text(text, encoding="utf-8")
+        raise SystemExit(f"{page.name}: the block is there {count} times")
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

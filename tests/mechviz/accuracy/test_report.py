@@ -151,12 +151,12 @@ def test_peers_are_drawn_with_their_largest_errors(tmp_path):
     assert "2  pylinkage with numba" in {t.text for t in root.findall(".//{*}text")}
 
 
-def test_the_readme_quotes_ratios_that_are_in_the_report(capsys):
+def test_the_page_on_performance_quotes_ratios_that_are_in_the_report(capsys):
     text = quote.block(PEERS)
     assert "| 6.4 times / at least 1600 times faster |" in text and "| 1.9 times / at least 48 times faster |" in text
     assert text.count("| `benchmarks/") == 2 and "left out: slider-crank forces" in capsys.readouterr().err
     assert [quote.times(x) for x in (1.99, 9.97, 48.8, 136.1, 9344.0)] == ["1.9", "9.9", "48", "130", "9300"]
-    assert (ROOT / "README.md").read_text(encoding="utf-8").count("<!-- block: performance -->") == 1
+    assert (ROOT / "docs" / "performance.md").read_text(encoding="utf-8").count("<!-- block: performance -->") == 1
 
 
 def test_what_a_script_prints_becomes_markdown():
