@@ -147,7 +147,7 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
     from mechcore.errors import MechanismError
 
     q = simulation(t)[0]
-    if len(simulation.pieces) == 1 and not simulation.rubbing and q.shape[1] == 1 and simulation.method == "energy":
+    if len(simulation.segments) == 1 and not simulation.rubbing and q.shape[1] == 1 and simulation.method == "energy":
         chart = Chart(simulation.compiled)
         first, speed, _ = simulation([0.0])
 

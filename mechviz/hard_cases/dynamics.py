@@ -37,7 +37,7 @@ def _outcome(simulation: Simulation, found: str, checks: list[Check], *, drift: 
     every = [*checks, Check("contours close", residual, 1e-12)]
     if drift is not None:
         every.append(Check("energy", float(np.max(np.abs(simulation.drift(t)))), drift))
-    kinds = [h.kind for h in simulation.happenings]
+    kinds = [h.kind for h in simulation.events]
     events = [f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds)]
     return Outcome(found, tuple(every), residual, float(np.max(motion.condition)), tuple(events))
 
@@ -128,7 +128,7 @@ def _triple_rocker() -> Outcome:
     for k, length in (("crank", 0.7), ("coupler", 0.6), ("rocker", 0.8)):
         v, w = motion.centre_of_mass(k, 1), motion.velocity(k)[:, 2]
         energy += length * (0.5 * (v**2).sum(axis=1) + G * motion.centre_of_mass(k)[:, 1]) + 0.5 * length**3 / 12 * w**2
-    leads = {p.compiled.mechanism.drives[0].pair for p in simulation.pieces}
+    leads = {p.compiled.mechanism.drives[0].pair for p in simulation.segments}
     checks = [compare("energy stays", energy, energy[0], 1e-8), judged("another pair leads in between", len(leads) > 1)]
     return _outcome(simulation, f"led by {', '.join(sorted(leads))}", checks)
 
@@ -143,11 +143,11 @@ def _zeno() -> Outcome:
     stop = Stop(name="wall", pair="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 20.0, stops=[stop], tolerance=1e-9)
     speed = np.sqrt(2.0 * 1.5 * G * 0.35 * (np.cos(0.5) - np.cos(1.0)) / 0.4)
-    hits = [h.time for h in simulation.happenings if h.kind == "impact"]
+    hits = [h.time for h in simulation.events if h.kind == "impact"]
     before = np.abs(simulation(hits[:8])[1][:, 0])
     checks = [
         compare("speeds before the impacts", before, speed * 0.5 ** np.arange(8), 1e-7, scale=speed),
-        judged("it ends in contact", simulation.happenings[-1].kind == "contact"),
+        judged("it ends in contact", simulation.events[-1].kind == "contact"),
         compare("and stays there", simulation([20.0])[0][0, 0], stop.at, 1e-7),
     ]
     return _outcome(simulation, f"{len(hits)} impacts in {hits[-1]:.6g} s, then contact", checks)
@@ -225,7 +225,7 @@ def _knee() -> Outcome:
     """The lower joint hits a stop without loss: no impulse on the upper joint's coordinate, energy stays."""
     stop = Stop(name="knee", pair="J", at=-1.0, side="lower", restitution=1.0)
     simulation = simulate(_double(("inertia",), 1e-10, (-0.5, 0.0, 0.0, -3.0)), 2.0, stops=[stop], tolerance=1e-10)
-    hit = next(h for h in simulation.happenings if h.kind == "impact").time
+    hit = next(h for h in simulation.events if h.kind == "impact").time
     (q,), (v,) = (x for x in simulation([hit])[:2])
     after = simulation([hit + 1e-10])[1][0]
     k = 0.7 * 0.4 * np.cos(q[1])
@@ -238,12 +238,12 @@ def _release() -> Outcome:
     pull = Torque(name="pull", link="body", moment=6.0, factor=Factor(function=lambda t: np.sin(np.asarray(t)), of="time"))
     stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="upper")
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 0.0, loads=(pull,)), 5.0, stops=[stop], tolerance=1e-9)
-    kinds = [h.kind for h in simulation.happenings[:2]]
+    kinds = [h.kind for h in simulation.events[:2]]
     checks = [
         judged("contact, then release", kinds == ["contact", "release"]),
-        compare("released at pi", simulation.happenings[1].time, np.pi, 1e-7),
+        compare("released at pi", simulation.events[1].time, np.pi, 1e-7),
     ]
-    return _outcome(simulation, f"released at {simulation.happenings[1].time:.9g} s", checks)
+    return _outcome(simulation, f"released at {simulation.events[1].time:.9g} s", checks)
 
 
 def _watch() -> Outcome:

@@ -22,7 +22,7 @@ def _simulated(simulation: Any, found: str, checks: list[Check]) -> Outcome:
     t = np.linspace(0.0, simulation.duration, 101)
     motion = simulation.motion(t)
     drift = float(np.max(np.abs(simulation.drift(t))))
-    kinds = [h.kind for h in simulation.happenings]
+    kinds = [h.kind for h in simulation.events]
     events = tuple(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
     residual = float(np.max(motion.closure)) / simulation.compiled.model.size
     return Outcome(found, (*checks, Check("energy", drift, 1e-7)), residual, float(np.max(motion.condition)), events)
@@ -34,14 +34,14 @@ def _runs_down() -> Outcome:
     step, half = 2.0 * mu * G / k, np.pi / 10.0
     count = int(np.ceil((x0 - 0.5 * step) / step))
     simulation = simulate(block(Friction(coefficient=mu), x0, 0.0, k), 5.0, tolerance=1e-10)
-    turns = [h.time for h in simulation.happenings if h.time > 0.0]
+    turns = [h.time for h in simulation.events if h.time > 0.0]
     end = float(simulation([5.0])[0][0, 0])
     checks = [
         compare(
             "turns back at half periods", turns if len(turns) == count else [np.nan] * count, half * np.arange(1, count + 1), 1e-9
         ),
         compare("where it sticks", end, (-1.0) ** count * (x0 - count * step), 1e-9, scale=x0),
-        judged("it sticks", simulation.happenings[-1].kind == "stick"),
+        judged("it sticks", simulation.events[-1].kind == "stick"),
     ]
     return _simulated(simulation, f"sticks at {1e3 * end:.9g} mm after {count} half swings", checks)
 
@@ -75,7 +75,7 @@ def _stick_slip() -> Outcome:
         ),
     )  # fmt: skip
     simulation = simulate(m, 4.5 * period, tolerance=1e-10)
-    slips = [h.time for h in simulation.happenings if h.kind == "slip"]
+    slips = [h.time for h in simulation.events if h.kind == "slip"]
     checks = [compare("first slip", slips[0], x1 / belt, 1e-8), compare("period", np.diff(slips), period, 1e-8)]
     return _simulated(simulation, f"every {np.mean(np.diff(slips)):.9g} s", checks)
 
@@ -101,7 +101,7 @@ def _brake() -> Outcome:
     m = pendulum(2.0, 0.0, 0.0, np.pi / 2, speed=30.0, effects=("inertia", "friction"))
     m = replace(m, pairs=(replace(pin("O", "frame", "body"), friction=Friction(brake=5.0)),))
     simulation = simulate(m, 15.0, tolerance=1e-10)
-    stops = [h.time for h in simulation.happenings if h.kind == "stick"]
+    stops = [h.time for h in simulation.events if h.kind == "stick"]
     turned = float(simulation([15.0])[0][0, 0])
     checks = [
         compare("time", stops[-1], 12.0, 1e-9),

@@ -25,7 +25,7 @@ def simulation_events(run: Run) -> list[Event]:
     """What happened while the motion was found, and what else is worth a word at the frames."""
     simulation = run.simulation
     assert simulation is not None
-    found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.happenings]
+    found = [Event(float(h.time), "WARN" if h.kind == "lost" else "INFO", h.item, h.text) for h in simulation.events]
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
         found.insert(0, Event(0.0, "INFO", run.steady.pair, steady_lines(run.steady)[0]))
@@ -58,7 +58,7 @@ def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
     rubs = {pair: f"{pair} friction" if pair in lanes else pair for pair in simulation.rubbing}
     for lane in rubs.values():
         lanes[lane] = [(0.0, "sticks")]
-    for h in simulation.happenings:
+    for h in simulation.events:
         if h.kind in ("contact", "release"):
             lanes[f"stop {h.item}"].append((float(h.time), "contact" if h.kind == "contact" else "free"))
         elif h.kind in ("lost", "regained"):

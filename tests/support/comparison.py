@@ -22,17 +22,17 @@ class Result:
     """Everything that is compared, of a case that was solved."""
 
     def __init__(self, case: Case):
-        self.case, self.happenings = case, []
+        self.case, self.events = case, []
         m = case.mechanism
         if case.free:
             run = simulate(m, float(case.time[-1]), tolerance=TOLERANCE, stops=case.stops, watches=case.watches)
-            self.happenings = [(h.time, h.kind, h.item) for h in run.happenings]
+            self.events = [(h.time, h.kind, h.item) for h in run.events]
             self.motion = run.motion(case.time)
             self.forces = run.forces(self.motion)
         else:
             self.motion = solve_motion(compile_mechanism(m), case.time)
             self.forces = solve_forces(self.motion)
-            self.happenings = [(e.time, e.level, e.item) for e in find_events(self.motion)]
+            self.events = [(e.time, e.level, e.item) for e in find_events(self.motion)]
 
 
 def plane(rows: Any) -> Any:
@@ -120,8 +120,8 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
 def happened(change: Change, base: Result, other: Result) -> float:
     """By how much of the duration events differ in time; infinite where they are not the same."""
     kinds = {"INFO", "WARN", "impact", "contact", "release", "watch"}
-    was = sorted((change.time * t, kind, change.names.get(item, item)) for t, kind, item in base.happenings if kind in kinds)
-    now = sorted((t, kind, item) for t, kind, item in other.happenings if kind in kinds)
+    was = sorted((change.time * t, kind, change.names.get(item, item)) for t, kind, item in base.events if kind in kinds)
+    now = sorted((t, kind, item) for t, kind, item in other.events if kind in kinds)
     if sorted(x[1:] for x in was) != sorted(x[1:] for x in now):
         return np.inf
     duration = float(other.case.time[-1])

@@ -1,4 +1,4 @@
-"""Where the energy goes: work of all forces along a simulated motion, by quadrature of their powers between its borders."""
+"""Where the energy goes: work of all forces along a simulated motion, by quadrature of their powers between its boundaries."""
 
 from __future__ import annotations
 

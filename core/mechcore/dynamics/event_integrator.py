@@ -22,17 +22,17 @@ from mechcore.dynamics.contact.separation import (
     pressing,
 )
 from mechcore.dynamics.energy_account import kinetic_energy_of
-from mechcore.dynamics.equations.breakpoints import bend_finder
+from mechcore.dynamics.equations.breakpoints import breakpoint_finder
 from mechcore.dynamics.equations.chart import Chart
-from mechcore.dynamics.equations.charts import STRAINED, Lead, best_chart, strain, take_over
+from mechcore.dynamics.equations.charts import STRAINED, CurveChart, best_chart, strain, take_over
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.handover import enter, waypoints
 from mechcore.dynamics.equations.reduced import integrating, motion_at, reduce, shifted
 from mechcore.dynamics.events import EventTrigger, Gauge, Happened, Log, SimulationEvent, Stop, event_function_of, first_zero
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.parallel_shooting import Known, retrace
+from mechcore.dynamics.integration.parallel_shooting import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
-from mechcore.dynamics.segments import Piece, piece_forces
+from mechcore.dynamics.segments import Segment, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
@@ -43,9 +43,9 @@ from mechcore.texts import as_coordinate, as_quantity
 
 Array = NDArray[np.float64]
 Method = Literal["auto", "energy", "gauss", "radau"]
-MOST_HAPPENINGS = 100_000
+MOST_EVENTS = 100_000
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
-LED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
+PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
 HALVINGS = 10  # of a window, to find where that is
@@ -54,7 +54,7 @@ PULLS = 1e-9  # part of the largest force beyond which a stop's pull is more tha
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
-SHIFTED = 0.01  # of a piece: what is known of it helps where it begins no farther from there
+SHIFTED = 0.01  # of a segment: what is known of it helps where it begins no farther from there
 
 
 def table_tolerance(tolerance: float) -> float:
@@ -62,8 +62,8 @@ def table_tolerance(tolerance: float) -> float:
     return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
 
 
-class Progress:
-    """Pieces one after the other: in each the same stops hold; what happens ends it."""
+class EventIntegrator:
+    """Segments one after the other: in each the same stops hold; what happens ends it."""
 
     def __init__(
         self,
@@ -89,18 +89,18 @@ class Progress:
         self.liftoffs = tuple(liftoffs)
         self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
         self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
-        self._lead(compiled, *system)
-        self.known = [Lead(compiled, *system)] if isinstance(system[0], Curve) else []
+        self._use_chart(compiled, *system)
+        self.known = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
         plain = not (self.friction.counts or liftoffs or journals_of(compiled.mechanism))
         self.unwatched = 0  # windows in which nothing can come near enough to matter
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
-        self.pieces: list[Piece] = []
+        self.segments: list[Segment] = []
         self.evaluations = 0
         self.resting: dict[int, Stop] = {}  # stops that something rests on, by their number
         self.left: dict[int, float] = {}  # when something left a stop last: it does not come back to it at that instant
 
-    def _lead(self, compiled: Compiled, system: Any, leads: tuple[float, float] | None) -> None:
-        """Go on in the chart of ``compiled``, as long as its coordinate stays in the range in which it ``leads`` well."""
+    def _use_chart(self, compiled: Compiled, system: Any, valid_range: tuple[float, float] | None) -> None:
+        """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
         self.compiled, self.system = compiled, system
         drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
         model = compiled.model
@@ -111,10 +111,10 @@ class Progress:
         read = self.coordinates if compiled.angles.exact else {}
         self.limits = [(s, event_function_of(s, read, at), s.side == "upper") for s in self.stops]
         self.looks = [(w, event_function_of(w, read, at)) for w in self.watches]
-        self.borders: list[Gauge] = []
-        if leads is not None:
-            low, high = leads
-            self.borders = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
+        self.boundaries: list[Gauge] = []
+        if valid_range is not None:
+            low, high = valid_range
+            self.boundaries = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
 
     def go(self, q: Array, v: Array) -> Simulation:
         """Run from q, v (f,) to the end."""
@@ -126,33 +126,33 @@ class Progress:
                 why = f"the motion starts {shown(beyond)} {'above' if upper else 'below'} the {s.side} stop"
                 why += f" '{s.name}' at {shown(s.at)}."
                 raise MechanismError(Fault(f"joints.{s.pair}.stops", why, "Start on the other side, or move the stop."))
-        if any(float(border(q[None], v[None], np.zeros(1))[0]) >= 0.0 for border in self.borders):
+        if any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries):
             q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
         self.friction.begin(self.compiled, 0.0, q, v)
         v = self._settle(0.0, q, v)
         q, v = self._let_go(0.0, q, v)
         t = 0.0
         while t < self.duration * (1.0 - 1e-13):
-            t, q, v, ended = self._piece(t, q, v)
+            t, q, v, ended = self._integrate_segment(t, q, v)
             if ended:
                 break
-            if len(self.log.happenings) > MOST_HAPPENINGS:
+            if len(self.log.events) > MOST_EVENTS:
                 raise MechanismError(
                     Fault(
                         "dynamics",
-                        f"more than {MOST_HAPPENINGS} impacts or passages until t = {t:.9g} s.",
+                        f"more than {MOST_EVENTS} impacts or passages until t = {t:.9g} s.",
                         "Simulate a shorter time.",
                     )
                 )
-        return self._simulation(self.pieces, self.evaluations, self.log.whole())
+        return self._simulation(self.segments, self.evaluations, self.log.whole())
 
-    def _piece(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
-        """Integrate until the first happening; time, position, speed after it, and whether the motion ends there."""
+    def _integrate_segment(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
+        """Integrate until the first event; time, position, speed after it, and whether the motion ends there."""
         q, v = self._touching(t, q, v)
         v = self._unpressed(t, q, v)
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
-        dry, led = self.friction.event_functions()
+        dry, prescribed = self.friction.event_functions()
         cams = self._contacts()
         first: list[tuple[float, Any]] = []
 
@@ -180,14 +180,14 @@ class Progress:
                 at = first_zero(event_function, window, t + 1e-12 * self.duration, rising)
                 if at is not None:
                     first.append((at, ("dry", loose)))
-            for event_function in led:
-                at = first_beyond(event_function, window, t, 0.5, LED_SAMPLES, again=True)
+            for event_function in prescribed:
+                at = first_beyond(event_function, window, t, 0.5, PRESCRIBED_SAMPLES, again=True)
                 if at is not None:
                     first.append((at, ("dry", None)))
-            for border in self.borders:
-                at = first_zero(border, window, t, True)
+            for boundary in self.boundaries:
+                at = first_zero(boundary, window, t, True)
                 if at is not None:
-                    first.append((at, ("border", 0)))
+                    first.append((at, ("boundary", 0)))
             for name, event_function, limit in cams:
                 at = first_beyond(event_function, window, t, limit, self._samples(window), again=name in self.lifted)
                 if at is not None:
@@ -199,17 +199,17 @@ class Progress:
             until = first[0][0] if first else min(window.start + window.length, self.duration)
             self._check(window, until)
             if self.observe is not None:
-                stretch = self._stretch(window.start, until, Solution([window]), system)
-                self.observe(self._simulation([stretch], 0, self.log.news()))
+                segment = self._segment(window.start, until, Solution([window]), system)
+                self.observe(self._simulation([segment], 0, self.log.news()))
             if self.progress is not None:
                 self.progress(until)
             return first[0][0] if first else None
 
-        bends = bend_finder(self.compiled)
+        breakpoints = breakpoint_finder(self.compiled)
         if len(q):
             known = self._known(t)
-            charted = isinstance(system, Curve) and (len(self.known) > 1 or system.table.borders is not None)
-            solution = (integrate if known is None else partial(retrace, known=known))(
+            charted = isinstance(system, Curve) and (len(self.known) > 1 or system.table.boundaries is not None)
+            solution = (integrate if known is None else partial(refine, known=known))(
                 system,
                 q,
                 v,
@@ -219,16 +219,16 @@ class Progress:
                 scale=self.scale,
                 stiff=self.method == "radau",
                 after=after,
-                bends=bends,
+                breakpoints=breakpoints,
                 nodes=self.original.accuracy.nodes,
                 most=self.original.accuracy.window,
                 keeps=partial(system.kept, begun) if charted else None,
             )
         else:
-            solution = driven_windows(t, self.duration, partial(self._share, q, v), after, bends)
+            solution = driven_windows(t, self.duration, partial(self._share, q, v), after, breakpoints)
         self.evaluations += solution.evaluations
         end = first[0][0] if first else self.duration
-        self.pieces.append(self._stretch(t, end, solution, system))
+        self.segments.append(self._segment(t, end, solution, system))
         end_q, end_v, _ = solution(np.array([end]))
         q, v = end_q[0], end_v[0]
         ended = False
@@ -238,7 +238,7 @@ class Progress:
             if kind == "stop":
                 q, v = self._part(time, q, v, self.limits[k][0])
                 v = self._settle(time, q, self._impact(time, q, v, k))
-            elif kind == "border":
+            elif kind == "boundary":
                 q, v = self._take_over(q, v, begun)
             elif kind == "chart":
                 q, v = self._change_chart(time, q, v)
@@ -271,25 +271,25 @@ class Progress:
                 effect.check(motion)
 
     def _known(self, t: float) -> Known | None:
-        """What a motion that is nearly this one says of the piece that begins at ``t`` [s]; None where it has other pieces."""
-        pieces = () if self.like is None else self.like.pieces[len(self.pieces) : len(self.pieces) + 1]
-        for piece in pieces:
-            same = piece.leading == list(self.coordinates) and piece.lifted == tuple(sorted(self.lifted))
-            if same and abs(piece.start - t) <= SHIFTED * (piece.end - piece.start):
-                return piece.known(self.scale)
+        """What a motion that is nearly this one says of the segment that begins at ``t`` [s]; None where it has other segments."""
+        segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
+        for segment in segments:
+            same = segment.independent == list(self.coordinates) and segment.lifted == tuple(sorted(self.lifted))
+            if same and abs(segment.start - t) <= SHIFTED * (segment.end - segment.start):
+                return segment.known(self.scale)
         return None
 
     def _take_over(self, q: Array, v: Array, before: tuple[float, float]) -> tuple[Array, Array]:
         """Another pair leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
         began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
-        lead, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
+        chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
         tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
-        if isinstance(lead.curve, Curve) and all(lead.curve.table is not table for table in tables):
-            self.known.append(lead)
-        if isinstance(lead.curve, Curve) and isinstance(self.system, Curve):
+        if isinstance(chart.curve, Curve) and all(chart.curve.table is not table for table in tables):
+            self.known.append(chart)
+        if isinstance(chart.curve, Curve) and isinstance(self.system, Curve):
             energy = self.system.kinetic_energy(float(q[0]), float(v[0]), before)
-            rate = float(np.copysign(np.sqrt(2.0 * energy / lead.curve.inertia(place)), rate))
-        self._lead(lead.compiled, lead.curve, lead.well)
+            rate = float(np.copysign(np.sqrt(2.0 * energy / chart.curve.inertia(place)), rate))
+        self._use_chart(chart.compiled, chart.curve, chart.valid_range)
         return np.array([place]), np.array([rate])
 
     def _strained(self, window: Window) -> float | None:
@@ -327,13 +327,13 @@ class Progress:
         q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))
         if all(compiled.model is not c.model for c in self.charted):
             self.charted.append(compiled)
-        self._lead(compiled, Chart(compiled), None)
+        self._use_chart(compiled, Chart(compiled), None)
         self.unwatched = 0
         return q, v
 
-    def _stretch(self, start: float, end: float, way: Solution, system: Any) -> Piece:
-        """A stretch in which the present stops and contacts hold."""
-        return Piece(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.lifted)))
+    def _segment(self, start: float, end: float, way: Solution, system: Any) -> Segment:
+        """A segment in which the present stops and contacts hold."""
+        return Segment(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.lifted)))
 
     def _rested(self) -> tuple[Stop, ...]:
         return tuple(self.resting[k] for k in sorted(self.resting))
@@ -342,13 +342,13 @@ class Progress:
         """Pairs that rest on stops."""
         return tuple(stop.pair for stop in self._rested())
 
-    def _simulation(self, pieces: Sequence[Piece], evaluations: int, happened: Happened) -> Simulation:
+    def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
-        found = happened.happenings, method, self.tolerance, evaluations, happened.lost
-        return Simulation(self.original, tuple(pieces), *found, tuple(self.stops), happened.pushed, self.liftoffs)
+        found = happened.events, method, self.tolerance, evaluations, happened.lost
+        return Simulation(self.original, tuple(segments), *found, tuple(self.stops), happened.pushed, self.liftoffs)
 
     def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Stops that are touched at the beginning of a piece: what moves against them hits, what only presses rests."""
+        """Stops that are touched at the beginning of a segment: what moves against them hits, what only presses rests."""
         for k in range(len(self.limits)):
             stop, event_function, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
             if k in self.resting:
@@ -374,7 +374,7 @@ class Progress:
         return q, v
 
     def _system(self) -> Any:
-        """The equations of motion of the present piece."""
+        """The equations of motion of the present segment."""
         dry = self.friction.system()
         if dry is not None:
             return dry
@@ -408,7 +408,7 @@ class Progress:
 
         def pulling(q: Array, v: Array, t: Array) -> Array:
             motion = motion_at(self.compiled, q, v, t, system(q, v, t))
-            return -pressing(motion, piece_forces(motion, system, q, v, resting), name)
+            return -pressing(motion, segment_forces(motion, system, q, v, resting), name)
 
         return pulling
 
@@ -438,7 +438,7 @@ class Progress:
             more = self.lifted | {name}
             compiled, q, v = self.lifting.compiled(more, q, v, t, name)
             self.lifted = more
-            self._lead(compiled, Chart(compiled), None)
+            self._use_chart(compiled, Chart(compiled), None)
             self.log.tell(SimulationEvent(t, "lost", name, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
@@ -483,7 +483,7 @@ class Progress:
         self.lifted = fewer
         compiled = self.lifting.known[fewer]
         enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
-        self._lead(compiled, Chart(compiled), None)
+        self._use_chart(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
         self.friction.begin(self.compiled, t, held, v)
         self._off(t, held, v)
@@ -516,7 +516,7 @@ class Progress:
         return self._settle(t, q, v)
 
     def _unpressed(self, t: float, q: Array, v: Array) -> Array:
-        """Stops that would have to pull from the beginning of a piece on, let go, for no load passes zero later; rates after it."""
+        """Stops that would have to pull from the start of a segment on let go, for no load passes zero later; rates after it."""
         for k, stop in list(self.resting.items()):
             soon, system = 1e-6 * self.duration, self._system()
             a = np.asarray(system(q[None], v[None], np.array([t])))[0]

@@ -160,9 +160,9 @@ def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float
 
 @dataclass(frozen=True)
 class Happened:
-    """Happenings; time and energy [J] that was ``lost`` in every impact; time and work [J] that prescribed drives did in it."""
+    """Events; time and energy [J] that was ``lost`` in every impact; time and work [J] that prescribed drives did in it."""
 
-    happenings: tuple[SimulationEvent, ...]
+    events: tuple[SimulationEvent, ...]
     lost: tuple[tuple[float, float], ...]
     pushed: tuple[tuple[float, float], ...]
 
@@ -171,13 +171,13 @@ class Log:
     """What has happened, in order of time; `news` is what has not been asked for yet."""
 
     def __init__(self) -> None:
-        self.happenings: list[SimulationEvent] = []
+        self.events: list[SimulationEvent] = []
         self._lost: list[tuple[float, float]] = []
         self._pushed: list[tuple[float, float]] = []
         self._told = (0, 0, 0)
 
-    def tell(self, happening: SimulationEvent) -> None:
-        self.happenings.append(happening)
+    def tell(self, event: SimulationEvent) -> None:
+        self.events.append(event)
 
     def lose(self, t: float, energy: float) -> None:
         """Account for the energy [J] that an impact takes."""
@@ -192,8 +192,8 @@ class Log:
 
     def news(self) -> Happened:
         """What has happened since this was asked for the last time."""
-        since, self._told = self._told, (len(self.happenings), len(self._lost), len(self._pushed))
+        since, self._told = self._told, (len(self.events), len(self._lost), len(self._pushed))
         return self._since(*since)
 
     def _since(self, a: int, b: int, c: int) -> Happened:
-        return Happened(tuple(self.happenings[a:]), tuple(self._lost[b:]), tuple(self._pushed[c:]))
+        return Happened(tuple(self.events[a:]), tuple(self._lost[b:]), tuple(self._pushed[c:]))

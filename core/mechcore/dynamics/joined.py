@@ -172,14 +172,14 @@ class JoinedForces:
         return self._join(lambda f: f.position(pair) if _has(f, pair) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
     def effort(self, pair: str) -> Array:
-        """What the drive of a pair exerts, zero where the pair is not led (F,)."""
-        return self._join(lambda f: f.effort(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
+        """What the drive of a pair exerts, zero where the pair is not driven (F,)."""
+        return self._join(lambda f: f.effort(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
 
     def wrench(self, pair: str) -> Array:
-        return self._join(lambda f: f.wrench(pair) if _leads(f, pair) else np.zeros((f.motion.frames, 3)))
+        return self._join(lambda f: f.wrench(pair) if _drives(f, pair) else np.zeros((f.motion.frames, 3)))
 
     def power(self, pair: str) -> Array:
-        return self._join(lambda f: f.power(pair) if _leads(f, pair) else np.zeros(f.motion.frames))
+        return self._join(lambda f: f.power(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
 
     @cached_property
     def friction(self) -> JoinedFriction | None:
@@ -303,7 +303,7 @@ def _transmitted(forces: Forces, pair: str) -> Array:
     return found
 
 
-def _leads(forces: Forces, pair: str) -> bool:
+def _drives(forces: Forces, pair: str) -> bool:
     return any(d.pair == pair for d in forces.motion.mechanism.drives)
 
 

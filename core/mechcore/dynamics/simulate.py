@@ -20,12 +20,12 @@ from mechcore.dynamics.equations.charts import curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.reduced import free_of, integrating, reduce
-from mechcore.dynamics.event_integrator import Method, Progress, table_tolerance
+from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.rest.equilibrium import Fastest, check_periods, fastest_vibration
-from mechcore.dynamics.segments import Piece
+from mechcore.dynamics.segments import Segment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
@@ -59,9 +59,9 @@ def simulate(
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
     freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
     press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
-    mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every stretch of the motion as soon as it is
+    mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every segment of the motion as soon as it is
     known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion
-    to another tolerance or by its energy, from which collocation then starts (see `retrace`). ``warn`` is told what will take long,
+    to another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long,
     before it does. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
@@ -72,16 +72,16 @@ def simulate(
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     system: Any = Chart(compiled)
-    leads: tuple[float, float] | None = None
+    valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not liftoffs and not integrating(compiled)
     if alone and not braking_elements(compiled, q, v):
-        system, leads = curve_around(compiled, q[0], table_tolerance(tolerance))
+        system, valid_range = curve_around(compiled, q[0], table_tolerance(tolerance))
     if len(q):
         _weigh(compiled, q, system)
     word = None if stops or liftoffs else _rest(compiled, q, v, system)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
-        rest = Simulation(compiled, (Piece(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
+        rest = Simulation(compiled, (Segment(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
         if observe is not None:
             observe(rest)
         return rest
@@ -93,7 +93,7 @@ def simulate(
                     f"{duration:.6g} s are {duration / found.period:.6g} periods; motions are followed over {MOST_TURNS:,} at most."
                 )
                 raise MechanismError(Fault("run.duration", why, f"Give at most {MOST_TURNS * found.period:.3g} s."))
-            whole = Simulation(compiled, (Piece(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
+            whole = Simulation(compiled, (Segment(0.0, duration, compiled, found, system),), (), "energy", tolerance, 0)
             if observe is not None:
                 observe(whole)
             return whole
@@ -114,12 +114,14 @@ def simulate(
         words = check_periods(fast, duration, tolerance)
         if words is not None and warn is not None:
             warn(words)
-    way = Progress(compiled, (system, leads), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like)
-    run = way.go(q, v)
+    integrator = EventIntegrator(
+        compiled, (system, valid_range), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like
+    )
+    run = integrator.go(q, v)
     if unseen is None:
         return run
-    happenings = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.happenings)
-    return replace(run, unseen=(unseen.amplitude, unseen.frequency), happenings=happenings)
+    events = (SimulationEvent(0.0, "stiff", unseen.load, unseen.stepped_over), *run.events)
+    return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
 
 
 def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: float, method: Method) -> bool:

@@ -19,7 +19,7 @@ from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
 from mechcore.dynamics.events import SimulationEvent, Stop
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
-from mechcore.dynamics.segments import Piece
+from mechcore.dynamics.segments import Segment
 from mechcore.effects.registry import potential
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import Free
@@ -40,8 +40,8 @@ class Simulation:
     """
 
     compiled: Compiled
-    pieces: tuple[Piece, ...]
-    happenings: tuple[SimulationEvent, ...]
+    segments: tuple[Segment, ...]
+    events: tuple[SimulationEvent, ...]
     method: str
     tolerance: float
     evaluations: int
@@ -50,7 +50,7 @@ class Simulation:
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     liftoffs: tuple[Liftoff, ...] = ()
     unseen: tuple[float, float] = (0.0, 0.0)
-    joined_works: WorkIntegrals | None = None  # of stretches put together that all knew theirs
+    joined_works: WorkIntegrals | None = None  # of segments put together that all knew theirs
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -59,27 +59,27 @@ class Simulation:
 
     @property
     def start(self) -> float:
-        """Where it begins [s]: 0, or later for a stretch of a motion."""
-        return self.pieces[0].start
+        """Where it begins [s]: 0, or later for a segment of a motion."""
+        return self.segments[0].start
 
     @property
     def duration(self) -> float:
-        return self.pieces[-1].end
+        return self.segments[-1].end
 
     def followed_by(self, others: Sequence[Simulation]) -> Simulation:
-        """This motion and the stretches that follow it, in order. Works that all of them know are not found anew."""
+        """This motion and the segments that follow it, in order. Works that all of them know are not found anew."""
         parts = (self, *others)
-        runs: list[list[Piece]] = []
-        for piece in (piece for s in parts for piece in s.pieces):
-            if runs and runs[-1][-1].goes_on(piece):
-                runs[-1].append(piece)
+        runs: list[list[Segment]] = []
+        for segment in (segment for s in parts for segment in s.segments):
+            if runs and runs[-1][-1].goes_on(segment):
+                runs[-1].append(segment)
             else:
-                runs.append([piece])
+                runs.append([segment])
         known = [w for s in parts if (w := vars(s).get("_work_integrals", s.joined_works)) is not None]
         return replace(
             self,
-            pieces=tuple(same[0].with_windows(same[1:]) for same in runs),
-            happenings=tuple(h for s in parts for h in s.happenings),
+            segments=tuple(same[0].with_windows(same[1:]) for same in runs),
+            events=tuple(h for s in parts for h in s.events),
             lost=tuple(e for s in parts for e in s.lost),
             pushed=tuple(e for s in parts for e in s.pushed),
             joined_works=known[0].followed_by(known[1:]) if len(known) == len(parts) else None,
@@ -88,12 +88,12 @@ class Simulation:
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty((3, len(t), len(free_of(self.compiled))))
-        for piece, rows in self._rows(t):
-            if piece.compiled is self.compiled or piece.lifted:
-                for found, x in zip(out, piece(t[rows]), strict=True):
+        for segment, rows in self._rows(t):
+            if segment.compiled is self.compiled or segment.lifted:
+                for found, x in zip(out, segment(t[rows]), strict=True):
                     found[rows] = x[:, : out.shape[2]]
             else:
-                out[:, rows] = self._original(piece, t[rows])
+                out[:, rows] = self._original(segment, t[rows])
         return out[0], out[1], out[2]
 
     def _state(self, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -101,14 +101,14 @@ class Simulation:
         q, v, a = self(t)
         return q, v, t, a
 
-    def _rows(self, t: Array) -> list[tuple[Piece, Any]]:
-        """The pieces that hold some of the times, with the places of those."""
-        which = np.searchsorted(np.array([p.end for p in self.pieces[:-1]]), t, side="left")
-        return [(self.pieces[k], np.flatnonzero(which == k)) for k in np.unique(which)]
+    def _rows(self, t: Array) -> list[tuple[Segment, Any]]:
+        """The segments that hold some of the times, with the places of those."""
+        which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
+        return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
-    def _original(self, piece: Piece, t: Array) -> Array:
+    def _original(self, segment: Segment, t: Array) -> Array:
         """The free coordinates that were stated, and their rates (3, n, f), where other pairs lead."""
-        motion = piece.motion(t)
+        motion = segment.motion(t)
         return np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
 
     @cached_property
@@ -123,18 +123,18 @@ class Simulation:
         plain = not integrating(self.compiled)
         if all(plain and p.compiled is self.compiled and not (p.resting or isinstance(p.system, DrySystem)) for p, _ in parts):
             return motion_at(self.compiled, *self._state(t))
-        return JoinedMotion(t, [(rows, piece.motion(t[rows])) for piece, rows in parts], model=self._model)
+        return JoinedMotion(t, [(rows, segment.motion(t[rows])) for segment, rows in parts], model=self._model)
 
     @property
     def _model(self) -> Any:
-        """The model that has all pairs, where some pieces lack a cam."""
+        """The model that has all pairs, where some segments lack a cam."""
         return self.compiled.model if self.liftoffs else None
 
     def view(self, t: ArrayLike) -> JoinedMotion:
         """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
         joint motion; it can be asked again at other times."""
         t = np.atleast_1d(np.asarray(t, float))
-        parts = [(rows, piece.motion(t[rows])) for piece, rows in self._rows(t)]
+        parts = [(rows, segment.motion(t[rows])) for segment, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
         shown = as_drawn(shown)
@@ -154,8 +154,8 @@ class Simulation:
         if not isinstance(motion, JoinedMotion):
             return solve_forces(motion)
         parts = []
-        for (piece, rows), (_, part) in zip(self._rows(motion.time), motion.parts, strict=True):
-            parts.append((rows, piece.forces(motion.time[rows], part)))
+        for (segment, rows), (_, part) in zip(self._rows(motion.time), motion.parts, strict=True):
+            parts.append((rows, segment.forces(motion.time[rows], part)))
         return JoinedForces(motion, parts, stops=self.stops, energies=self.energies)
 
     def gap(self, cam: str, motion: JoinedMotion) -> Array:
@@ -171,19 +171,19 @@ class Simulation:
         if self.joined_works is not None:
             return self.joined_works
         end, period = self.duration, None
-        way = self.pieces[0].way
-        if isinstance(way, EnergyMotion) and way.repeats is not None and way.repeats < end:
-            end, period = way.repeats, way.period  # forces depend on the position alone: their powers repeat
-        edges = np.unique(np.concatenate([self._borders(end), [self.start, end]]))
+        solution = self.segments[0].solution
+        if isinstance(solution, EnergyMotion) and solution.repeats is not None and solution.repeats < end:
+            end, period = solution.repeats, solution.period  # forces depend on the position alone: their powers repeat
+        edges = np.unique(np.concatenate([self._boundaries(end), [self.start, end]]))
         tiny = 1e-15 * self.duration
         return replace(work_integrals(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
     def _powers(self, t: Array) -> Array:
         """Powers (n, 3) [W]: of forces with a potential, of drives and process, of losses."""
         out = np.empty((len(t), 3))
-        for piece, rows in self._rows(t):
-            motion = piece.motion(t[rows])
-            out[rows] = powers_of(motion, piece.forces(t[rows], motion))
+        for segment, rows in self._rows(t):
+            motion = segment.motion(t[rows])
+            out[rows] = powers_of(motion, segment.forces(t[rows], motion))
         return out
 
     def work(self, t: ArrayLike) -> Array:
@@ -197,8 +197,8 @@ class Simulation:
         t = np.atleast_1d(np.asarray(t, float))
         works = self._work_integrals(t)
         stored = np.empty(len(t))
-        for piece, rows in self._rows(t):
-            stored[rows] = potential(piece.motion(t[rows]))
+        for segment, rows in self._rows(t):
+            stored[rows] = potential(segment.motion(t[rows]))
         return np.column_stack(
             [self.kinetic_energy(t), stored, works[:, 1] + _until(self.pushed, t), _until(self.lost, t) - works[:, 2]]
         )
@@ -207,8 +207,8 @@ class Simulation:
         """Kinetic energy (n,) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty(len(t))
-        for piece, rows in self._rows(t):
-            out[rows] = kinetic_energy_of(piece.motion(t[rows]))
+        for segment, rows in self._rows(t):
+            out[rows] = kinetic_energy_of(segment.motion(t[rows]))
         return out
 
     def drift(self, t: ArrayLike) -> Array:
@@ -225,18 +225,18 @@ class Simulation:
         """Energies that stand by at the start [J]: what is stored in springs, and what weights have on the mechanism's size."""
         mechanism, model = self.compiled.mechanism, self.compiled.model
         t = np.array([self.start])
-        held = sum(abs(float(np.ravel(potential(piece.motion(t)))[0])) for piece, _ in self._rows(t))
+        held = sum(abs(float(np.ravel(potential(segment.motion(t)))[0])) for segment, _ in self._rows(t))
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
         return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
 
-    def _borders(self, end: float = np.inf) -> Array:
+    def _boundaries(self, end: float = np.inf) -> Array:
         """Times until ``end`` [s] between which the motion is one smooth function."""
-        out = [p.start for p in self.pieces]
-        for p in self.pieces:
-            if isinstance(p.way, Solution):
-                out += [w.start for w in p.way.windows if p.start <= w.start < p.end]
+        out = [p.start for p in self.segments]
+        for p in self.segments:
+            if isinstance(p.solution, Solution):
+                out += [w.start for w in p.solution.windows if p.start <= w.start < p.end]
             else:
-                out += list(p.way.borders(min(p.end, end)))
+                out += list(p.solution.boundaries(min(p.end, end)))
         return np.array(out)
 
 
@@ -264,26 +264,27 @@ def cross_check(
     """Largest difference of positions between a simulation and `scipy.integrate.solve_ivp`, relative to one radian or the
     mechanism's size.
 
-    Every stretch, between one happening and the next, is integrated anew from where the simulation has it begin, with the same
+    Every segment, between one event and the next, is integrated anew from where the simulation has it begin, with the same
     equations, and compared at ``samples`` moments; scipy's ``rtol`` is ``tolerance``.
     """
-    return max((_differs(piece, method, tolerance, samples) for piece in simulation.pieces if free_of(piece.compiled)), default=0.0)
+    moving = [s for s in simulation.segments if free_of(s.compiled)]
+    return max((_differs(s, method, tolerance, samples) for s in moving), default=0.0)
 
 
-def _differs(piece: Piece, method: str, tolerance: float, samples: int) -> float:
+def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> float:
     from scipy.integrate import solve_ivp
 
-    if piece.end - piece.start <= 1e-12 * max(abs(piece.end), 1e-300):
+    if segment.end - segment.start <= 1e-12 * max(abs(segment.end), 1e-300):
         return 0.0
-    t = np.linspace(piece.start, piece.end, samples + 1)
-    q, v, _ = piece(t)
-    model = piece.compiled.model
-    pairs = [piece.compiled.mechanism.drives[i].pair for i in free_of(piece.compiled)]
+    t = np.linspace(segment.start, segment.end, samples + 1)
+    q, v, _ = segment(t)
+    model = segment.compiled.model
+    pairs = [segment.compiled.mechanism.drives[i].pair for i in free_of(segment.compiled)]
     scale = np.array([1.0 if model.joints[model.joint_index[p]].coordinate == "angle" else model.size for p in pairs])
     solve: Any = solve_ivp  # stubs of scipy, where there are any, take real states for complex ones
     found = solve(
-        right_hand_side(piece.system, len(pairs)),
-        (piece.start, piece.end),
+        right_hand_side(segment.system, len(pairs)),
+        (segment.start, segment.end),
         np.concatenate([q[0], v[0]]),
         method=method,
         t_eval=t,

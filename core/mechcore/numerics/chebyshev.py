@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 NODES = 16  # of a panel
 NOISE = 1e-9  # tails below this that stay where they are come from rounding
 MANY = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
-_X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a border, where assembly modes may meet
+_X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a boundary, where assembly modes may meet
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
 
 
@@ -32,7 +32,7 @@ def _derivative_matrix(n: int) -> Array:
 
 
 def _integral_matrix(n: int) -> Array:
-    """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left border."""
+    """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left boundary."""
     return np.column_stack(
         [np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))]
     )
@@ -62,14 +62,14 @@ def _polynomials(z: Array, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on, or between ``borders``
+    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on, or between ``boundaries``
     (p + 1,); with ``periodic`` they repeat after all."""
 
     low: float
     width: float
     coefficients: Array
     periodic: bool
-    borders: Array | None = None
+    boundaries: Array | None = None
 
     @property
     def count(self) -> int:
@@ -77,20 +77,20 @@ class Panels:
 
     @property
     def high(self) -> float:
-        return self.low + self.width * self.count if self.borders is None else float(self.borders[-1])
+        return self.low + self.width * self.count if self.boundaries is None else float(self.boundaries[-1])
 
     @property
     def widths(self) -> Any:
         """Widths of the panels (p, 1, 1), or of all of them."""
-        return self.width if self.borders is None else np.diff(self.borders)[:, None, None]
+        return self.width if self.boundaries is None else np.diff(self.boundaries)[:, None, None]
 
     def __call__(self, x: Array) -> Array:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
-        if self.borders is not None:
+        if self.boundaries is not None:
             if self.periodic:
                 x = x - (self.high - self.low) * np.floor((x - self.low) / (self.high - self.low))
-            cell = np.clip(np.searchsorted(self.borders, x, side="right") - 1, 0, self.count - 1)
-            z = 2.0 * (x - self.borders[cell]) / (self.borders[cell + 1] - self.borders[cell]) - 1.0
+            cell = np.clip(np.searchsorted(self.boundaries, x, side="right") - 1, 0, self.count - 1)
+            z = 2.0 * (x - self.boundaries[cell]) / (self.boundaries[cell + 1] - self.boundaries[cell]) - 1.0
             return self._at(cell, z)
         u = (x - self.low) / self.width
         if self.periodic:
@@ -113,15 +113,15 @@ class Panels:
     def derivative(self) -> Panels:
         """The functions' derivatives by x."""
         inner = _derivative_matrix(self.coefficients.shape[1]) @ self.coefficients
-        return Panels(self.low, self.width, (2.0 / self.widths) * inner, self.periodic, self.borders)
+        return Panels(self.low, self.width, (2.0 / self.widths) * inner, self.periodic, self.boundaries)
 
     def integral(self) -> Panels:
         """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
         inner = 0.5 * self.widths * (_INT @ self.coefficients)
-        gains = inner.sum(axis=1)  # value at the right border: every Chebyshev polynomial is 1 there; 0 at the left
+        gains = inner.sum(axis=1)  # value at the right boundary: every Chebyshev polynomial is 1 there; 0 at the left
         start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
         inner[:, 0] += start
-        return Panels(self.low, self.width, inner, False, self.borders)
+        return Panels(self.low, self.width, inner, False, self.boundaries)
 
     def with_integral(self, k: int) -> Panels:
         """The functions, and beside them the integral of function k from ``low`` on (not periodic)."""
@@ -129,7 +129,7 @@ class Panels:
         out = np.zeros((p, n + 1, c + 1))
         out[:, :n, :c] = self.coefficients
         out[:, :, c] = self.only(k).integral().coefficients[:, :, 0]
-        return Panels(self.low, self.width, out, False, self.borders)
+        return Panels(self.low, self.width, out, False, self.boundaries)
 
     def stacked(self, other: Panels) -> Panels:
         """Functions of both, side by side."""
@@ -198,7 +198,7 @@ def fit_panels(
 
 def fit_where_needed(
     function: Callable[[Array], Array],
-    borders: Array,
+    boundaries: Array,
     *,
     tolerance: float,
     most: int = 4096,
@@ -207,7 +207,8 @@ def fit_where_needed(
 ) -> tuple[Panels, float]:
     """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
     largest of all, or only rounding, which is less than ``noise``; and what the last coefficients are that are left."""
-    edges = np.stack([borders[:-1], borders[1:]], axis=1)
+    whole = boundaries[-1] - boundaries[0]
+    edges = np.stack([boundaries[:-1], boundaries[1:]], axis=1)
     before = np.full(len(edges), np.inf)
     largest: Any = 0.0
     done: list[tuple[Array, Array, Array]] = []
@@ -219,7 +220,7 @@ def fit_where_needed(
         sizes = np.abs(coefficients)
         largest = np.maximum(largest, sizes.max(axis=(0, 1)))
         tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)
-        fine = (tail <= tolerance) | ((before < noise) & (tail > 0.3 * before)) | (width <= 1e-13 * (borders[-1] - borders[0]))
+        fine = (tail <= tolerance) | ((before < noise) & (tail > 0.3 * before)) | (width <= 1e-13 * whole)
         count += len(edges)
         if not np.isfinite(tail).all() or count > most:
             fine[:] = True
@@ -232,5 +233,5 @@ def fit_where_needed(
         before = np.repeat(tail[~fine], 2)
     lows, found, tails = (np.concatenate(x) for x in zip(*done, strict=True)) if len(done) > 1 else done[0]
     order = np.argsort(lows)
-    panels = Panels(float(borders[0]), np.nan, found[order], periodic, np.append(lows[order], borders[-1]))
+    panels = Panels(float(boundaries[0]), np.nan, found[order], periodic, np.append(lows[order], boundaries[-1]))
     return panels, float(tails.max())

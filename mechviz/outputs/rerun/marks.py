@@ -134,7 +134,7 @@ def simulation_notes(run: Run) -> list[str]:
     if run.steady is not None:
         lines += [f"- {line}" for line in steady_lines(run.steady)]
     kinds: dict[str, int] = {}
-    for h in s.happenings:
+    for h in s.events:
         kinds[h.kind] = kinds.get(h.kind, 0) + 1
     lines += [f"- {count} × {kind}" for kind, count in kinds.items()]
     return lines

@@ -263,10 +263,10 @@ def test_a_watch_is_passed_at_the_turn_that_it_names():
     first = np.degrees(solve_motion(compiled, [0.0]).coordinate("E")[0, 0])
     looks = tuple(EventTrigger(name=str(at), pair="E", at=np.radians(at)) for at in (-260.0, 100.0, 460.0, 820.0))
     found = simulate(mechanism, 3.0, watches=looks)
-    passed = [float(h.item) for h in found.happenings]
+    passed = [float(h.item) for h in found.events]
     last = np.degrees(found.view([3.0]).coordinate("E")[0, 0])
     assert passed == [at for at in (-260.0, 100.0, 460.0, 820.0) if first < at < last] and len(passed) == 2
-    for h in found.happenings:
+    for h in found.events:
         assert found.view([h.time]).coordinate("E")[0, 0] == pytest.approx(np.radians(float(h.item)), abs=1e-8)
 
 

@@ -177,7 +177,7 @@ def test_a_stop_beyond_half_a_turn_is_met_and_the_motion_goes_back():
         return quad(lambda q: np.sqrt(inertia(q) / inertia(start)) / omega, start, end, epsabs=1e-14, epsrel=1e-13)[0]
 
     passed, hit = time_to(185.0), time_to(190.0)
-    found = run.simulation.happenings
+    found = run.simulation.events
     assert [h.kind for h in found] == ["watch", "impact", "watch"]
     assert [h.time for h in found] == pytest.approx([passed, hit, 2.0 * hit - passed], abs=1e-9)
     t = np.linspace(0.0, hit, 7)

@@ -108,7 +108,7 @@ def test_a_free_pin_strikes_the_end_of_its_slot_and_stays_there():
     np.testing.assert_allclose(energy(run.motion)[~struck], 0.0, atol=1e-9)
     ends = [(s.name, round(s.at, 12), s.side) for s in run.simulation.stops]
     assert ends == [("P lower end", 0.0, "lower"), ("P upper end", 0.05, "upper")]
-    assert any(h.item == "P upper end" for h in run.simulation.happenings)
+    assert any(h.item == "P upper end" for h in run.simulation.events)
 
 
 def test_a_stated_stop_comes_before_the_end_behind_it():

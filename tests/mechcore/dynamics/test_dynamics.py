@@ -245,7 +245,7 @@ def test_at_rest_in_an_equilibrium_it_stays_there():
 def test_a_stop_reflects_and_takes_energy():
     stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="lower", restitution=0.6)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-10)
-    hits = [h for h in simulation.happenings if h.kind == "impact"]
+    hits = [h for h in simulation.events if h.kind == "impact"]
     speed = np.sqrt(2 * 1.5 * 9.81 * 0.35 * (1 - np.cos(1.0)) / 0.4)
     for k, hit in enumerate(hits[:5]):
         before = simulation([hit.time])[1][0, 0]
@@ -258,14 +258,14 @@ def test_a_stop_reflects_and_takes_energy():
 def test_bouncing_ends_in_contact():
     stop = Stop(name="wall", pair="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0), 20.0, stops=[stop], tolerance=1e-9)
-    assert simulation.happenings[-1].kind == "contact"
-    assert simulation.happenings[-1].time < 10.0
+    assert simulation.events[-1].kind == "contact"
+    assert simulation.events[-1].time < 10.0
     assert simulation([20.0])[0][0, 0] == pytest.approx(-np.pi / 2 + 0.5, abs=1e-7)
     # the time of all bounces, near enough a ball on a slope: 2 v e / (a (1 - e)) after the first hit
-    hits = [h.time for h in simulation.happenings if h.kind == "impact"]
+    hits = [h.time for h in simulation.events if h.kind == "impact"]
     first = -simulation([hits[0]])[1][0, 0]
     fall = 1.5 * 9.81 * 0.35 * np.sin(0.5) / 0.4
-    assert simulation.happenings[-1].time - hits[0] == pytest.approx(2 * first * 0.5 / fall / (1 - 0.5), rel=0.12)
+    assert simulation.events[-1].time - hits[0] == pytest.approx(2 * first * 0.5 / fall / (1 - 0.5), rel=0.12)
 
 
 def test_resting_contact_is_released_when_the_load_turns():
@@ -273,8 +273,8 @@ def test_resting_contact_is_released_when_the_load_turns():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=0.0, loads=(pull,))
     stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="upper", restitution=0.0)
     simulation = simulate(body, 5.0, stops=[stop], tolerance=1e-9)
-    assert [h.kind for h in simulation.happenings[:2]] == ["contact", "release"]
-    assert simulation.happenings[1].time == pytest.approx(np.pi, abs=1e-7)
+    assert [h.kind for h in simulation.events[:2]] == ["contact", "release"]
+    assert simulation.events[1].time == pytest.approx(np.pi, abs=1e-7)
     assert np.abs(simulation(np.linspace(0.0, 3.14, 20))[0] + np.pi / 2).max() < 1e-12
 
 
@@ -285,7 +285,7 @@ def test_an_impact_spreads_over_the_mechanism():
     m = double_pendulum({**i, "theta_1": 1.0, "theta_2": 1.0, "omega_1": 0.0, "omega_2": -3.0})
     m = dataclasses.replace(m, effects=("inertia",))
     simulation = simulate(m, 2.0, stops=[stop], tolerance=1e-10)
-    hit = next(h for h in simulation.happenings if h.kind == "impact")
+    hit = next(h for h in simulation.events if h.kind == "impact")
     q, v, _ = (x[0] for x in simulation([hit.time]))
     _, after, _ = (x[0] for x in simulation([hit.time + 1e-9]))
     from mechcore.dynamics.equations.reduced import reduce
@@ -304,8 +304,8 @@ def test_watch_finds_and_ends():
     from scipy.special import ellipk
 
     period = 4.0 * np.sqrt(0.4 / (1.5 * 9.81 * 0.35)) * ellipk(np.sin(0.5) ** 2)
-    assert [h.item for h in simulation.happenings] == ["bottom", "second top"]
-    assert simulation.happenings[0].time == pytest.approx(period / 4, rel=1e-9)
+    assert [h.item for h in simulation.events] == ["bottom", "second top"]
+    assert simulation.events[0].time == pytest.approx(period / 4, rel=1e-9)
     assert simulation.duration == pytest.approx(period / 2, rel=1e-9)
 
 
@@ -361,7 +361,7 @@ def test_dead_points_of_the_stated_coordinate_are_ordinary_points(lengths: tuple
     frame, crank, coupler, rocker = lengths
     mechanism = bars(frame=frame, crank=crank, coupler=coupler, rocker=rocker, angle=1.2, speed=5.0)
     simulation = simulate(mechanism, 3.0, tolerance=1e-10)
-    assert len({piece.compiled.mechanism.drives[0].pair for piece in simulation.pieces}) > 1
+    assert len({segment.compiled.mechanism.drives[0].pair for segment in simulation.segments}) > 1
     t = np.linspace(0.0, 3.0, 601)
     motion = simulation.motion(t)
     assert motion.closure.max() < 1e-12
@@ -440,7 +440,7 @@ def test_swings_of_any_size_are_found_by_their_energy_with_few_panels(swing: flo
     angle, speed = 2.0 * np.arcsin(k * np.sqrt(1.0 - share**2)), 2.0 * w * k * share
     found = simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=angle, speed=speed), 12.0, tolerance=1e-11)
     assert found.method == "energy"
-    assert sum(leg.clock.count for leg in found.pieces[0].way.legs) <= 64
+    assert sum(leg.clock.count for leg in found.segments[0].solution.legs) <= 64
     t = np.linspace(0.0, 12.0, 97)
     start = ellipkinc(np.arctan2(np.sin(angle / 2), speed / (2.0 * w)), k * k)
     sn, cn, _, _ = ellipj(start + w * t, k * k)
@@ -461,7 +461,7 @@ def test_a_rocker_that_is_all_the_mass_there_is(share: float):
     ]
     compiled = compile_mechanism(dataclasses.replace(body, links=tuple(light), effects=("inertia",)))
     found = simulate(compiled, 5.0, tolerance=1e-9)
-    assert found.method == "energy" and sum(leg.clock.count for leg in found.pieces[0].way.legs) < 400
+    assert found.method == "energy" and sum(leg.clock.count for leg in found.segments[0].solution.legs) < 400
 
     def inertia(q: np.ndarray) -> np.ndarray:
         return reduce(compiled, q[:, None], np.zeros((len(q), 1)), np.zeros(len(q))).inertia[:, 0, 0]
@@ -493,6 +493,6 @@ def test_a_start_next_to_a_dead_point_of_its_own_pair():
     poses = {link.name: tuple(map(float, there.motion([3.0]).pose(link.name)[0])) for link in body.links[1:]}
     drive = Drive(pair="A", law=Free(float(q[0, 0]), -float(v[0, 0])))
     back = simulate(dataclasses.replace(body, drives=(drive,), sketch=poses, modes={}), 3.0, tolerance=1e-11)
-    assert back.pieces[0].compiled is not back.compiled
+    assert back.segments[0].compiled is not back.compiled
     q, v, _ = back([3.0])
     assert q[0, 0] == pytest.approx(1.2, abs=1e-9) and abs(v[0, 0]) < 1e-8

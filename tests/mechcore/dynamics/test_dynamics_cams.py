@@ -60,8 +60,8 @@ def turns(mechanism: Mechanism, speed: float, count: float = 1.0, e: float = 0.3
 
 def test_onset_speed_and_place_agree_with_the_closed_form():
     mechanism, speed, angle = onset()
-    assert not turns(mechanism, speed * (1 - 1e-7)).happenings
-    first = turns(mechanism, speed * (1 + 1e-7)).happenings[0]
+    assert not turns(mechanism, speed * (1 - 1e-7)).events
+    first = turns(mechanism, speed * (1 + 1e-7)).events[0]
     assert first.kind == "lost" and first.item == "K"
     assert first.time * speed == pytest.approx(angle, abs=2e-3)  # it only just begins there
 
@@ -82,15 +82,15 @@ def test_an_oscillating_follower_is_lost_where_kinetostatics_would_have_to_pull(
     for _ in range(20):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if contact_at(mechanism, middle).min() > 0.0 else (low, middle)
-    assert not turns(mechanism, 0.999 * low).happenings
+    assert not turns(mechanism, 0.999 * low).events
     found = turns(mechanism, 1.001 * low, e=0.0)
-    assert [h.kind for h in found.happenings[:2]] == ["lost", "regained"]
+    assert [h.kind for h in found.events[:2]] == ["lost", "regained"]
 
 
 def test_flight_is_that_of_a_mass_on_its_spring():
     mechanism, speed, _ = onset()
     found = turns(mechanism, 1.3 * speed, e=0.5)
-    lost, hit = found.happenings[0].time, found.happenings[1].time
+    lost, hit = found.events[0].time, found.events[1].time
     t = np.linspace(lost, hit, 40)
     y = found.view(t).coordinate("S")
     w = np.sqrt(STIFFNESS / MASS)
@@ -123,7 +123,7 @@ def test_the_impact_has_the_stated_restitution():
     mechanism, speed, _ = onset()
     e = 0.4
     found = turns(mechanism, 1.3 * speed, e=e)
-    hits = [h for h in found.happenings if h.kind == "impact"]
+    hits = [h for h in found.events if h.kind == "impact"]
     assert len(hits) >= 2
     eps = 1e-9
 
@@ -149,7 +149,7 @@ def test_a_free_camshaft_feels_the_impact():
         loads=(*mechanism.loads, Torque(name="motor", link="cam", moment=5.0)),
     )
     found = simulate(free, 0.03, liftoffs=[Liftoff(pair="K", restitution=0.5)])
-    hits = np.array([h.time for h in found.happenings if h.kind == "impact"])
+    hits = np.array([h.time for h in found.events if h.kind == "impact"])
     knocks = found(hits + 1e-7)[1] - found(hits - 1e-7)[1]
     assert np.abs(knocks).max() > 1e-3 * speed
     t = np.linspace(0.0, found.duration, 101)
@@ -205,7 +205,7 @@ def test_valve_float_is_recorded_with_lane_gap_and_events(tmp_path: Path):
     pair = next(p for p in scene.mechanism.pairs if isinstance(p, CamPair))
     slow = first_separation(Closure(0.11, 24e3, 0.046 - (0.066 - 0.025 - 0.012), 0.0), pair.lift)
     assert slow is not None
-    speed = np.interp(run.simulation.happenings[0].time, run.motion.time, run.motion.coordinate("O")[:, 1])
+    speed = np.interp(run.simulation.events[0].time, run.motion.time, run.motion.coordinate("O")[:, 1])
     assert slow.speed < speed < 1.05 * slow.speed
 
 
@@ -227,8 +227,8 @@ def test_dry_friction_in_the_guide_shifts_the_onset_as_statics_says():
     for _ in range(18):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if contact_at(rough, middle).min() > 0.0 else (low, middle)
-    assert not {h.kind for h in turns(rough, 0.9999 * low).happenings} & {"lost", "impact"}
-    found = [h for h in turns(rough, 1.001 * low, e=0.0).happenings if h.item == "K"]
+    assert not {h.kind for h in turns(rough, 0.9999 * low).events} & {"lost", "impact"}
+    found = [h for h in turns(rough, 1.001 * low, e=0.0).events if h.item == "K"]
     assert [h.kind for h in found[:2]] == ["lost", "regained"]
 
 
@@ -236,10 +236,10 @@ def test_a_follower_flies_against_the_friction_in_its_guide():
     """On its way up it is a mass on a spring with Coulomb friction; the works close through stick, slip, flight and impacts."""
     mechanism, speed, _ = onset()
     found = turns(with_brake(mechanism, 6.0), 1.5 * speed, count=1.2, e=0.4)
-    kinds = [(h.kind, h.item) for h in found.happenings]
+    kinds = [(h.kind, h.item) for h in found.events]
     assert {("slip", "S"), ("lost", "K"), ("impact", "K"), ("regained", "K")} <= set(kinds)
-    lost = next(h.time for h in found.happenings if h.kind == "lost")
-    turned = next(h.time for h in found.happenings if h.kind == "slip" and h.time > lost)
+    lost = next(h.time for h in found.events if h.kind == "lost")
+    turned = next(h.time for h in found.events if h.kind == "slip" and h.time > lost)
     t = np.linspace(lost, turned, 40)
     y = found.view(t).coordinate("S")
     w = np.sqrt(STIFFNESS / MASS)
@@ -265,8 +265,8 @@ def test_a_follower_flies_against_the_friction_in_its_guide():
 def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
     mechanism, speed, _ = onset()
     found = turns(with_brake(mechanism, 900.0), 0.4 * speed, count=1.0, e=0.0)
-    assert [h.kind for h in found.happenings if h.item == "K"] == ["lost"]
-    t = np.linspace(found.happenings[-1].time, found.duration, 50)
+    assert [h.kind for h in found.events if h.item == "K"] == ["lost"]
+    t = np.linspace(found.events[-1].time, found.duration, 50)
     assert np.ptp(found.view(t).coordinate("S")[:, 0]) < 1e-12
     with pytest.raises(MechanismError, match=r"joints\.K\.friction: friction between a cam and its follower while forces move"):
         rough = with_brake(mechanism, 6.0)
@@ -345,7 +345,7 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
     data = merged(tomllib.loads(text), tomllib.loads(BESIDE)) | {"run": {"frames": 40, "duration": "14 ms"}}
     data["joints"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
     run = run_scene(mechviz.Scene.build(**data))
-    assert [h.kind for h in run.simulation.happenings][:1] == ["lost"]
+    assert [h.kind for h in run.simulation.events][:1] == ["lost"]
     found = {t.path[1:]: t for t in tables(run) if t.path[1] == "cams"}
     assert ("cams", "K", "gap") in found and ("cams", "K2", "gap") not in found
     cam = next(c for c in placed_cams(run.motion) if c.name == "K2")

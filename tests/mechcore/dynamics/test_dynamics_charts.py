@@ -27,7 +27,7 @@ def falling() -> Mechanism:
 
 
 def leads(simulation) -> list[str]:
-    return ["".join(d.pair for d in p.compiled.mechanism.drives) for p in simulation.pieces]
+    return ["".join(d.pair for d in p.compiled.mechanism.drives) for p in simulation.segments]
 
 
 def restated(mechanism: Mechanism, simulation, t: float, pairs: str, sense: float = 1.0) -> Mechanism:
@@ -163,8 +163,8 @@ def test_other_coordinates_lead_before_digits_are_lost():
     """A window of this five-bar ends where some pair turns 80 times as fast as those that lead: they change within the window."""
     mechanism = replace(swinging_five_bar(speeds=(8.96, 0.32)), loads=())
     found = simulate(mechanism, END, tolerance=1e-11)
-    assert len(found.pieces) > 1
-    for piece in found.pieces[:-1]:
-        q, v, _ = piece.way(np.array([piece.end]))
-        assert strain(piece.compiled, q[0], v[0], piece.end) < 20.1
+    assert len(found.segments) > 1
+    for segment in found.segments[:-1]:
+        q, v, _ = segment.solution(np.array([segment.end]))
+        assert strain(segment.compiled, q[0], v[0], segment.end) < 20.1
     assert np.abs(found.drift(TIMES)).max() < 1e-9

@@ -197,7 +197,7 @@ def checked(text: str) -> Any:
             out[:, -1] = found.forces(view).power(drives[0])
         return out
 
-    edges = np.unique(np.concatenate([found._borders(), [0.0, end]]))
+    edges = np.unique(np.concatenate([found._boundaries(), [0.0, end]]))
     t = np.linspace(0.0, end, 41)
     works = work_integrals(powers, edges)(t)
     kinetic = found.kinetic_energy(t)
@@ -223,7 +223,7 @@ def checked(text: str) -> Any:
 def test_the_work_of_every_load_is_accounted_for(case: str, half: int):
     drawn = random_loads(np.random.default_rng([half, len(case)]))
     found = checked(CASES[case] + written({kind: drawn[kind] for kind in KINDS[half::2]}))
-    assert any(h.kind == "impact" for h in found.happenings) == (case in ("stops", "driven"))
+    assert any(h.kind == "impact" for h in found.events) == (case in ("stops", "driven"))
 
 
 @pytest.mark.parametrize("gas", GASES)

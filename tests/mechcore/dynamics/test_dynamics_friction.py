@@ -73,7 +73,7 @@ def test_oscillator_loses_the_same_way_every_half_swing_and_sticks():
     reference = case("friction", "friction-oscillator")
     i, e = reference["inputs"], reference["expected"]
     simulation = simulate(oscillator(i["m"], i["k"], i["mu"], i["x0"]), 2.0, tolerance=1e-10)
-    turns = [h for h in simulation.happenings if h.time > 0]
+    turns = [h for h in simulation.events if h.time > 0]
     assert len(turns) == len(e["turning_points"]) - 1
     for h, point in zip(turns, e["turning_points"][1:], strict=True):
         assert h.time == pytest.approx(point["t"], abs=1e-9)
@@ -102,7 +102,7 @@ def test_pendulum_with_a_brake_in_its_pin():
     simulation = simulate(
         dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction")), 20.0, tolerance=1e-10
     )
-    turns = [h for h in simulation.happenings if h.time > 0]
+    turns = [h for h in simulation.events if h.time > 0]
     found = [float(simulation([h.time])[0][0, 0]) + np.pi / 2 for h in turns]
     assert found == pytest.approx(angles[1:], abs=1e-9)
     assert [h.kind for h in turns] == ["slip"] * (len(turns) - 1) + ["stick"]
@@ -116,13 +116,13 @@ def test_pendulum_whose_friction_depends_on_the_reaction():
     pin = dataclasses.replace(body.pairs[0], friction=Friction(coefficient=i["mu"], radius=i["r_pin"]))
     body = dataclasses.replace(body, pairs=(pin,), effects=("inertia", "gravity", "friction"))
     simulation = simulate(body, 30.0, tolerance=1e-10)
-    turns = [h.time for h in simulation.happenings if h.time > 0]
+    turns = [h.time for h in simulation.events if h.time > 0]
     for time, angle in zip(turns, e["turning_angles"][1:], strict=False):
         assert simulation([time])[0][0, 0] + np.pi / 2 == pytest.approx(angle, abs=1e-10)
     for s in e["samples"]:
         q, v, _ = (x[0, 0] for x in simulation([s["t"]]))
         assert (q + np.pi / 2, v) == pytest.approx((s["theta"], s["omega"]), abs=1e-9)
-    assert simulation.happenings[-1].kind == "stick"
+    assert simulation.events[-1].kind == "stick"
     assert abs(simulation([30.0])[0][0, 0] + np.pi / 2) < e["stick_angle"]
     assert np.abs(simulation.drift(np.linspace(0.0, 30.0, 100))).max() < 1e-8
 
@@ -131,8 +131,8 @@ def test_stick_slip_is_periodic():
     for e in case("friction", "friction-stick-slip")["expected"]:
         i = e["inputs"]
         simulation = simulate(on_a_belt(i), 6 * e["period"], tolerance=1e-10)
-        slips = [h.time for h in simulation.happenings if h.kind == "slip"]
-        sticks = [h.time for h in simulation.happenings if h.kind == "stick"]
+        slips = [h.time for h in simulation.events if h.kind == "slip"]
+        sticks = [h.time for h in simulation.events if h.kind == "stick"]
         assert slips[0] == pytest.approx(e["spring_force_at_slip_onset"] / i["k"] / i["v_belt"], rel=1e-9)
         assert np.diff(slips) == pytest.approx(e["period"], abs=1e-9)
         assert np.array(sticks[:4]) - slips[:4] == pytest.approx(e["slip_duration"], abs=1e-9)
@@ -157,12 +157,12 @@ def test_slider_crank_runs_down_and_stays():
         pairs.append(dataclasses.replace(pair, friction=friction))
     mechanism = dataclasses.replace(mechanism, pairs=tuple(pairs), effects=("inertia", "gravity", "friction"))
     simulation = simulate(mechanism, 6.0, tolerance=1e-8)
-    assert {h.kind for h in simulation.happenings} <= {"stick", "slip"}
+    assert {h.kind for h in simulation.events} <= {"stick", "slip"}
     q, v, a = (x[:, 0] for x in simulation([5.9, 6.0]))
     assert v == pytest.approx(0.0, abs=1e-12)
     assert a == pytest.approx(0.0, abs=1e-12)
     assert q[0] == pytest.approx(q[1], abs=1e-12)
-    rest = next(h.time for h in reversed(simulation.happenings))
+    rest = next(h.time for h in reversed(simulation.events))
     t = np.linspace(0.0, rest * 0.999, 300)
     motion = simulation.motion(t)
     forces = simulation.forces(motion)
@@ -207,7 +207,7 @@ def test_two_masses_stick_one_after_the_other():
     simulation = simulate(mechanism, 3.0, tolerance=1e-9)
     t = np.linspace(0.0, 3.0, 301)
     q, v, _ = simulation(t)
-    assert {h.item for h in simulation.happenings if h.kind == "slip"} == {"left", "right"}
+    assert {h.item for h in simulation.events if h.kind == "slip"} == {"left", "right"}
     assert np.abs(v[-1]).max() < 1e-12
     stretch = q[-1, 1] - q[-1, 0] - 0.5
     assert abs(400.0 * stretch) <= 0.2 * 1.0 * 9.81 * (1 + 1e-9)  # what is left holds at the weaker grip
@@ -244,8 +244,8 @@ def test_the_only_pair_that_rubs_turns_back_at_dead_points_while_the_crank_goes_
     text = text.replace('branch = "ahead" }', 'branch = "ahead", friction = { coefficient = 0.1 } }')
     mechanism = mechviz.loads(text.replace("free = { position = 90 }", 'free = { position = 97, speed = "110 rpm" }')).mechanism
     found = simulate(mechanism, 0.6, tolerance=1e-8)
-    assert [h.kind for h in found.happenings] == ["slip"] * len(found.happenings)
-    words = [h.text[-11:-10] for h in found.happenings]
+    assert [h.kind for h in found.events] == ["slip"] * len(found.events)
+    words = [h.text[-11:-10] for h in found.events]
     assert words[:3] == ["+", "-", "+"]
     t = np.linspace(0.0, 0.6, 300)
     losses = found.forces(found.motion(t)).friction.losses("S")
@@ -260,7 +260,7 @@ def test_friction_brakes_after_an_impact_too(e: float):
     back = e**2 * (9.0 - 2 * 0.3 * 9.81 * 0.6) / (2 * 0.3 * 9.81)
     q, v, _ = found([2.0])
     assert q[0, 0] == pytest.approx(0.6 - back, abs=1e-9) and abs(v[0, 0]) < 1e-12
-    assert {h.kind for h in found.happenings} == {"slip", "impact", "stick"}  # held by friction, the wall has nothing to hold
+    assert {h.kind for h in found.events} == {"slip", "impact", "stick"}  # held by friction, the wall has nothing to hold
     energies = found.energies(np.linspace(0.0, 2.0, 101))
     assert np.all(np.diff(energies[:, 3]) >= 0.0)
     assert energies[-1] == pytest.approx([0.0, 0.0, 0.0, 9.0], abs=1e-9)
@@ -287,10 +287,10 @@ def test_what_rests_on_a_stop_between_two_moving_masses_slides_on_together():
         effects=("inertia", "gravity", "friction"),
     )
     found = simulate(mechanism, 1.0, stops=[Stop(name="buffer", pair="between", at=0.2, side="lower")])
-    assert [h.kind for h in found.happenings if h.item == "buffer"][:2] == ["impact", "contact"]
+    assert [h.kind for h in found.events if h.item == "buffer"][:2] == ["impact", "contact"]
     speed = np.sqrt(9.0 - 2 * 0.1 * 9.81 * 0.3) / 3.0  # of both after the impact
     brake = (0.1 * 1.0 + 0.3 * 2.0) * 9.81 / 3.0
-    hit = next(h.time for h in found.happenings if h.kind == "impact")
+    hit = next(h.time for h in found.events if h.kind == "impact")
     t = hit + np.linspace(0.01, 0.9, 7) * speed / brake
     q, v, a = found(t)
     assert q[:, 1] - q[:, 0] == pytest.approx(0.2, abs=1e-9) and v[:, 0] == pytest.approx(v[:, 1], abs=1e-9)
@@ -333,7 +333,7 @@ def test_stops_impacts_and_prescribed_drives_beside_friction(lead: str, kinds: s
     scene = mechviz.loads(LINKS + lead)
     assert scene.simulation is not None
     found = simulate(scene.mechanism, 2.0, stops=scene.simulation.stops)
-    assert kinds <= {f"{h.kind} {h.item}" for h in found.happenings}
+    assert kinds <= {f"{h.kind} {h.item}" for h in found.events}
     t = np.linspace(0.0, 2.0, 201)
     view = found.view(t)
     forces, energies = found.forces(view), found.energies(t)
@@ -374,13 +374,13 @@ def test_a_stop_with_friction_at_its_pair_lets_go_and_never_pulls(tolerance):
     high = Stop(name="high", pair="J", at=float(np.radians(55.0)), side="upper", restitution=1.0)
     run = simulate(m, 0.92, tolerance=tolerance, stops=[stop, high])
     held = []
-    for piece in run.pieces:
-        for _ in piece.resting:
-            t = np.linspace(piece.start, piece.end, 9)
-            q, v, _ = piece.way(t)
-            held.append(piece.system.holding(q, v, t))
+    for segment in run.segments:
+        for _ in segment.resting:
+            t = np.linspace(segment.start, segment.end, 9)
+            q, v, _ = segment.solution(t)
+            held.append(segment.system.holding(q, v, t))
     assert held and min(float(h.min()) for h in held) > -1e-9
     assert max(float(h.max()) for h in held) > 0.1
-    left = [h.time for h in run.happenings if h.kind == "release"]
-    assert len(left) == len(set(left)) and not {h.time for h in run.happenings if h.kind == "contact"} & set(left)
+    left = [h.time for h in run.events if h.kind == "release"]
+    assert len(left) == len(set(left)) and not {h.time for h in run.events if h.kind == "contact"} & set(left)
     assert float(run(np.array([left[-1] + 0.1]))[0][0, 1]) > stop.at + 0.05

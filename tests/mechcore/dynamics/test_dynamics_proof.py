@@ -139,7 +139,7 @@ def test_scipy_agrees_between_impacts_and_releases():
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.2)
     stop = Stop(name="wall", pair="O", at=-np.pi / 2, side="lower", restitution=0.5)
     found = simulate(body, 1.5, stops=[stop], tolerance=1e-11)
-    assert len(found.pieces) > 2 and cross_check(found) < 1e-8
+    assert len(found.segments) > 2 and cross_check(found) < 1e-8
 
 
 # --- conservation -----------------------------------------------------------------------------------------------------
@@ -209,10 +209,10 @@ def test_at_rest_on_a_dead_point_it_stays_and_says_why():
     body = replace(body, links=tuple(level), loads=(push,), effects=("inertia",))
     found = simulate(body, 2.0)
     assert found([2.0])[0][0, 0] == 0.0
-    (word,) = found.happenings
+    (word,) = found.events
     assert word.kind == "equilibrium" and "no arm" in word.text
     beside = simulate(replace(body, drives=(Drive(pair="O", law=Free(1e-3)),)), 2.0)
-    assert not beside.happenings and abs(np.ptp(beside(np.linspace(0, 2, 50))[0])) > 1.0
+    assert not beside.events and abs(np.ptp(beside(np.linspace(0, 2, 50))[0])) > 1.0
 
 
 def parallelogram(coupler: float, *, gravity: bool, speed: float, angle: float = 0.5) -> Mechanism:
@@ -250,7 +250,7 @@ def test_a_stop_at_the_very_place_where_the_swing_turns_back(beyond: float):
     body = pendulum(inertia=0.4, mass=1.5, distance=0.35, angle=1.0)
     stop = Stop(name="wall", pair="O", at=-1.0 - np.pi / 2 + beyond, side="lower", restitution=0.3)
     found = simulate(body, 5.0, stops=[stop], tolerance=1e-11)
-    assert len(found.happenings) < 12
+    assert len(found.events) < 12
     free = simulate(body, 5.0, tolerance=1e-11)
     assert found([5.0])[0][0, 0] == pytest.approx(free([5.0])[0][0, 0], abs=1e-4 + 5.0 * np.sqrt(max(beyond, 0.0)))
     assert np.abs(found.drift(np.linspace(0.0, 5.0, 20))).max() < 1e-8
@@ -325,7 +325,7 @@ gas = { gas = "S", bore = 40, top = 190, stroke = 80, compressor = { suction = "
 
 def test_the_energy_balance_closes_with_every_effect_on_through_every_event():
     run = run_scene(mechviz.loads(EVERYTHING))
-    kinds = {h.kind for h in run.simulation.happenings}
+    kinds = {h.kind for h in run.simulation.events}
     assert {"slip", "stick", "watch"} <= kinds
     energy = run.forces.energy
     size = np.abs(energy).max()
@@ -344,7 +344,7 @@ def test_the_energy_balance_closes_through_impacts_contact_and_release():
     text = text.replace('"4 N m", no_load_speed = "200 rpm"', '"-4 N m", no_load_speed = "-200 rpm"')  # onto the stop
     text = text.replace('duration = "0.4 s"', 'duration = "1.5 s"')
     run = run_scene(mechviz.loads(text))
-    kinds = [h.kind for h in run.simulation.happenings]
+    kinds = [h.kind for h in run.simulation.events]
     assert kinds.count("impact") >= 2 and "contact" in kinds
     energy = run.forces.energy
     assert np.ptp(energy[:, 0] + energy[:, 1] - energy[:, 2] + energy[:, 3]) < 20e-8 * np.abs(energy).max()

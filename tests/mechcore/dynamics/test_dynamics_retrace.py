@@ -10,7 +10,7 @@ from mechcore.dynamics import event_integrator as progress_module
 from mechcore.dynamics import simulation as simulation_module
 from mechcore.dynamics.integration import parallel_shooting as retrace_module
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.parallel_shooting import Known, retrace
+from mechcore.dynamics.integration.parallel_shooting import Known, refine
 from mechcore.dynamics.integration.windows import Solution, integrate
 from mechcore.dynamics.simulate import simulate
 from mechviz.accuracy.estimate import integration_error
@@ -20,11 +20,11 @@ from mechviz.scene.scene import load
 
 def falsified(simulation, part):
     """The same motion with accelerations that are wrong by a part of their size."""
-    pieces = []
-    for piece in simulation.pieces:
-        windows = [replace(w, a=w.a * (1.0 + part * np.sin(3.0 + i))) for i, w in enumerate(piece.way.windows)]
-        pieces.append(replace(piece, way=Solution(windows)))
-    return replace(simulation, pieces=tuple(pieces))
+    segments = []
+    for segment in simulation.segments:
+        windows = [replace(w, a=w.a * (1.0 + part * np.sin(3.0 + i))) for i, w in enumerate(segment.solution.windows)]
+        segments.append(replace(segment, solution=Solution(windows)))
+    return replace(simulation, segments=tuple(segments))
 
 
 class Counted:
@@ -48,10 +48,10 @@ def test_same_solution_from_any_start_that_is_near(stiff, wrong):
     start = np.array([2.0]), np.array([0.0])
     first = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-7, stiff=stiff)
     exact = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-13)
-    borders = np.array([*(w.start for w in first.windows), 12.0])
-    known = Known(borders, np.zeros(len(borders) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
+    boundaries = np.array([*(w.start for w in first.windows), 12.0])
+    known = Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
     system = Counted()
-    found = retrace(system, *start, 0.0, 12.0, known=known, tolerance=1e-10, stiff=stiff)
+    found = refine(system, *start, 0.0, 12.0, known=known, tolerance=1e-10, stiff=stiff)
     t = np.linspace(0.0, 12.0, 301)
     miss, before = (np.abs(np.array(x(t)[:2]) - np.array(exact(t)[:2])).max() for x in (found, first))
     assert miss < 2e-10 and before > 3.0 * miss
@@ -65,7 +65,7 @@ def test_windows_are_halved_until_the_series_ends():
     start = np.array([2.0]), np.array([0.0])
     exact = integrate(Counted(), *start, 0.0, 12.0, tolerance=1e-13)
     known = Known(np.linspace(0.0, 12.0, 7), np.zeros(6, bool), lambda t: exact(t)[2])
-    found = retrace(Counted(), *start, 0.0, 12.0, known=known, tolerance=1e-10)
+    found = refine(Counted(), *start, 0.0, 12.0, known=known, tolerance=1e-10)
     lengths = [w.length for w in found.windows]
     assert max(lengths) >= 2.0 * min(lengths)
     assert np.abs(found(np.array([12.0]))[0] - exact(np.array([12.0]))[0]).max() < 2e-10
@@ -77,7 +77,7 @@ def test_what_is_known_may_be_nonsense():
     exact = integrate(Counted(), *start, 0.0, 5.0, tolerance=1e-13)
     for acceleration in (lambda t: np.full((len(t), 1), np.nan), lambda t: 40.0 * np.sin(20.0 * t)[:, None]):
         known = Known(np.linspace(0.0, 5.0, 9), np.zeros(8, bool), acceleration)
-        found = retrace(Counted(), *start, 0.0, 5.0, known=known, tolerance=1e-11)
+        found = refine(Counted(), *start, 0.0, 5.0, known=known, tolerance=1e-11)
         assert np.abs(found(np.array([5.0]))[0] - exact(np.array([5.0]))[0]).max() < 1e-9
 
 
@@ -92,7 +92,7 @@ class Bent:
 
 
 class Passing:
-    """Bends where x passes zero."""
+    """Breakpoints where x passes zero."""
 
     def __call__(self, window: Window, after: float) -> float | None:
         """First time at which x passes zero, by halving."""
@@ -109,19 +109,19 @@ class Passing:
         return np.inf
 
 
-bend = Passing()
+break_time = Passing()
 
 
 def test_windows_end_where_the_law_changes_in_the_new_motion():
-    """The bends of the motion that it started from are at other times; against a march to 1e-13."""
+    """The breakpoints of the motion that it started from are at other times; against a march to 1e-13."""
     start = np.array([0.3]), np.array([0.0])
-    first = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-3, nodes=3, bends=bend)
-    exact = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-13, bends=bend)
+    first = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-3, nodes=3, breakpoints=break_time)
+    exact = integrate(Bent(), *start, 0.0, 6.0, tolerance=1e-13, breakpoints=break_time)
     known = Known(
         np.array([*(w.start for w in first.windows), 6.0]), np.array([w.cut for w in first.windows]), lambda t: first(t)[2]
     )
     assert known.cut.sum() > 5
-    found = retrace(Bent(), *start, 0.0, 6.0, known=known, tolerance=1e-9, bends=bend)
+    found = refine(Bent(), *start, 0.0, 6.0, known=known, tolerance=1e-9, breakpoints=break_time)
     t = np.linspace(0.0, 6.0, 301)
     miss, before = (np.abs(x(t)[0] - exact(t)[0]).max() for x in (found, first))
     assert miss < 2e-9 and before > 100.0 * miss
@@ -150,11 +150,11 @@ def test_companion_is_not_marched(monkeypatch):
 
 
 def test_same_events_and_pieces():
-    """Against the same tolerance without the motion that it is like: happenings, times, impacts."""
+    """Against the same tolerance without the motion that it is like: events, times, impacts."""
     run = run_scene(load("toggle-press-stop"), outputs=())
     one, other = run.again(1e-11), run.again(1e-11, None, run.simulation)
-    assert [h.text for h in one.happenings] == [h.text for h in other.happenings]
-    times = np.array([[h.time for h in x.happenings] for x in (one, other)])
+    assert [h.text for h in one.events] == [h.text for h in other.events]
+    times = np.array([[h.time for h in x.events] for x in (one, other)])
     assert np.abs(times[0] - times[1]).max() < 1e-10
     assert other.evaluations < 0.3 * one.evaluations
 
@@ -174,7 +174,7 @@ def test_works_of_a_periodic_motion_are_found_for_one_period_only(monkeypatch):
     seen = []
     plain = simulation_module.powers_of
     monkeypatch.setattr(simulation_module, "powers_of", lambda m, f: seen.append(m.frames) or plain(m, f))
-    period = simulate(mechanism, 1.0).pieces[0].way.period
+    period = simulate(mechanism, 1.0).segments[0].solution.period
     for turns, most in ((40, 2000), (10_000, 2000)):
         seen.clear()
         whole = simulate(mechanism, turns * period)

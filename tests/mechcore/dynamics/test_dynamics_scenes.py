@@ -140,9 +140,9 @@ def test_a_stop_holds_what_rests_on_it_and_every_link_is_in_balance():
     text = PENDULUM.replace("position = -30", "position = 0").replace('speed = "10 rpm"', "speed = 0")
     text = text.replace("speed = 0 } }", 'speed = 0 }, stops = [{ at = -20, side = "lower" }] }\n')
     run = run_scene(mechviz.loads(text))
-    kinds = [h.kind for h in run.simulation.happenings]
+    kinds = [h.kind for h in run.simulation.events]
     assert kinds[:2] == ["impact", "contact"]
-    held = run.motion.time > run.simulation.happenings[1].time
+    held = run.motion.time > run.simulation.events[1].time
     load = run.forces.loads["stop O lower"]
     assert load.values[held, 2] == pytest.approx(9.81 * 0.2 * np.cos(np.radians(20.0)), rel=1e-9)
     assert load.values[~held].any(axis=0)[:3].sum() == 0
@@ -187,7 +187,7 @@ def test_recorded_energies_close_and_happenings_are_there(name: str):
     prescribed = [d.pair for d in run.scene.mechanism.drives if not isinstance(d.law, Free)]
     assert found.model["drives"] == prescribed
     texts = " ".join(e.text for e in found.events)
-    assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.happenings)
+    assert all(Text.of(h.text).in_units(run.scene.units) in texts for h in run.simulation.events)
 
 
 def test_lanes_of_a_stop_tell_contact_and_release(tmp_path: Path):
@@ -219,7 +219,7 @@ def _seated(side: str, start: int) -> mechviz.Scene:
 def test_a_follower_leaves_its_cam_where_a_seat_holds_it_up(tmp_path: Path):
     run = run_scene(_seated("lower", 180))
     assert run.simulation is not None
-    texts = [h.text for h in run.simulation.happenings]
+    texts = [h.text for h in run.simulation.events]
     assert texts[0] == "contact lost at 106.1° of the cam" and texts[1].startswith("S hits stop S lower at 3.8")
     # the lift is symmetric about 70 deg: the cam comes back to the valve on its seat as far before it as it left it behind
     assert texts[texts.index("S leaves stop S lower") - 1].startswith("bounces at 33.9° of the cam")

@@ -90,7 +90,7 @@ def test_a_stiff_spring_leads_to_the_equilibrium(stiffness):
     t = np.linspace(0.5, 2.0, 50)
     rest = 0.7 - np.pi / 2 - 9.81 * 0.2 * np.sin(0.7) / stiffness  # to the square of the deflection
     assert np.abs(found(t)[0] - rest).max() < 1e-3 * 9.81 * 0.2 / stiffness + 1e-15
-    assert found.happenings[0].kind == "stiff" and "k" in found.happenings[0].text
+    assert found.events[0].kind == "stiff" and "k" in found.events[0].text
     assert 0.0 < found.unseen[0] <= 1e-8
 
 

@@ -54,14 +54,14 @@ def test_a_stop_at_a_pair_that_a_prescribed_drive_moves_as_well(pair: str, resti
     at = loose.motion(np.linspace(0.0, 1.0, 400)).coordinate(pair)[:, 0]
     limit = float(at[0] + 0.4 * (at.max() - at[0]))
     found = simulate(compiled, 1.0, tolerance=1e-10, stops=[Stop(name="s", pair=pair, at=limit, restitution=restitution)])
-    kinds = [h.kind for h in found.happenings]
+    kinds = [h.kind for h in found.events]
     assert "impact" in kinds and ("contact" in kinds) == (restitution == 0.0)
     assert found.motion(np.linspace(0.0, 1.0, 400)).coordinate(pair)[:, 0].max() < limit + 1e-9
-    first = next(h.time for h in found.happenings if h.kind == "impact")
+    first = next(h.time for h in found.events if h.kind == "impact")
     before, after = (found.motion([first + s * 1e-9]).coordinate(pair)[0, 1] for s in (-1, 1))
     assert after == pytest.approx(-restitution * before, rel=1e-5, abs=1e-6)
     if restitution == 0.0:
-        end = next((h.time for h in found.happenings if h.kind == "release"), 1.0)
+        end = next((h.time for h in found.events if h.kind == "release"), 1.0)
         rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
         assert np.ptp(rest.coordinate(pair)[:, 0]) < 1e-9
         assert np.ptp(rest.coordinate("E")[:, 0]) > 1e-3  # what is free goes on moving
@@ -76,8 +76,8 @@ def test_a_stop_holds_a_combination_of_two_free_coordinates():
     at = simulate(compiled, 0.5, tolerance=1e-9).motion(np.linspace(0.0, 0.5, 400)).coordinate("C")[:, 0]
     limit = float(at[0] + 0.5 * (at.max() - at[0]))
     found = simulate(compiled, 0.5, tolerance=1e-10, stops=[Stop(name="s", pair="C", at=limit)])
-    first = next(h.time for h in found.happenings if h.kind == "contact")
-    end = next((h.time for h in found.happenings if h.kind == "release"), 0.5)
+    first = next(h.time for h in found.events if h.kind == "contact")
+    end = next((h.time for h in found.events if h.kind == "release"), 0.5)
     rest = found.motion(np.linspace(first + 1e-6, end - 1e-6, 50))
     assert np.ptp(rest.coordinate("C")[:, 0]) < 1e-9
     assert min(np.ptp(rest.coordinate(pair)[:, 0]) for pair in ("A", "E")) > 1e-4

@@ -87,7 +87,7 @@ def test_a_brake_stops_and_holds():
     load = Torque(name="load", link="wheel", moment=2.0)
     simulation = simulate(wheel(load, speed=10.0, friction=Friction(brake=5.0)), 6.0, tolerance=1e-11)
     stop = 10.0 * INERTIA / (5.0 - 2.0)
-    assert simulation.happenings[-1].kind == "stick" and simulation.happenings[-1].time == pytest.approx(stop, abs=1e-9)
+    assert simulation.events[-1].kind == "stick" and simulation.events[-1].time == pytest.approx(stop, abs=1e-9)
     t = np.linspace(0.0, 6.0, 62)
     assert simulation(t)[1][:, 0] == pytest.approx(np.maximum(10.0 - 6.0 * t, 0.0), abs=1e-9)
     forces = simulation.forces(simulation.motion(t))
@@ -108,7 +108,7 @@ def test_windows_end_where_a_table_bends():
     t = np.array([0.31, 0.32, 0.9, 3.0])
     area = np.cumsum([0.155, 0.0, -0.145, 0.5 * 2.1])
     assert simulation(t)[1][:, 0] == pytest.approx(3.0 / INERTIA * area, abs=1e-10)
-    starts = np.array([w.start for w in simulation.pieces[0].way.windows])
+    starts = np.array([w.start for w in simulation.segments[0].solution.windows])
     for bend in table.x[1:]:
         assert np.abs(starts - bend).min() < 1e-9
     assert np.abs(simulation.drift(TIMES)).max() < 1e-9
@@ -123,7 +123,7 @@ def test_a_table_of_lines_in_time_costs_a_window_a_row(rows):
     simulation = simulate(wheel(load), 2.5, tolerance=1e-10)
     area = np.concatenate([[0.1 * y[0]], 0.1 * y[0] + np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
     assert simulation(x)[1][:, 0] == pytest.approx(3.0 / INERTIA * area, abs=1e-11)
-    assert simulation.evaluations < 3 * rows + 60 and sum(len(p.way.windows) for p in simulation.pieces) < rows + 30
+    assert simulation.evaluations < 3 * rows + 60 and sum(len(p.solution.windows) for p in simulation.segments) < rows + 30
 
 
 SCENE = """

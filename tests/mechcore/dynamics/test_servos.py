@@ -181,7 +181,7 @@ def test_friction_holds_until_the_integral_has_grown():
     made = scene('target = "10 mm"', more=f", {friction}", effects=', "gravity", "friction"')
     run = simulate(made.mechanism, 2.0, tolerance=1e-10)
     limit = 0.2 * 2.0 * 9.81
-    (loose,) = (h.time for h in run.happenings[:2] if h.kind == "slip")
+    (loose,) = (h.time for h in run.events[:2] if h.kind == "slip")
     assert loose == pytest.approx((limit - KP * 0.01) / (KI * 0.01), abs=1e-9)
     assert run(np.array([0.99 * loose]))[0][0, 0] == 0.0
     assert np.abs(run.drift(np.linspace(0.0, 2.0, 41))).max() < 1e-8
@@ -198,8 +198,8 @@ def test_the_integral_goes_on_through_impacts_and_rest_on_a_stop():
     def system(target: float) -> np.ndarray:
         return np.array([[0, 1, 0, 0], [-KP / 2, -KD / 2, KI / 2, KP * target / 2], [-1, 0, 0, target], [0, 0, 0, 0]], float)
 
-    hits = [h.time for h in run.happenings if h.kind == "impact"]
-    rest = next(h.time for h in run.happenings if h.kind == "contact")
+    hits = [h.time for h in run.events if h.kind == "impact"]
+    rest = next(h.time for h in run.events if h.kind == "contact")
     for hit in hits:
         state = expm(system(0.04) * (hit - now)) @ state
         assert state[0] == pytest.approx(0.02, abs=1e-10)
@@ -207,7 +207,7 @@ def test_the_integral_goes_on_through_impacts_and_rest_on_a_stop():
         now = hit
     assert rest == hits[-1]
     wound = state[2] + 0.02 * (1.0 - rest)  # until the target turns back
-    release = next(h.time for h in run.happenings if h.kind == "release")
+    release = next(h.time for h in run.events if h.kind == "release")
     if KP * -0.04 + KI * wound > 0.0:
         assert release == pytest.approx(1.0 + (KI * wound - KP * 0.04) / (KI * 0.04), abs=1e-9)
     else:
@@ -250,7 +250,7 @@ def test_it_leads_through_dead_points_of_the_free_pair():
     t = np.linspace(0.0, 1.0, 51)
     one, two = (simulate(mechviz.loads(text).mechanism, 1.0, tolerance=1e-10) for text in (by_crank, by_slide))
     assert two.motion(t).coordinate("A")[:, 0] == pytest.approx(one.motion(t).coordinate("A")[:, 0], abs=1e-7)
-    assert len({id(p.compiled) for p in two.pieces}) > 1
+    assert len({id(p.compiled) for p in two.segments}) > 1
     assert one.motion(t).coordinate("A")[-1, 0] > 5.0
     for run in (one, two):
         assert np.abs(run.drift(t)).max() < 1e-7

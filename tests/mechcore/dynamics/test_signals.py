@@ -111,7 +111,7 @@ def test_the_integration_is_cut_at_the_breaks():
     """A window ends at each, and no short windows feel their way to it."""
     for text in ('step = { at = "1.3 s" }', 'ramp = { begin = "0.7 s", end = "1.9 s" }'):
         run = simulate(mechviz.loads(OSCILLATOR.replace("SIGNAL", text)).mechanism, 3.0, tolerance=1e-11)
-        windows = run.pieces[0].way.windows
+        windows = run.segments[0].solution.windows
         ends = np.array([w.start + w.length for w in windows])
         for b in FORCING.get(text, Ramp(begin=0.7, end=1.9) if "ramp" in text else Step(at=1.3)).breaks:
             near = np.abs(ends - b).min()
@@ -183,13 +183,13 @@ def test_the_integration_is_cut_where_a_prescribed_drive_changes_its_law():
     mechanism = mechviz.loads(TOWED).mechanism
     law = mechanism.drives[0].law
     run = simulate(mechanism, 3.0, tolerance=1e-10)
-    ends = np.array([w.start + w.length for w in run.pieces[0].way.windows])
-    borders = [0.0, *law.breaks, law.duration, law.duration + law.breaks[0]]
-    for b in borders[1:]:
+    ends = np.array([w.start + w.length for w in run.segments[0].solution.windows])
+    boundaries = [0.0, *law.breaks, law.duration, law.duration + law.breaks[0]]
+    for b in boundaries[1:]:
         assert np.abs(ends - b).min() <= 4.0 * np.spacing(b)
     assert np.diff(ends, prepend=0.0).min() > 0.01
     w, x, v = 20.0, 0.0, 0.0  # of the block, from where the rope is slack
-    for begin, end in pairwise([*borders, 3.0]):
+    for begin, end in pairwise([*boundaries, 3.0]):
         h, (p, u, a) = end - begin, (float(z) for z in law(0.5 * (begin + end)))
         p, u = p - 0.5 * h * u + 0.125 * h * h * a - 0.3, u - 0.5 * h * a  # of the tug where the zone begins, less the free length
         # x'' = w^2 (p + u t + a t^2 / 2 - x) has the particular solution p - a / w^2 + u t + a t^2 / 2

@@ -65,7 +65,7 @@ def test_stick_slip_on_a_belt(damping):
         sticks = not sticks
         events += [now] if now < end else []
     assert run.motion(t).point("mass", "P")[:, 0] == pytest.approx(expected, abs=1e-10)
-    told = [h.time for h in run.happenings if h.kind in ("stick", "slip") and h.time > 0.0]
+    told = [h.time for h in run.events if h.kind in ("stick", "slip") and h.time > 0.0]
     assert len(events) > 4 and told == pytest.approx(events, abs=1e-9)
     assert np.abs(run.drift(t)).max() < 1e-8
     loss = run.forces(run.view(t)).friction.losses("S")
@@ -112,7 +112,7 @@ def test_a_pin_slows_down_by_the_speed_of_its_surface():
 
         expected = solve_ivp(slower, (0.0, 2.0), [4.0 * np.pi / 3.0], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=t).y[0]
         assert run(t)[1][:, 0] == pytest.approx(expected, abs=1e-9)
-        assert run.happenings[-1].kind == "stick" and run(7.0)[1][0, 0] == 0.0
+        assert run.events[-1].kind == "stick" and run(7.0)[1][0, 0] == 0.0
 
 
 @pytest.mark.parametrize(

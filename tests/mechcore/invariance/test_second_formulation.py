@@ -99,7 +99,7 @@ def compare_free(case: Case, second: Second) -> tuple[dict[str, float], float]:
     found = positions(case, second, motion, there["q"], there["v"], there["a"])
     hits, expected = (
         until_they_crowd([(t, kind) for t, kind, *_ in events], duration)
-        for events in ([(h.time, h.kind) for h in run.happenings if h.kind in ("impact", "release")], there["events"])
+        for events in ([(h.time, h.kind) for h in run.events if h.kind in ("impact", "release")], there["events"])
     )
     if [kind for _, kind in hits] != [kind for _, kind in expected]:
         found["events"] = np.inf

@@ -130,7 +130,7 @@ def test_nodes_and_windows_of_the_integrator():
     plain = run_scene(scene, accuracy=Accuracy(method="gauss", integrator=1e-6)).simulation
     few = run_scene(scene, accuracy=Accuracy(method="gauss", integrator=1e-6, nodes=4)).simulation
     short = run_scene(scene, accuracy=Accuracy(method="gauss", integrator=1e-6, window=2e-4)).simulation
-    windows = [[w for p in s.pieces for w in p.way.windows] for s in (plain, few, short)]
+    windows = [[w for p in s.segments for w in p.solution.windows] for s in (plain, few, short)]
     assert {len(w.a) for w in windows[1]} == {4} and len(windows[1]) > len(windows[0])
     assert max(w.length for w in windows[2]) <= 2e-4 < max(w.length for w in windows[0])
     assert plain.method == "gauss" and plain.tolerance == 1e-6

@@ -195,11 +195,11 @@ def test_a_scene_without_cams_pays_nothing(monkeypatch):
     """Neither geometry nor events nor tables of cams are looked for."""
     import sys
 
-    from mechcore.forces import cam_events as happenings
+    from mechcore.forces import cam_events as events
 
     def refuse(*args):
         raise AssertionError("called")
 
-    monkeypatch.setattr(happenings, "placed_cams", refuse)
+    monkeypatch.setattr(events, "placed_cams", refuse)
     monkeypatch.setattr(sys.modules["mechcore.cams.placed"].PlacedCam, "at", refuse)
     assert not [t for t in tables(run_scene(mechviz.load("crank-rocker"))) if "cams" in t.path]

@@ -117,9 +117,9 @@ def test_stretches_make_the_whole_with_its_works_and_losses(text: str):
         assert so_far.motion.coordinate(pair) == pytest.approx(run.motion.coordinate(pair), rel=1e-9, abs=1e-12)
         assert so_far.forces.reaction(pair) == pytest.approx(run.forces.reaction(pair), rel=1e-7, abs=1e-9)
     # what happens at the very end begins no stretch
-    assert so_far.simulation.happenings == run.simulation.happenings[: len(so_far.simulation.happenings)]
-    assert len(so_far.simulation.happenings) >= len(run.simulation.happenings) - 2
-    assert len(so_far.simulation.pieces) <= len(run.simulation.pieces)
+    assert so_far.simulation.events == run.simulation.events[: len(so_far.simulation.events)]
+    assert len(so_far.simulation.events) >= len(run.simulation.events) - 2
+    assert len(so_far.simulation.segments) <= len(run.simulation.segments)
     assert sum(e for _, e in so_far.simulation.lost) == pytest.approx(sum(e for _, e in run.simulation.lost), abs=1e-12 * size)
 
 

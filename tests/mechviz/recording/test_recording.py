@@ -85,7 +85,7 @@ def smooth(m: Made, motion: Any) -> np.ndarray:
     ok = np.zeros(len(t), bool)
     ok[1:-1] = True
     if m.run.simulation is not None:
-        breaks = [h.time for h in m.run.simulation.happenings if h.kind != "watch"]
+        breaks = [h.time for h in m.run.simulation.events if h.kind != "watch"]
         for rows, part in motion.parts:  # forces whose laws bend: accelerations bend with them
             effects = effects_of(part.mechanism)
             breaks += [b for e in effects for b in (*e.breaks, *(x for law in e.laws for x in law.breaks))]

@@ -391,10 +391,10 @@ def test_servo_arm_reaches_its_targets():
 def test_stribeck_block_sticks_and_slips():
     """Caught, it rides with the belt until the spring pulls by the greatest friction, 0.3 of its weight."""
     run = ran("stribeck-block")
-    kinds = [h.kind for h in run.simulation.happenings]
+    kinds = [h.kind for h in run.simulation.events]
     assert kinds[:4] == ["slip", "stick", "slip", "stick"]
     place = run.motion.point("block", "G")[:, 0]
-    slips = [h.time for h in run.simulation.happenings if h.kind == "slip"]
+    slips = [h.time for h in run.simulation.events if h.kind == "slip"]
     at = np.interp(slips, run.motion.time, place)
     assert at == pytest.approx(0.3 * 2.0 * 9.81 / 400.0, rel=2e-3)
     slides = run.motion.coordinate("G")[:, 1]

@@ -77,7 +77,7 @@ class GivenFriction(FrictionResult):
 
 
 def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Sequence[Wrench] = ()) -> Forces:
-    """Reactions of a piece of motion, with the friction that the piece has, sticking included; ``held``: what end stops hold."""
+    """Reactions of a segment of motion with its friction, sticking included; ``held``: what end stops hold."""
     found = system.solve(q, v, motion.time)
     applied = (*wrenches(motion), *held)
     force, moment = sum_up(list(applied), len(motion.model.links))

@@ -51,7 +51,7 @@ class FrictionState:
         return phases.system()
 
     def event_functions(self) -> tuple[list[Any], list[Any]]:
-        """What ends the present phase: as `Phases.gauges` and `Phases.led_gauges` say it."""
+        """What ends the present phase: as `Phases.gauges` and `Phases.prescribed_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.event_functions(), self._phases.independent_event_functions())
 
     def settle(self, t: float, q: Array, v: Array, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Array:
@@ -81,5 +81,5 @@ class FrictionState:
         kind = "stick" if word == "stick" else "slip"
         text = f"{pair} sticks" if kind == "stick" else f"{pair} slides in the {word[-1]} direction"
         found = SimulationEvent(t, kind, pair, text)
-        if found not in self._log.happenings[-4:]:  # a pair may have friction of several kinds
+        if found not in self._log.events[-4:]:  # a pair may have friction of several kinds
             self._log.tell(found)

@@ -22,9 +22,9 @@ def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: 
     accelerations."""
     row = np.array([t])
     a = np.asarray(system(q[None], v[None], row))
-    lead = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
-    if pair in lead:
-        i = lead.index(pair)
+    free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+    if pair in free:
+        i = free.index(pair)
         return float(v[i]), float(a[0, i])
     _, rate, second = motion_at(compiled, q[None], v[None], row, a).coordinate(pair)[0]
     return float(rate), float(second)

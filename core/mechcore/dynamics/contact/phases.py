@@ -19,7 +19,7 @@ from mechcore.motion.motion import Motion
 Array = NDArray[np.float64]
 Key = tuple[str, str, str]
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
-LED = 1e-12  # part of what a force on an element would move, if it did, that is rounding
+NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
 BEGUN = 1e-12  # rate of what just begins to move
 REST = 1e-9  # relative speeds below this part of the largest (or of 1) are rest
 
@@ -37,7 +37,7 @@ class Phases:
         self.keys = keys_of(elements)
         self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
         self.rests: tuple[str, ...] = ()
-        self.led = np.zeros(len(elements), bool)
+        self.prescribed = np.zeros(len(elements), bool)
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
 
     def system(self) -> DrySystem:
@@ -58,12 +58,12 @@ class Phases:
         elements = elements_of(motion)
         rate = np.array([e.rate[0] for e in elements])
         alone = self.alone and not rests
-        self.led = np.zeros(len(before), bool) if alone else self._led(motion, units, elements)
+        self.prescribed = np.zeros(len(before), bool) if alone else self._prescribed(motion, units, elements)
         still = np.abs(rate) <= REST * max(1.0, float(np.abs(rate).max()), float(np.abs(v).max()))
         self.signs = np.where(still, 0.0, np.sign(rate))
-        if self.led.any():
-            self.signs[self.led] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.led]
-            still &= ~self.led
+        if self.prescribed.any():
+            self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.prescribed]
+            still &= ~self.prescribed
         if alone and still.all() and abs(float(v[0])) <= REST * max(1.0, float(np.abs(rate).max())):
             self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
         elif alone and still.any():  # the mechanism moves: a pair that turns back there does not stick
@@ -93,7 +93,7 @@ class Phases:
 
     def at_rest(self, t: float, q: Array, v: Array) -> Array:
         """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
-        stuck = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck):
             return v
         if self.alone:
@@ -105,12 +105,12 @@ class Phases:
         answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
         return shifted(v, -answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
 
-    def _led(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
+    def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)
         inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
         freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
-        return np.asarray(~(really > LED * freely))
+        return np.asarray(~(really > NO_EFFECT * freely))
 
     def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
@@ -131,9 +131,9 @@ class Phases:
         system = self.system()
         out: list[tuple[Any, bool, tuple[int, float] | None]] = []
         for i, s in enumerate(self.signs):
-            if s != 0.0 and not self.led[i]:
+            if s != 0.0 and not self.prescribed[i]:
                 out.append((lambda q, v, t, i=i: self._rate(i, q, v, t), bool(s < 0), None))
-        stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.led)
+        stuck_ones = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck_ones):
             return out
         if not np.any(self.signs) and self.alone and not self.rests:
@@ -150,10 +150,10 @@ class Phases:
         return out
 
     def independent_event_functions(self) -> list[Any]:
-        """Gauges that are 1 where an element that is led does not slide as it does now, else 0."""
+        """Gauges that are 1 where an element that is prescribed does not slide as it does now, else 0."""
         return [
             lambda q, v, t, i=int(i), s=self.signs[i]: np.asarray(self._senses(q, v, t)[:, i] != s, float)
-            for i in np.flatnonzero(self.led)
+            for i in np.flatnonzero(self.prescribed)
         ]
 
     def _senses(self, q: Array, v: Array, t: Array) -> Array:

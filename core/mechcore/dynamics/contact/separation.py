@@ -293,18 +293,18 @@ def driven_windows(
     t1: float,
     length: Callable[[float], float],
     after: Callable[[Window], float | None],
-    bends: Callable[[Window, float], float | None] | None,
+    breakpoints: Callable[[Window, float], float | None] | None,
 ) -> Solution:
-    """Windows in which nothing is free: only events are looked for, and borders where laws bend."""
+    """Windows in which nothing is free: only events are looked for, and boundaries where laws bend."""
     solution = Solution()
     none = np.zeros(0)
     t = t0
     tiny = 1e-12 * max(abs(t0), abs(t1))
     while t < t1 - tiny:
         window = Window(t, min(length(t), t1 - t), none, none, np.zeros((2, 0)))
-        bend = bends(window, t + tiny) if bends is not None else None
-        if bend is not None and t + 10.0 * tiny < bend < t + window.length:
-            window = Window(t, bend - t, none, none, np.zeros((2, 0)))
+        break_time = breakpoints(window, t + tiny) if breakpoints is not None else None
+        if break_time is not None and t + 10.0 * tiny < break_time < t + window.length:
+            window = Window(t, break_time - t, none, none, np.zeros((2, 0)))
         solution.windows.append(window)
         if after(window) is not None:
             break

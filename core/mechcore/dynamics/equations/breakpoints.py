@@ -19,7 +19,7 @@ _FINE = np.linspace(0.0, 1.0, 97)
 ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
 
 
-class Bends:
+class Breakpoints:
     """Where the law of some force or cam changes its form. Switching points in time that loads and the laws of drives state are
     taken as they are; all else is looked for along a window."""
 
@@ -31,7 +31,7 @@ class Bends:
         self.breaks = np.unique([t for e in effects_of(compiled.mechanism) for t in e.breaks])
         self.effects = [e for e in effects_of(compiled.mechanism) if e.piecewise]
         self.cams = [r.geometry for r in compiled.model.relations if r.kind == "cam"]
-        self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end pieces
+        self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
         self.searched = bool(self.effects or self.cams or self.driven)
 
     def stated(self, after: float) -> float:
@@ -70,9 +70,9 @@ class Bends:
         return float(t[min(int(changed[0]) + 1, len(t) - 1)])
 
 
-def bend_finder(compiled: Compiled) -> Bends | None:
-    """What finds the bends of a mechanism's laws; None where nothing in it has several forms."""
-    found = Bends(compiled)
+def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
+    """What finds the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
+    found = Breakpoints(compiled)
     return found if found.searched or len(found.breaks) or found.laws else None
 
 

@@ -24,11 +24,11 @@ STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
     """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
     are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
-    lead = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
+    free = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
     rows, second = np.zeros((motion.frames, len(pairs), len(units))), np.zeros((motion.frames, len(pairs)))
     for k, pair in enumerate(pairs):
-        if pair in lead:
-            rows[:, k, lead.index(pair)] = 1.0
+        if pair in free:
+            rows[:, k, free.index(pair)] = 1.0
         else:
             second[:, k] = motion.coordinate(pair)[:, 2]
             for i, unit in enumerate(units):
@@ -45,8 +45,8 @@ class Chart:
 
     def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
         self.compiled, self.rests = compiled, tuple(rests)
-        lead = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
-        self.held = [lead.index(pair) for pair in self.rests if pair in lead]
+        free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
+        self.held = [free.index(pair) for pair in self.rests if pair in free]
 
     def __call__(self, q: Array, v: Array, t: Array) -> Array:
         return self._solve(q, v, t)[0]

@@ -140,12 +140,12 @@ ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
 
 
 @dataclass(frozen=True, eq=False)
-class Lead:
-    """A chart of the curve: who leads, the table, and the range in which it leads well (None: everywhere)."""
+class CurveChart:
+    """A chart of the curve: the mechanism driven by its coordinate, the table, the range in which it is good (None: everywhere)."""
 
     compiled: Compiled
     curve: Curve | Chart
-    well: tuple[float, float] | None
+    valid_range: tuple[float, float] | None
 
 
 def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve | Chart, tuple[float, float] | None]:
@@ -157,7 +157,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     model = compiled.model
     rotary = _rotary(compiled)
     if rotary:
-        turn = whole_turn(compiled, q, tolerance=tolerance, leads=lambda unit: bool(np.all(_led(unit) >= POOR)))
+        turn = whole_turn(compiled, q, tolerance=tolerance, usable=lambda unit: bool(np.all(_own_share(unit) >= POOR)))
         if turn is not None:
             return turn, None
     reach = TURN if rotary else 4.0 * model.size
@@ -192,11 +192,11 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
 
 def _share(compiled: Compiled, q: Array) -> Array:
     """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
-    led = _led(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
-    return np.where(reached(compiled, q), led, 0.0)
+    share = _own_share(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
+    return np.where(reached(compiled, q), share, 0.0)
 
 
-def _led(motion: Motion) -> Array:
+def _own_share(motion: Motion) -> Array:
     rates = _rates(motion)
     own = rates[motion.mechanism.drives[0].pair]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -224,7 +224,9 @@ def _rates(motion: Motion) -> dict[str, Array]:
     return {name: np.abs(rate) if np.ndim(rate) else np.full(motion.shape, abs(rate)) for name, rate in out.items()}
 
 
-def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], tolerance: float) -> tuple[Lead, float, float]:
+def best_chart(
+    compiled: Compiled, q: float, v: float, known: Sequence[CurveChart], tolerance: float
+) -> tuple[CurveChart, float, float]:
     """The same mechanism, in the same place, led by the pair that moves most; its coordinate and rate there.
 
     A chart that is ``known`` is taken again where it goes through this place on the same branch.
@@ -238,15 +240,15 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
     counted = any(e.counts_turns for e in effects_of(compiled.mechanism))
-    for lead in known:
-        place = _place_on(lead, coordinate, rate) if lead.compiled.mechanism.drives[0].pair == pair else None
-        if place is not None and _is_at(lead.compiled, place, poses):
-            again = carried_on(lead.compiled, np.array([place]), 0.0, motion)
-            before, after = (motion_at(c, *_at_rest(place)).angles.spins for c in (lead.compiled, again))
+    for chart in known:
+        place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].pair == pair else None
+        if place is not None and _is_at(chart.compiled, place, poses):
+            again = carried_on(chart.compiled, np.array([place]), 0.0, motion)
+            before, after = (motion_at(c, *_at_rest(place)).angles.spins for c in (chart.compiled, again))
             if np.abs(after - before).max() < 1.0:
-                return lead, place, rate if v else 0.0
-            if isinstance(lead.curve, Curve) and not counted:
-                return Lead(again, replace(lead.curve, compiled=again), lead.well), place, rate if v else 0.0
+                return chart, place, rate if v else 0.0
+            if isinstance(chart.curve, Curve) and not counted:
+                return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
     mechanism = replace(
         named(compiled.mechanism), drives=(Drive(pair=pair, law=Free(coordinate, rate if v else 0.0)),), modes={}, sketch=poses
     )
@@ -255,16 +257,16 @@ def best_chart(compiled: Compiled, q: float, v: float, known: Sequence[Lead], to
         raise MechanismError(
             Fault("dynamics", f"two branches meet where {pair} takes over from {compiled.mechanism.drives[0].pair}.", "")
         )
-    return Lead(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
+    return CurveChart(found, *curve_around(found, coordinate, tolerance)), coordinate, rate if v else 0.0
 
 
-def _place_on(lead: Lead, coordinate: float, rate: float) -> float | None:
+def _place_on(chart: CurveChart, coordinate: float, rate: float) -> float | None:
     """The coordinate on a chart's table, whole turns apart; None where it does not lead well there and farther on in its sense."""
-    if lead.well is None:
+    if chart.valid_range is None:
         return coordinate
-    low, high = lead.well
+    low, high = chart.valid_range
     ahead = coordinate + float(np.copysign(ROOM * (high - low), rate))
-    turns = TURN * float(np.floor((ahead - low) / TURN)) if _rotary(lead.compiled) else 0.0
+    turns = TURN * float(np.floor((ahead - low) / TURN)) if _rotary(chart.compiled) else 0.0
     return coordinate - turns if low <= min(coordinate, ahead) - turns and max(coordinate, ahead) - turns <= high else None
 
 

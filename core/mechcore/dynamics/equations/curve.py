@@ -150,17 +150,17 @@ def _fitted(
 ) -> Panels:
     """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
     equal = np.linspace(low, high, EQUAL + 1)
-    borders = equal if compiled.changes is not None and compiled.changes.found else beside_singular(compiled, equal)
-    if np.diff(borders).min() > SHORT * (high - low) / EQUAL:
+    boundaries = equal if compiled.changes is not None and compiled.changes.found else beside_singular(compiled, equal)
+    if np.diff(boundaries).min() > SHORT * (high - low) / EQUAL:
         return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known)
-    return fit_where_needed(values, borders, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
+    return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=ROUGH)[0].joined()
 
 
 def whole_turn(
-    compiled: Compiled, q: float, *, tolerance: float = 1e-13, leads: Callable[[Motion], bool] = lambda _: True
+    compiled: Compiled, q: float, *, tolerance: float = 1e-13, usable: Callable[[Motion], bool] = lambda _: True
 ) -> Curve | None:
     """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
-    the coordinate does not lead over the whole turn, as ``leads`` says of the motion at a unit rate.
+    the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate.
 
     All that this takes is read off one set of positions: the nodes of the table and some of them a turn later.
     """
@@ -172,7 +172,7 @@ def whole_turn(
     again = np.arange(5, len(x), 13)
     unit = _unit(compiled, np.concatenate([x, x[again] + TURN]))
     once, twice = again, len(x) + np.arange(len(again))
-    if not leads(unit) or not _comes_back(unit, once, twice):
+    if not usable(unit) or not _comes_back(unit, once, twice):
         return None
     fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
@@ -180,7 +180,7 @@ def whole_turn(
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     force = sum((forces[e] for e in repeating), np.zeros(unit.frames))
     known = np.column_stack([inertia_of(unit), force])[: len(x)]
-    values = _values(compiled, repeating, leads)
+    values = _values(compiled, repeating, usable)
     table = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known)
     return _curve(compiled, table, rest) if np.isfinite(table.coefficients).all() else None
 
@@ -215,14 +215,14 @@ def _force(effect: Effect, unit: Motion) -> Any:
 
 
 def _values(
-    compiled: Compiled, effects: Sequence[Effect], leads: Callable[[Motion], bool] = lambda _: True
+    compiled: Compiled, effects: Sequence[Effect], usable: Callable[[Motion], bool] = lambda _: True
 ) -> Callable[[Array], Array]:
     """Position (n,) -> J and Q (n, 2); NaN where the coordinate does not lead."""
 
     def values(q: Array) -> Array:
         unit = _unit(compiled, q)
         force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
-        return np.column_stack([inertia_of(unit), force]) * (1.0 if leads(unit) else np.nan)
+        return np.column_stack([inertia_of(unit), force]) * (1.0 if usable(unit) else np.nan)
 
     return values
 

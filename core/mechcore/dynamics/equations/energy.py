@@ -51,19 +51,19 @@ class Leg:
         rate, clock = np.moveaxis(self.clock.coefficients[::-1] * _ALTERNATING, 2, 0)
         clock = -clock
         clock[:, 0] += self.duration
-        assert self.clock.borders is not None
-        panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.borders[::-1])
+        assert self.clock.boundaries is not None
+        panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.boundaries[::-1])
         return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
 
     def __call__(self, t: Array) -> tuple[Array, Array]:
         """Position and speed (n,) at times (n,) within the leg."""
         edges, count = self.edges, self.clock.count
-        assert self.clock.borders is not None
-        borders = self.clock.borders
+        assert self.clock.boundaries is not None
+        boundaries = self.clock.boundaries
         local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
         cell = np.minimum(np.searchsorted(edges[:-1], local, side="right") - 1, count - 1)
         cell = np.maximum(cell, 0)
-        low, high = borders[cell], borders[cell + 1]
+        low, high = boundaries[cell], boundaries[cell + 1]
         u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) * (high - low)
         for _ in range(40):
             rate, clock = self.clock(u).T
@@ -135,7 +135,7 @@ class EnergyMotion:
             return None
         return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before the start
 
-    def borders(self, end: float) -> Array:
+    def boundaries(self, end: float) -> Array:
         """Times until ``end`` [s] between which the motion is one smooth function."""
         found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
         if self.period is not None and end > self.last:
@@ -153,7 +153,7 @@ def by_energy(curve: Curve, q0: float, v0: float, duration: float, *, tolerance:
     """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
     unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
     the table's panels are not equal."""
-    if curve.table.borders is not None:
+    if curve.table.boundaries is not None:
         return None
     work = _Work(curve)
     inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])

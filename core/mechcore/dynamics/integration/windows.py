@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
 MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits
-CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut by bends, are no progress
+CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
 
 
-class Bending(Protocol):
+class BreakpointFinder(Protocol):
     """Where the equations change their form: the first time [s] in a window that is later than another one, or None; and the
     first one, later than another, that is known without a window."""
 
@@ -52,7 +52,7 @@ class Solution:
         return last.start + last.length
 
     def __call__(self, t: Any) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration (n, f) at times (n,); a time on the border belongs to the earlier window."""
+        """Position, speed and acceleration (n, f) at times (n,); a time on the boundary belongs to the earlier window."""
         t = np.atleast_1d(np.asarray(t, float))
         x, length, q, v, a = self._within(t)
         first, second, values = integrals_and_values(a.shape[1], x)
@@ -106,15 +106,15 @@ def integrate(
     nodes: int | None = None,
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
-    bends: Bending | None = None,
+    breakpoints: BreakpointFinder | None = None,
     keeps: Callable[[Array, Array], Array] | None = None,
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``after`` is called
-    with every accepted window; a time that it returns ends the integration there. ``bends`` finds the first time in a window, later
-    than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at the end of a
-    window -> the speed that a first integral gives there. ``nodes``: of a window, ``most``: longest window [s]. Raises
+    with every accepted window; a time that it returns ends the integration there. ``breakpoints`` finds the first time in a
+    window, later than a given one, at which the equations change their form: windows end there. ``keeps``: position and speed at
+    the end of a window -> the speed that a first integral gives there. ``nodes``: of a window, ``most``: longest window [s]. Raises
     `MechanismError` where no window however short succeeds.
     """
     s = nodes or nodes_for(tolerance)
@@ -128,14 +128,14 @@ def integrate(
     t = t0
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
     longest = 0.0  # window so far
-    chatter = 0  # windows in a row that a bend has cut to almost nothing
-    starts = bends is not None  # at a bend, or where one may be
-    cuts, uncut = 0, 0.0  # of the present window at bends, and how long it would have been
+    chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
+    starts = breakpoints is not None  # at a breakpoint, or where one may be
+    cuts, uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
     while t < t1 - least:
         h = min(h, t1 - t) if most is None else min(h, most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
-        stated = bends.stated(t + 10.0 * least) if bends is not None and not cuts else np.inf
+        stated = breakpoints.stated(t + 10.0 * least) if breakpoints is not None and not cuts else np.inf
         if t + 20.0 * least < stated < t + h * (1.0 - 1e-10):
             cuts, uncut, h = 1, h, stated - t
         solved = solve_window(rule, system, t, h, q, v, guess, max(1e-3 * tolerance, ROUNDED) * float(np.min(scale)))
@@ -143,9 +143,9 @@ def integrate(
             nodes_a, count = solved
             solution.evaluations += count
             window = Window(t, h, q, v, rule.legendre @ nodes_a, cuts > 0)
-            bend = bends(window, t + 10.0 * least) if bends is not None and cuts < 5 else None
-            if bend is not None and t + 20.0 * least < bend < t + h * (1.0 - 1e-10):
-                cuts, uncut, h = cuts + 1, max(uncut, h), bend - t
+            break_time = breakpoints(window, t + 10.0 * least) if breakpoints is not None and cuts < 5 else None
+            if break_time is not None and t + 20.0 * least < break_time < t + h * (1.0 - 1e-10):
+                cuts, uncut, h = cuts + 1, max(uncut, h), break_time - t
                 guess = window(t + h * rule.nodes)[2]
                 continue
             left, rough, power = tails(window.a, np.array(h), np.array(max(longest, h)))
@@ -171,11 +171,11 @@ def integrate(
                     )
                 )
             guess = np.repeat(guess[:1], s, axis=0)
-            cuts = 0  # what is left of it does not reach the bend
+            cuts = 0  # what is left of it does not reach the breakpoint
             continue
         solution.windows.append(window)
         longest = max(longest, h)
-        chatter = chatter + 1 if bends is not None and h < CHATTER * longest else 0
+        chatter = chatter + 1 if breakpoints is not None and h < CHATTER * longest else 0
         if chatter > MOST_CUT:
             raise MechanismError(
                 Fault(
@@ -225,12 +225,12 @@ def tails(a: Array, length: Array, longest: Array) -> tuple[Array, Array, Array]
 
 
 def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:
-    speed, bend = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
+    speed, change = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
     h = span
     if speed:
         h = min(h, 0.2 / speed)
-    if bend:
-        h = min(h, np.sqrt(0.2 / bend))
+    if change:
+        h = min(h, np.sqrt(0.2 / change))
     return h
 
 

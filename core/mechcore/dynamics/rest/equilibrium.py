@@ -156,8 +156,8 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
                 raise _lost(compiled, q)
-            lead, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another pair leads past a dead point
-            compiled, q, changed = lead.compiled, np.array([place]), changed + 1
+            chart, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another pair leads past a dead point
+            compiled, q, changed = chart.compiled, np.array([place]), changed + 1
             continue
         largest = float((size * scale).max()) or 1.0
         left = float(np.abs(force * scale).max()) / largest

@@ -38,7 +38,7 @@ MOST = 4096
 RULE = gauss(NODES)
 WEIGHTS = RULE.legendre[0]
 STEP = 1e-6
-SAMPLES = 192  # places a turn at which bends of forces are looked for
+SAMPLES = 192  # places a turn at which breakpoints of forces are looked for
 SPEEDS = np.geomspace(1e-2, 1e4, 49)  # [rad/s] at which a mean balance is looked for
 
 
