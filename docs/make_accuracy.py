@@ -234,7 +234,7 @@ def hard_pictures() -> None:
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 1.6, stops=[stop], tolerance=1e-9)
     t = np.linspace(0.0, 1.6, 1201)
     angle = np.degrees(simulation(t)[0][:, 0] + np.pi / 2)
-    hits = len([h for h in simulation.happenings if h.kind == "impact"])
+    hits = len([h for h in simulation.events if h.kind == "impact"])
     plot(
         IMAGES / "hard-dynamics.svg",
         f"{hits} impacts, then contact",

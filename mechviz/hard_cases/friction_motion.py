@@ -93,7 +93,7 @@ def _painleve() -> Outcome:
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
     )
-    return refused(lambda: simulate(m, 1.0), r"pairs\.S\.friction")
+    return refused(lambda: simulate(m, 1.0), r"joints\.S\.friction")
 
 
 def _brake() -> Outcome:

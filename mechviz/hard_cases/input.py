@@ -87,7 +87,7 @@ def _units() -> Outcome:
     mixed = _changed(
         links__crank__points={"A": [0, 0], "B": ["0.06 m", "0 km"]},
         links__frame__points={"A": ["0 um", 0], "D": ["20 cm", 0]},
-        pairs__A__drive={"speed": "360 deg/s"},
+        joints__A__drive={"speed": "360 deg/s"},
     )
     checks = []
     for other in (inches, mixed):
@@ -100,9 +100,9 @@ def seven_slips() -> dict[str, Any]:
     return _changed(
         links__rocker__mas=1,
         links__crank__points={"A": [0, 0], "B": ["60 kg", 0]},
-        pairs__A__drive={"speed": "60 Hz"},
-        pairs__C={"revolute": ["coupler", "roker"], "side": "lefft"},
-        pairs__D={"revolut": ["rocker", "frame"]},
+        joints__A__drive={"speed": "60 Hz"},
+        joints__C={"revolute": ["coupler", "roker"], "side": "lefft"},
+        joints__D={"revolut": ["rocker", "frame"]},
         trace=["X"],
     )
 
@@ -183,7 +183,7 @@ def _tiny_and_huge() -> Outcome:
 
 def _too_short() -> Outcome:
     data = _changed(links__frame__points={"A": [0, 0], "D": [500, 0]}, links__coupler__points={"B": [0, 0], "C": [10, 0]})
-    return refused(lambda: _solved(Scene.build(**data)), r"pairs\.C", r"280(\.0*)? mm")
+    return refused(lambda: _solved(Scene.build(**data)), r"joints\.C", r"280(\.0*)? mm")
 
 
 CASES = (
@@ -219,7 +219,7 @@ CASES = (
         "input",
         "a freedom without a drive",
         "refused, says where to add one",
-        lambda: refused(lambda: _solved(Scene.build(**_changed(pairs__A__drive=None))), "no drive takes.*at A, B, C, D. Add"),
+        lambda: refused(lambda: _solved(Scene.build(**_changed(joints__A__drive=None))), "no drive takes.*at A, B, C, D. Add"),
     ),
     Case(
         "links that cannot meet",
