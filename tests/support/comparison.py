@@ -105,7 +105,8 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
         if name.startswith("stop "):
             key = name
         now = other.forces.loads[key]
-        sign = 1.0 if now.links[0] == change.names[was.links[0]] else -1.0
+        joint, dot, part = was.links[0].partition(".")  # of a cylinder: barrel or rod
+        sign = 1.0 if now.links[0] == change.names[joint] + dot + part else -1.0
         note(f"load {name} {was.kind}", plane(now.values), sign * F * change.vector(plane(was.values)), F * 1e-6 * strongest)
         note(f"moment {name} {was.kind}", now.values[:, 2], sign * s * F * L * was.values[:, 2], F * L * arm * 1e-6 * strongest)
     work = F * L

@@ -159,8 +159,9 @@ class Change:
             loads=tuple(loads),
             drives=tuple(drives),
             gravity=(g.real, g.imag),
-            sketch={self.names[k]: v for k, v in sketch.items() if k != FRAME} if m.sketch else {},
-            modes={self.names[p]: self.mode(p, x) for p, x in m.modes.items()},
+            sketch={self.names[k]: v for k, v in sketch.items() if k != FRAME} if m.sketch or self.back is not None else {},
+            # a motion may have passed dead points: where it ends, the poses say how it is put together
+            modes={self.names[p]: self.mode(p, x) for p, x in m.modes.items()} if self.back is None else {},
         )
         time = self.time * (c.time if self.back is None else c.time[-1] - c.time[::-1])
         stops, watches = tuple(map(self.stop, c.stops)), tuple(map(self.watch, c.watches))

@@ -16,6 +16,7 @@ from random_mechanisms import KINDS, TURN, Case, draw
 
 from mechcore import spec as sp
 from mechcore.errors import MechanismError
+from mechcore.laws.timed import Table
 
 SAME = 1e-9  # of the largest value of each quantity, at mechanisms whose equations are well conditioned
 WELL = 100.0  # condition number up to which that holds; beyond it the bound grows with its square
@@ -44,11 +45,22 @@ def changed(case: Case, how: str, base: Result) -> tuple[Change, Result]:
     drop = list(rated)
     start = Result(timeless(case, drop)) if "friction" in m.effects or rated or case.stops else base
     for x in start.case.mechanism.loads:  # a spring that is wound by more than half a turn would start elsewhere
-        if isinstance(x, sp.TorsionSpring) and np.abs(start.forces.loads[x.name].values[-1, 2]) > 3.0 * x.stiffness:
+        wound = isinstance(x, sp.TorsionSpring) and np.abs(start.forces.loads[x.name].values[-1, 2]) > 3.0 * x.stiffness
+        if wound or read_elsewhere(start, x):
             drop.append(x)
     if any(x not in rated for x in drop):
         start = Result(timeless(case, drop))
     return Change(start.case, back=start.motion), start
+
+
+def read_elsewhere(result: Result, load: Any) -> bool:
+    """Whether a table over an angle would be read on another turn if the motion began where it ends."""
+    factor = getattr(load, "factor", None)
+    if factor is None or factor.of != "position" or not isinstance(factor.function, Table):
+        return False
+    turns = float(result.motion.coordinate(factor.pair)[-1, 0]) + TURN * np.arange(-3, 4)
+    away = np.maximum(np.maximum(factor.function.x[0] - turns, turns - factor.function.x[-1]), 0.0)
+    return bool(away[3] > away.min() + 1e-9)
 
 
 def timeless(case: Case, drop: list[Any]) -> Case:
