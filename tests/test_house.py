@@ -15,7 +15,7 @@ PACKAGES = {"mechcore": ROOT / "core" / "mechcore", "mechviz": ROOT / "mechviz"}
 # from the bottom up: a part imports from itself and from what stands before it; those in one tuple do not know each other
 LAYERS = {
     "mechcore": (
-        ("texts",), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",), ("topology",),
+        ("arrays", "texts"), ("errors",), ("accuracy", "numerics"), ("laws",), ("spec",), ("cams",), ("joints",), ("topology",),
         ("kinematics",), ("branches",), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"), ("constructions",),
     ),
     "mechviz": (

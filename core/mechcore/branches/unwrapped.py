@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.blocks import State, wrapped_angle
@@ -22,7 +23,6 @@ from mechcore.numerics.frames import lazy
 from mechcore.spec.mechanism import Mechanism
 
 Array = Any
-Real = NDArray[np.float64]
 Starts = Mapping[str, Real]
 
 STEP = {"angle": 0.2, "slide": 0.1}  # of a drive, between two places on a path: [rad], or part of the mechanism's size
@@ -62,7 +62,7 @@ class Way:
         points.extend(waypoints)
         times.extend(w.time for w in waypoints)
 
-    def before(self, time: Real) -> tuple[list[Waypoint], NDArray[np.intp]]:
+    def before(self, time: Real) -> tuple[list[Waypoint], Index]:
         """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
         times, points = self._points
         first = max(bisect_left(times, float(time.min())) - 1, 0)
@@ -212,7 +212,7 @@ def _followed(raw: Real) -> Real:
 
 
 def _follow(
-    place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: NDArray[np.bool_] | None = None
+    place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: Flags | None = None
 ) -> tuple[Real, Real, Real, Any]:
     """Points (m, c) on the path through ``x`` (n, c), angles (s, ..., m) up to whole turns there, the same unwrapped along the path
     from its first point, and which of the points are those of ``x`` (n,).
@@ -343,7 +343,7 @@ class UnwrappedAngles:
 
         return self._of(frames, near)
 
-    def _followed(self, x: Real, raw: Real, fresh: NDArray[np.bool_] | None, place: Place) -> Real:
+    def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: Place) -> Real:
         """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""
         *_, found, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
         return np.asarray(found[:, own])

@@ -14,15 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechcore.arrays import Complex, Flags, Real
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Arc, Flat, Follower, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics import jets
 from mechcore.texts import as_angle
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-
 
 THIN = 3.0  # distances of two samples below which the radius of a roller is small
 AROUND = 12  # samples on either side of one about which the contact is known to lie
@@ -84,7 +81,7 @@ class Task:
             q = np.where(self.on_arc(z, q), q, -np.inf)
             return np.where(np.isnan(q), -np.inf, q)
 
-    def on_arc(self, z: Complex, q: Real) -> NDArray[np.bool_] | bool:
+    def on_arc(self, z: Complex, q: Real) -> Flags | bool:
         """Whether ground points that a mushroom of coordinate ``q`` touches lie on its arc."""
         guide, face = self.follower.guide, self.follower.face
         if not isinstance(face, Arc) or face.half_angle >= np.pi:
@@ -340,14 +337,14 @@ class Contact:
     angle: Real
     motion: Real
     parameter: Real
-    corner: NDArray[np.bool_]
+    corner: Flags
     point: Complex
     normal: Complex
     radius: Real
     bridges: tuple[Bridge, ...]
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
+    def lost(self) -> Flags:
         """Angles at which the follower touches nothing."""
         return np.isnan(self.motion[0])
 

@@ -17,15 +17,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechcore.arrays import Complex, Flags, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.numerics import jets
 from mechcore.texts import as_angle, as_length
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class Smooth(Protocol):
@@ -286,7 +284,7 @@ class Contour:
         return pieces, us, self.on(pieces, us, 0)[0]
 
     @cached_property
-    def sharp_joints(self) -> NDArray[np.bool_]:
+    def sharp_joints(self) -> Flags:
         """Whether joint k, where piece k begins, is a corner (count + 1); the ends of an open contour are."""
         out = np.zeros(self.count + 1, bool)
         for k, _ in self.corners():

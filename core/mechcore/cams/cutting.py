@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import CamPiece, Contour, cam_contour, joined
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam
 from mechcore.errors import Fault, MechanismError
 from mechcore.texts import as_angle
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +83,7 @@ def cut_profile(cam: Cam, count: int = 2880) -> CutProfile:
     return CutProfile(contour, tuple(lost), tuple(corners), float(error[worst]), float(probe[worst]))
 
 
-def _outside(points: NDArray, cam: Cam, theta: Real) -> NDArray[np.bool_]:
+def _outside(points: NDArray, cam: Cam, theta: Real) -> Flags:
     """Which points of the working curve no position of the follower covers."""
     from scipy.spatial import cKDTree
 

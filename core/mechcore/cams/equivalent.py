@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Complex, Real
 from mechcore.cams.followers import Flat, Oscillating
 from mechcore.cams.synthesis import Synthesis
 from mechcore.laws.curve import MotionCurve
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics import jets
 from mechcore.texts import as_length
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,14 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.cams.analysis import Bridge, Contact, analyse
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.texts import as_angle
-
-Real = NDArray[np.float64]
 
 STEP = np.radians(6.0)  # between the knots, at the most
 GRID = 1440  # angles at which leaps of the contact are looked for

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.cams.followers import Arc, Face, Flat, Follower, Knife, Roller, Translating
 from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.texts import as_angle, as_length
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.cams.analysis import Bridge
 from mechcore.cams.closures import breadth
 from mechcore.cams.contour import Contour, cam_contour
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 
 Array = Any
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it

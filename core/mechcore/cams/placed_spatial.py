@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.cams.closures import InverseCam
 from mechcore.cams.followers import Roller
 from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, rows_by_parts, segment_of
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 Array = Any
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,8 +99,6 @@ class PlacedRoller:
         k = motion.model.index[self.carrier]
         return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
 
-
-Complex = NDArray[np.complex128]
 
 STEEPEST = np.radians(89.0)
 

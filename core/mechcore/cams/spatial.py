@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.cams.limits import Reached
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.texts import as_length
-
-Real = NDArray[np.float64]
 
 
 def _stack(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Real:

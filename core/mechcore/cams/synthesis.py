@@ -16,16 +16,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Complex, Flags, Real
 from mechcore.cams.followers import Arc, Flat, Follower, Translating
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Side
 from mechcore.numerics import jets
 from mechcore.texts import as_length
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +68,7 @@ class Synthesis:
         return np.sqrt(d.real**2 + d.imag**2)
 
     @cached_property
-    def _resting(self) -> NDArray[np.bool_] | None:
+    def _resting(self) -> Flags | None:
         """Where the pitch curve is a point (a knife that dwells on O): no normal, no pressure angle. None: nowhere."""
         s = self._speed
         least = 1e-13 * float(s.max())

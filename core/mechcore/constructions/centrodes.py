@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import per_unit
 from mechcore.motion.motion import Motion
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Complex
 from mechcore.cams.equivalent import equivalent_linkage
 from mechcore.cams.followers import Flat, Oscillating
 from mechcore.errors import Fault, MechanismError
@@ -22,7 +22,6 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamPair, Gear, PinSlot, Rack
 
 Array = Any
-Complex = NDArray[np.complex128]
 
 REPLACED = (CamPair, Gear, Rack, PinSlot)
 """Kinds of pairs that have an equivalent linkage."""

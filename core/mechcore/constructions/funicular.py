@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechcore.arrays import Complex, Real
 from mechcore.constructions.polygons import Edge, Plan
 from mechcore.kinematics.dyads import cross
 from mechcore.reduction.systems import KINDS, reduce_to
 
-Real = NDArray[np.float64]
-Array = NDArray[np.complex128]
 ROUNDING = 1e-12
 
 
@@ -36,12 +35,12 @@ class Funicular:
     """
 
     names: tuple[str, ...]
-    points: Array
-    forces: Array
-    corners: Array
-    pole: Array
-    knots: Array
-    meeting: Array
+    points: Complex
+    forces: Complex
+    corners: Complex
+    pole: Complex
+    knots: Complex
+    meeting: Complex
     kind: NDArray[np.str_]
     moment: Real
     gap: Real
@@ -49,12 +48,12 @@ class Funicular:
     extent: float
 
     @property
-    def rays(self) -> Array:
+    def rays(self) -> Complex:
         """From the pole to the corners (F, n + 1); also the forces in the strings."""
         return self.corners - self.pole[:, None]
 
     @property
-    def resultant(self) -> Array:
+    def resultant(self) -> Complex:
         return self.corners[:, -1]
 
     @property
@@ -134,20 +133,20 @@ def funicular(
     )
 
 
-def _complex(values: ArrayLike) -> Array:
+def _complex(values: ArrayLike) -> Complex:
     """Rows (..., n, 2) or (..., 2) -> complex with a leading frame axis."""
     v = np.asarray(values, float)
     z = v[..., 0] + 1j * v[..., 1]
     return np.atleast_2d(z) if z.ndim < 2 and v.ndim == 2 else np.atleast_1d(z)[:, None] if z.ndim == 0 else z
 
 
-def _extent(p: Array) -> float:
+def _extent(p: Complex) -> float:
     """Size of the system: the largest distance of its points from their middle, over all frames; 1 m where there is only one."""
     size = float(np.abs(p - p.mean(axis=1)[:, None]).max(initial=0.0))
     return size if size > 0.0 else 1.0
 
 
-def _with_couples(p: Array, f: Array, couples: Real, names: list[str], extent: float) -> tuple[Array, Array, list[str]]:
+def _with_couples(p: Complex, f: Complex, couples: Real, names: list[str], extent: float) -> tuple[Complex, Complex, list[str]]:
     """Couples as pairs of opposite forces, upright, at half the system's size from their point."""
     points, forces, labels = [*p.T], [*f.T], list(names)
     couples = np.broadcast_to(couples, f.shape)
@@ -162,7 +161,7 @@ def _with_couples(p: Array, f: Array, couples: Real, names: list[str], extent: f
     return np.array([points[i] for i in kept]).T, np.array([forces[i] for i in kept]).T, [labels[i] for i in kept]
 
 
-def _best_pole(corners: Array, forces: Array) -> Array:
+def _best_pole(corners: Complex, forces: Complex) -> Complex:
     """A pole beside the force polygon, at the same place relative to it in all frames, from which no ray is nearly parallel to a
     force or to another outer ray; in frames where that cannot be had for all, one of their own."""
     middle = corners.mean(axis=1)
@@ -175,7 +174,7 @@ def _best_pole(corners: Array, forces: Array) -> Array:
     return np.asarray(middle + np.array(offsets)[chosen])
 
 
-def _quality(corners: Array, forces: Array, pole: Array, size: float) -> Real:
+def _quality(corners: Complex, forces: Complex, pole: Complex, size: float) -> Real:
     """Sine of the smallest angle between a string and its force, and of the outer strings weighed by what the resultant is."""
     rays = corners - pole[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):

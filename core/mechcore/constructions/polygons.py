@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.complex128]
-Real = NDArray[np.float64]
+from mechcore.arrays import Complex, Real
 
 EDGE_KINDS = (
     "absolute", "relative", "normal", "tangential", "coriolis", "sliding",
@@ -26,11 +24,11 @@ class Edge:
 
     name: str
     kind: str
-    start: Array
-    vector: Array
+    start: Complex
+    vector: Complex
 
     @property
-    def end(self) -> Array:
+    def end(self) -> Complex:
         return self.start + self.vector
 
 
@@ -46,7 +44,7 @@ class Plan:
     name: str
     unit: str
     edges: tuple[Edge, ...]
-    images: dict[str, Array]
+    images: dict[str, Complex]
     gap: Real
 
     @property
@@ -68,6 +66,6 @@ def largest_side(edges: tuple[Edge, ...], frames: int) -> Real:
     return longest
 
 
-def frames_of(value: Any, frames: int) -> Array:
+def frames_of(value: Any, frames: int) -> Complex:
     """A value over all frames, complex."""
     return np.array(np.broadcast_to(np.asarray(value, complex), (frames,)))

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.constructions.centrodes import Polodes, polodes
 from mechcore.constructions.equivalents import Equivalent, equivalent
 from mechcore.constructions.force_polygon import acting_on, force_plans
@@ -28,8 +28,6 @@ from mechcore.reduction.shaking import Shaking, shaking
 from mechcore.reduction.substitute import PointMass, Substitution, static_replacement, substitute_masses
 from mechcore.reduction.systems import Resultant, reduce_to, resultant
 from mechcore.spec.mechanism import ShakingStudy, SubstituteStudy, SystemStudy
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

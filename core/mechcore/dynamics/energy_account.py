@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import integrals
 from mechcore.effects.base import power_of
 from mechcore.forces.kinetostatics import LOSSES, Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 
-Array = NDArray[np.float64]
 NODES = 16
 MOST = 20_000  # instants that are evaluated at once
 _X, _W = legendre.leggauss(NODES)
@@ -28,12 +27,12 @@ class WorkIntegrals:
     (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
     of the last one repeat beyond the last edge."""
 
-    edges: Array
-    coefficients: Array
-    before: Array
+    edges: Real
+    coefficients: Real
+    before: Real
     period: float | None = None
 
-    def __call__(self, t: Array) -> Array:
+    def __call__(self, t: Real) -> Real:
         """Works (n, c) until times (n,) [s]."""
         end = self.edges[-1]
         if self.period is None or not (t > end).any():
@@ -42,7 +41,7 @@ class WorkIntegrals:
         gained = np.diff(self._within(np.array([end - self.period, end])), axis=0)
         return self._within(t - turns * self.period) + turns[:, None] * gained
 
-    def _within(self, t: Array) -> Array:
+    def _within(self, t: Real) -> Real:
         k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)
         width = self.edges[k + 1] - self.edges[k]
         first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
@@ -61,7 +60,7 @@ class WorkIntegrals:
         return WorkIntegrals(np.concatenate(edges), np.concatenate([p.coefficients for p in parts]), np.concatenate(before))
 
 
-def work_integrals(powers: Callable[[Array], Array], edges: Array) -> WorkIntegrals:
+def work_integrals(powers: Callable[[Real], Real], edges: Real) -> WorkIntegrals:
     """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
     widths = np.diff(edges)
     x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
@@ -72,7 +71,7 @@ def work_integrals(powers: Callable[[Array], Array], edges: Array) -> WorkIntegr
     return WorkIntegrals(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
 
 
-def powers_of(motion: Motion, forces: Forces) -> Array:
+def powers_of(motion: Motion, forces: Forces) -> Real:
     """Power of all forces but inertia (n, 3) [W]: of those with a potential, of drives and process, of losses."""
     out = np.zeros((motion.frames, 3))
     for w in forces.applied:
@@ -87,7 +86,7 @@ def powers_of(motion: Motion, forces: Forces) -> Array:
     return out
 
 
-def kinetic_energy_of(motion: Motion) -> Array:
+def kinetic_energy_of(motion: Motion) -> Real:
     """Kinetic energy of all masses (n,) [J]."""
     total = np.zeros(motion.frames)
     for k, (mass, centre, inertia) in enumerate(motion.model.masses):

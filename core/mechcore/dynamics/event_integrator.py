@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.impacts import impact, jacobian_at, rates_at
@@ -41,7 +41,6 @@ from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import journals_of
 from mechcore.texts import as_coordinate, as_quantity
 
-Array = NDArray[np.float64]
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_EVENTS = 100_000
 TOUCH = 1e-11  # nearer than this, relative to the scale of the coordinate, a stop is touched
@@ -116,7 +115,7 @@ class EventIntegrator:
             low, high = valid_range
             self.boundaries = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
 
-    def go(self, q: Array, v: Array) -> Simulation:
+    def go(self, q: Real, v: Real) -> Simulation:
         """Run from q, v (f,) to the end."""
         q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
         for s, event_function, upper in self.limits:
@@ -146,7 +145,7 @@ class EventIntegrator:
                 )
         return self._simulation(self.segments, self.evaluations, self.log.whole())
 
-    def _integrate_segment(self, t: float, q: Array, v: Array) -> tuple[float, Array, Array, bool]:
+    def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real, bool]:
         """Integrate until the first event; time, position, speed after it, and whether the motion ends there."""
         q, v = self._touching(t, q, v)
         v = self._unpressed(t, q, v)
@@ -255,7 +254,7 @@ class EventIntegrator:
                 ended = ended or watch.ends
         return end, q, v, ended
 
-    def _leave_waypoints(self, t: Array, way: Callable[[Array], Any]) -> None:
+    def _leave_waypoints(self, t: Real, way: Callable[[Real], Any]) -> None:
         """Keep places of the motion at times (n,), from which the angles of the links are followed."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.way.leave(waypoints(self.compiled, way(t)[0], t))
@@ -279,7 +278,7 @@ class EventIntegrator:
                 return segment.known(self.scale)
         return None
 
-    def _take_over(self, q: Array, v: Array, before: tuple[float, float]) -> tuple[Array, Array]:
+    def _take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
         """Another pair leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
         began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
         chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
@@ -314,7 +313,7 @@ class EventIntegrator:
             low, high = (middle, high) if at(middle) <= TOO_STRAINED else (low, middle)
         return low if low > window.start else t
 
-    def _change_chart(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    def _change_chart(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Other coordinates lead from now on, if any are better; coordinates and rates in their chart."""
         found = take_over(self.compiled, q, v, t, self.charted)
         if found is None:
@@ -347,7 +346,7 @@ class EventIntegrator:
         found = happened.events, method, self.tolerance, evaluations, happened.lost
         return Simulation(self.original, tuple(segments), *found, tuple(self.stops), happened.pushed, self.liftoffs)
 
-    def _touching(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    def _touching(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Stops that are touched at the beginning of a segment: what moves against them hits, what only presses rests."""
         for k in range(len(self.limits)):
             stop, event_function, upper = self.limits[k]  # those of other coordinates, once a follower has left its cam
@@ -380,7 +379,7 @@ class EventIntegrator:
             return dry
         return Chart(self.compiled, self._rests()) if self.resting else self.system
 
-    def _settle(self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None) -> Array:
+    def _settle(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> Real:
         """Decide what slides and what sticks from now on; speeds after it."""
         return self.friction.settle(t, q, v, self._rests(), loose)
 
@@ -406,7 +405,7 @@ class EventIntegrator:
         system = self._system()
         resting = self._rested()
 
-        def pulling(q: Array, v: Array, t: Array) -> Array:
+        def pulling(q: Real, v: Real, t: Real) -> Real:
             motion = motion_at(self.compiled, q, v, t, system(q, v, t))
             return -pressing(motion, segment_forces(motion, system, q, v, resting), name)
 
@@ -419,13 +418,13 @@ class EventIntegrator:
         turned = self.lifting.pace(self.compiled, q[0], v[0], window.start) * window.length
         return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
 
-    def _share(self, q: Array, v: Array, t: float) -> float:
+    def _share(self, q: Real, v: Real, t: float) -> float:
         """Length of a window from ``t`` on in which all is prescribed [s]."""
         assert self.lifting is not None
         pace = self.lifting.pace(self.compiled, q, v, t)
         return float(np.clip(SHARE / max(pace, 1e-300), self.duration / 20_000, self.duration / 8.0))
 
-    def _let_go(self, t: float, q: Array, v: Array, loose: str | None = None) -> tuple[Array, Array]:
+    def _let_go(self, t: float, q: Real, v: Real, loose: str | None = None) -> tuple[Real, Real]:
         """Followers that would have to be pulled leave their cams, ``loose`` is known to; coordinates and rates after it."""
         if self.lifting is None:
             return q, v
@@ -444,7 +443,7 @@ class EventIntegrator:
             v = self._settle(t, q, v)
         return q, v
 
-    def _part(self, t: float, q: Array, v: Array, stop: Stop) -> tuple[Array, Array]:
+    def _part(self, t: float, q: Real, v: Real, stop: Stop) -> tuple[Real, Real]:
         """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
         sense = -1.0 if stop.side == "upper" else 1.0
         for name, contact in {} if self.lifting is None else self.lifting.contacts.items():
@@ -452,14 +451,14 @@ class EventIntegrator:
                 q, v = self._let_go(t, q, v, name)
         return q, v
 
-    def _off(self, t: float, q: Array, v: Array) -> None:
+    def _off(self, t: float, q: Real, v: Real) -> None:
         """Stops from which an impact on a cam has thrown what rested on them."""
         for k, stop in list(self.resting.items()):
             rate = (-1.0 if stop.side == "upper" else 1.0) * self._rates(stop, q, v, t)[0]
             if rate > TOUCH * max(1.0, float(np.abs(v).max(initial=0.0))):
                 self._leave(t, q, v, k)
 
-    def _land(self, t: float, q: Array, v: Array, name: str) -> tuple[Array, Array]:
+    def _land(self, t: float, q: Real, v: Real, name: str) -> tuple[Real, Real]:
         """A follower comes back to its cam: an impact, after which it bounces or stays."""
         assert self.lifting is not None
         e = self.lifting.contacts[name].restitution
@@ -489,17 +488,17 @@ class EventIntegrator:
         self._off(t, held, v)
         return held, self._settle(t, held, v)
 
-    def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Array, v: Array) -> float:
+    def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Real, v: Real) -> float:
         """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
         assert self.lifting is not None
         friction = partial(self.friction.equations_of, rests=self._rests())
         return float(self.lifting.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
 
-    def _rates(self, stop: Stop, q: Array, v: Array, t: float) -> tuple[float, float]:
+    def _rates(self, stop: Stop, q: Real, v: Real, t: float) -> tuple[float, float]:
         """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""
         return rates_at(self.compiled, self._system(), stop.pair, q, v, t)
 
-    def _rest(self, t: float, k: int, q: Array, v: Array) -> Array:
+    def _rest(self, t: float, k: int, q: Real, v: Real) -> Real:
         """Something rests on a stop from now on; rates after it: what is left of the speed onto it is taken away."""
         stop = self.limits[k][0]
         left = self._rates(stop, q, v, t)[0]
@@ -508,14 +507,14 @@ class EventIntegrator:
         g = jacobian_at(self.compiled, [stop.pair], q, v, t)[0]
         return shifted(v, -g * (left / float(g @ g)))
 
-    def _leave(self, t: float, q: Array, v: Array, k: int) -> Array:
+    def _leave(self, t: float, q: Real, v: Real, k: int) -> Real:
         """Something leaves a stop; rates after it. Where friction now holds it, its acceleration is rounding about zero."""
         stop = self.resting.pop(k)
         self.left[k] = t
         self.log.tell(SimulationEvent(t, "release", stop.name, f"{stop.pair} leaves stop {stop.name}"))
         return self._settle(t, q, v)
 
-    def _unpressed(self, t: float, q: Array, v: Array) -> Array:
+    def _unpressed(self, t: float, q: Real, v: Real) -> Real:
         """Stops that would have to pull from the start of a segment on let go, for no load passes zero later; rates after it."""
         for k, stop in list(self.resting.items()):
             soon, system = 1e-6 * self.duration, self._system()
@@ -533,7 +532,7 @@ class EventIntegrator:
         sign, place = -1.0 if stop.side == "upper" else 1.0, system.rests.index(stop.pair)
         return lambda q, v, t: sign * system.holding(q, v, t)[:, place]
 
-    def _impact(self, t: float, q: Array, v: Array, k: int) -> Array:
+    def _impact(self, t: float, q: Real, v: Real, k: int) -> Real:
         """Newton's impact on a stop: its impulse spreads over all coordinates by the reduced masses."""
         stop, _, upper = self.limits[k]
         hit, second = self._rates(stop, q, v, t)
@@ -550,7 +549,7 @@ class EventIntegrator:
             v = self._rest(t, k, q, v)
         return v
 
-    def _push(self, t: float, lost: float, q: Array, before: Array, after: Array) -> None:
+    def _push(self, t: float, lost: float, q: Real, before: Real, after: Real) -> None:
         """Account for the work that prescribed drives do in an impact, which does not slow them."""
         if len(self.coordinates) < len(self.compiled.mechanism.drives):
             motion = motion_at(self.compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))

@@ -8,22 +8,21 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.motion.motion import Motion
 from mechcore.motion.slots import ends_of
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text
 
-Array = NDArray[np.float64]
 SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
 _X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
 _PLACES = np.concatenate([_X, [-1.0, 1.0]])
 _FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
 POLISHED = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
 
-Gauge = Callable[[Array, Array, Array], Array]
+Gauge = Callable[[Real, Real, Real], Real]
 """Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
 
 
@@ -85,7 +84,7 @@ class SimulationEvent:
 
 
 def event_function_of(
-    watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Array, Array, Array], Motion]
+    watch: EventTrigger | Stop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
 ) -> Gauge:
     """What a stop or a watch measures, minus its limit; free coordinates are read off, all else is computed from the motion."""
     of = watch.of if isinstance(watch, EventTrigger) else "position"
@@ -93,7 +92,7 @@ def event_function_of(
         i = coordinates[watch.pair]
         return lambda q, v, t: (q if of == "position" else v)[:, i] - watch.at
 
-    def measured(q: Array, v: Array, t: Array) -> Array:
+    def measured(q: Real, v: Real, t: Real) -> Real:
         motion = motion_at(q, v, t)
         value: Any
         if of in ("position", "velocity"):
@@ -113,7 +112,7 @@ def first_zero(event_function: Gauge, window: Window, after: float, rising: bool
     if high - low <= 0:
         return None
 
-    def at(x: Array) -> Array:
+    def at(x: Real) -> Real:
         t = low + 0.5 * (high - low) * (x + 1.0)
         q, v, _ = window(t)
         return event_function(q, v, t)
@@ -138,7 +137,7 @@ def first_zero(event_function: Gauge, window: Window, after: float, rising: bool
     return None
 
 
-def _polished(at: Callable[[Array], Array], x: float, slope: float, least: float) -> float:
+def _polished(at: Callable[[Real], Real], x: float, slope: float, least: float) -> float:
     """A zero of an event function, from one of its polynomial at x and the slope there: secants until steps are below
     ``least``, or no smaller than those before."""
     last, before = np.inf, None

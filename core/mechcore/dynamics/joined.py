@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.segments import STOP, stop_name
 from mechcore.effects.base import Wrench, power_of
@@ -18,8 +18,6 @@ from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 
 class JoinedMotion:
@@ -32,12 +30,12 @@ class JoinedMotion:
 
     def __init__(
         self,
-        time: Array,
+        time: Real,
         parts: Sequence[tuple[Any, Motion]],
         *,
         mechanism: Mechanism | None = None,
-        again: Callable[[Array], JoinedMotion] | None = None,
-        coordinates: Mapping[str, Array] | None = None,
+        again: Callable[[Real], JoinedMotion] | None = None,
+        coordinates: Mapping[str, Real] | None = None,
         model: Model | None = None,
     ):
         self.time = time
@@ -54,7 +52,7 @@ class JoinedMotion:
         return self._mechanism or self.model.mechanism
 
     @property
-    def drives(self) -> list[tuple[Array, Array, Array]]:
+    def drives(self) -> list[tuple[Real, Real, Real]]:
         """Position, speed and acceleration (F,) of each drive of the mechanism [rad or m, s]."""
         rows = [self.coordinate(d.pair) for d in self.mechanism.drives]
         return [(r[:, 0], r[:, 1], r[:, 2]) for r in rows]
@@ -67,14 +65,14 @@ class JoinedMotion:
     def shape(self) -> tuple[int, ...]:
         return (self.frames,)
 
-    def _join(self, value: Callable[[Motion], Array]) -> Array:
+    def _join(self, value: Callable[[Motion], Real]) -> Real:
         first = [(rows, value(m)) for rows, m in self.parts]
         out = np.empty((self.frames, *first[0][1].shape[1:]))
         for rows, values in first:
             out[rows] = values
         return out
 
-    def joined(self, value: Callable[[Motion], Array]) -> Array:
+    def joined(self, value: Callable[[Motion], Real]) -> Real:
         """Values (F, ...) that a function gives for each part."""
         return self._join(value)
 
@@ -82,23 +80,23 @@ class JoinedMotion:
         """The pair as a relation; None where it is a joint."""
         return None if pair in self.model.joint_index else next(r for r in self.model.relations if r.name == pair)
 
-    def pose(self, link: str) -> Array:
+    def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad], continuous from the start pose (F, 3)."""
         return self._join(lambda m: m.pose(link))
 
-    def velocity(self, link: str) -> Array:
+    def velocity(self, link: str) -> Real:
         return self._join(lambda m: m.velocity(link))
 
-    def acceleration(self, link: str) -> Array:
+    def acceleration(self, link: str) -> Real:
         return self._join(lambda m: m.acceleration(link))
 
-    def point(self, link: str, point: str, derivative: int = 0) -> Array:
+    def point(self, link: str, point: str, derivative: int = 0) -> Real:
         return self._join(lambda m: m.point(link, point, derivative))
 
-    def centre_of_mass(self, link: str, derivative: int = 0) -> Array:
+    def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
         return self._join(lambda m: m.centre_of_mass(link, derivative))
 
-    def coordinate(self, pair: str) -> Array:
+    def coordinate(self, pair: str) -> Real:
         """Relative coordinate of a pair and its first two derivatives (F, 3)."""
         if pair in self._coordinates:
             return self._coordinates[pair]
@@ -108,26 +106,26 @@ class JoinedMotion:
         first, second = relation.links
         return self._join(lambda m: m.relative_angle(first, second, pair))
 
-    def pair_position(self, pair: str) -> Array:
+    def pair_position(self, pair: str) -> Real:
         relation = self._relation(pair)
         if relation is None:
             return self._join(lambda m: m.pair_position(pair))
         return self._join(lambda m: m._rows(relation.contact(m, 1.0)[0]))
 
     @cached_property
-    def closure(self) -> Array:
+    def closure(self) -> Real:
         return self._join(lambda m: m.closure)
 
     @cached_property
-    def velocity_closure(self) -> Array:
+    def velocity_closure(self) -> Real:
         return self._join(lambda m: m.velocity_closure)
 
     @cached_property
-    def acceleration_closure(self) -> Array:
+    def acceleration_closure(self) -> Real:
         return self._join(lambda m: m.acceleration_closure)
 
     @cached_property
-    def condition(self) -> Array:
+    def condition(self) -> Real:
         return self._join(lambda m: m.condition)
 
 
@@ -144,41 +142,41 @@ class JoinedForces:
         parts: Sequence[tuple[Any, Forces]],
         *,
         stops: Sequence[Stop] = (),
-        energies: Callable[[Array], Array] | None = None,
+        energies: Callable[[Real], Real] | None = None,
     ):
         self.motion = motion
         self.parts = tuple(parts)
         self._stops = {stop_name(s): s for s in stops}
         self._energies = energies
 
-    def _join(self, value: Callable[[Forces], Array]) -> Array:
+    def _join(self, value: Callable[[Forces], Real]) -> Real:
         first = [(rows, value(f)) for rows, f in self.parts]
         out = np.empty((self.motion.frames, *first[0][1].shape[1:]))
         for rows, values in first:
             out[rows] = values
         return out
 
-    def reaction(self, pair: str) -> Array:
+    def reaction(self, pair: str) -> Real:
         """Everything that the pair transmits; where its coordinate leads a part, the drive has nothing to do; zero while a
         follower has left its cam."""
         return self._join(lambda f: _transmitted(f, pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
 
-    def pressed(self, pair: str) -> Array:
+    def pressed(self, pair: str) -> Real:
         """What the pair transmits without what friction adds to it."""
         return self._join(lambda f: f.pressed(pair) if _has(f, pair) else np.zeros((f.motion.frames, 3)))
 
-    def position(self, pair: str) -> Array:
+    def position(self, pair: str) -> Real:
         relation = self.motion._relation(pair)
         return self._join(lambda f: f.position(pair) if _has(f, pair) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
-    def effort(self, pair: str) -> Array:
+    def effort(self, pair: str) -> Real:
         """What the drive of a pair exerts, zero where the pair is not driven (F,)."""
         return self._join(lambda f: f.effort(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
 
-    def wrench(self, pair: str) -> Array:
+    def wrench(self, pair: str) -> Real:
         return self._join(lambda f: f.wrench(pair) if _drives(f, pair) else np.zeros((f.motion.frames, 3)))
 
-    def power(self, pair: str) -> Array:
+    def power(self, pair: str) -> Real:
         return self._join(lambda f: f.power(pair) if _drives(f, pair) else np.zeros(f.motion.frames))
 
     @cached_property
@@ -186,13 +184,13 @@ class JoinedForces:
         """Friction of the pairs; None where the mechanism names none."""
         return None if all(f.friction is None for _, f in self.parts) else JoinedFriction(self)
 
-    def power_by_cause(self, causes: Sequence[str]) -> Array:
+    def power_by_cause(self, causes: Sequence[str]) -> Real:
         return self._join(lambda f: f.power_by_cause(causes))
 
-    def inertia(self, link: str) -> Array:
+    def inertia(self, link: str) -> Real:
         return self._join(lambda f: f.inertia(link))
 
-    def powers(self) -> list[tuple[Wrench, Array]]:
+    def powers(self) -> list[tuple[Wrench, Real]]:
         """All loads and inertia forces, each with its power (F,) [W]; those of end stops do no work and are left out."""
         return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(self.applied)]  # type: ignore[misc]  # bound now
 
@@ -208,7 +206,7 @@ class JoinedForces:
         for name, stop in self._stops.items():
             links = next(p.links for p in self.motion.mechanism.pairs if p.name == stop.pair)
 
-            def held(f: Forces, name: str = name, pair: str = stop.pair) -> Array:
+            def held(f: Forces, name: str = name, pair: str = stop.pair) -> Real:
                 if name in f.loads:
                     return f.loads[name].values
                 return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.pair_position(pair)])
@@ -221,21 +219,21 @@ class JoinedForces:
         return out
 
     @cached_property
-    def kinetic_energy(self) -> Array:
+    def kinetic_energy(self) -> Real:
         return self._join(lambda f: f.kinetic_energy)
 
     @cached_property
-    def potential_energy(self) -> Array:
+    def potential_energy(self) -> Real:
         return self._join(lambda f: f.potential_energy)
 
     @cached_property
-    def energy(self) -> Array:
+    def energy(self) -> Real:
         """Kinetic, potential, work done so far, dissipated so far (F, 4) [J]."""
         assert self._energies is not None
         return self._energies(self.motion.time)
 
     @cached_property
-    def power_balance(self) -> Array:
+    def power_balance(self) -> Real:
         """Sum of all powers, relative to the largest single power of the run (F,)."""
         largest = max(f.power_residual[1] for _, f in self.parts)
         total = self._join(lambda f: f.power_residual[0])
@@ -253,32 +251,32 @@ class JoinedFriction:
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 
-    def _join(self, value: Callable[[Any], Array], columns: int, pair: str | None = None) -> Array:
+    def _join(self, value: Callable[[Any], Real], columns: int, pair: str | None = None) -> Real:
         none = (columns,) if columns else ()
 
-        def known(f: Forces) -> Array:
+        def known(f: Forces) -> Real:
             rubs = f.friction is not None and (pair is None or pair in f.friction.pairs)
             return value(f.friction) if rubs else np.zeros((f.motion.frames, *none))
 
         return self._forces._join(known)
 
-    def applied(self, pair: str) -> Array:
+    def applied(self, pair: str) -> Real:
         """What friction adds to the force and couple on the second link (F, 3)."""
         return self._join(lambda f: f.applied(pair), 3, pair)
 
-    def wrench(self, pair: str) -> Array:
+    def wrench(self, pair: str) -> Real:
         """Friction on the pair's second link: Fx, Fy [N] and couple [N m], stated at the pair's position (F, 3)."""
         return self._join(lambda f: f.wrench(pair), 3, pair)
 
-    def normal_load(self, pair: str) -> Array:
+    def normal_load(self, pair: str) -> Real:
         return self._join(lambda f: f.normal_load(pair), 0, pair)
 
-    def losses(self, pair: str) -> Array:
+    def losses(self, pair: str) -> Real:
         """Power that friction in a pair turns into heat (F,) [W]."""
         return self._join(lambda f: f.losses(pair), 0, pair)
 
     @cached_property
-    def power(self) -> Array:
+    def power(self) -> Real:
         """Power of all friction (F,) [W]."""
         return self._join(lambda f: f.power, 0)
 
@@ -294,7 +292,7 @@ def _has(forces: Forces, pair: str) -> bool:
     return pair in model.joint_index or any(r.name == pair for r in model.relations)
 
 
-def _transmitted(forces: Forces, pair: str) -> Array:
+def _transmitted(forces: Forces, pair: str) -> Real:
     """What a pair transmits; where it has clearance, the moment of friction in the bearing as well (F, 3)."""
     found = forces.reaction(pair)
     for w in forces.applied:
@@ -307,6 +305,6 @@ def _drives(forces: Forces, pair: str) -> bool:
     return any(d.pair == pair for d in forces.motion.mechanism.drives)
 
 
-def _power_of(forces: Forces, k: int) -> Array:
+def _power_of(forces: Forces, k: int) -> Real:
     power = np.asarray(power_of(forces.motion, forces.applied[k]), float)
     return np.array(np.broadcast_to(power, (forces.motion.frames,)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem, forces_with
 from mechcore.dynamics.equations.chart import Chart, jacobian_of
 from mechcore.dynamics.equations.curve import Curve
@@ -24,7 +24,6 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
-Array = NDArray[np.float64]
 STOP = "stop"  # kind and cause of what an end stop holds
 
 
@@ -33,7 +32,7 @@ def stop_name(stop: Stop) -> str:
     return f"stop {stop.name}"
 
 
-def segment_forces(motion: Motion, system: Any, q: Array, v: Array, resting: Sequence[Stop]) -> Forces:
+def segment_forces(motion: Motion, system: Any, q: Real, v: Real, resting: Sequence[Stop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
     ``resting``: stops that something rests on. What it takes to hold that is a load on the two links of the stop's pair; nothing is
@@ -74,19 +73,19 @@ class Segment:
     resting: tuple[Stop, ...] = ()  # stops that something rests on
     lifted: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
         q, v, a = self.solution(t)
         return q, v, a if isinstance(self.solution, EnergyMotion) else self.system(q, v, t)
 
-    def motion(self, t: Array) -> Motion:
+    def motion(self, t: Real) -> Motion:
         """The mechanism's motion at times (n,) within the segment; accelerations not from a table, so that links are in balance to
         the last digits."""
         q, v, _ = self.solution(t)
         system = Chart(self.compiled) if isinstance(self.system, Curve) else self.system
         return motion_at(self.compiled, q, v, t, system(q, v, t))
 
-    def forces(self, t: Array, motion: Motion) -> Forces:
+    def forces(self, t: Real, motion: Motion) -> Forces:
         """All reactions of the segment's motion at times (n,)."""
         q, v, _ = self.solution(t)
         return segment_forces(motion, self.system, q, v, self.resting)
@@ -96,7 +95,7 @@ class Segment:
         """Joints whose coordinates are independent."""
         return [self.compiled.mechanism.drives[i].pair for i in free_of(self.compiled)]
 
-    def known(self, scale: Array) -> Known:
+    def known(self, scale: Real) -> Known:
         """What it says to one who looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
         if isinstance(self.solution, Solution):
             windows = self.solution.windows

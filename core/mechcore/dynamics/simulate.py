@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.phases import braking_elements
 from mechcore.dynamics.contact.separation import Liftoff
 from mechcore.dynamics.equations.chart import Chart
@@ -34,7 +34,6 @@ from mechcore.motion.compiled import MOST_TURNS, TURN, Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 
-Array = NDArray[np.float64]
 BESIDE = 0.1  # how far from the start, in scales, forces are compared with
 PUSHED = 1e-4  # of the largest force in a table: what is more is not the table's own error
 BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
@@ -163,7 +162,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
             faults.append(Fault(f"joints.{d.pair}.free.speed", why, "Start slower, or run a shorter time."))
 
 
-def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
+def _weigh(compiled: Compiled, q: Real, system: Any) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
     inertia = (
         system.table(q)[:1, :1]
@@ -181,7 +180,7 @@ def _weigh(compiled: Compiled, q: Array, system: Any) -> None:
         )
 
 
-def _rest(compiled: Compiled, q: Array, v: Array, system: Any) -> SimulationEvent | None:
+def _rest(compiled: Compiled, q: Real, v: Real, system: Any) -> SimulationEvent | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.

@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import Lifting, Liftoff
 from mechcore.dynamics.energy_account import WorkIntegrals, kinetic_energy_of, powers_of, work_integrals
@@ -27,7 +28,6 @@ from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 
-Array = NDArray[np.float64]
 NOTHING = 1e-9  # of the energies that stand by: a motion with less is as good as none
 
 
@@ -85,7 +85,7 @@ class Simulation:
             joined_works=known[0].followed_by(known[1:]) if len(known) == len(parts) else None,
         )
 
-    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty((3, len(t), len(free_of(self.compiled))))
         for segment, rows in self._rows(t):
@@ -96,17 +96,17 @@ class Simulation:
                 out[:, rows] = self._original(segment, t[rows])
         return out[0], out[1], out[2]
 
-    def _state(self, t: Array) -> tuple[Array, Array, Array, Array]:
+    def _state(self, t: Real) -> tuple[Real, Real, Real, Real]:
         """The arguments of `motion_at`."""
         q, v, a = self(t)
         return q, v, t, a
 
-    def _rows(self, t: Array) -> list[tuple[Segment, Any]]:
+    def _rows(self, t: Real) -> list[tuple[Segment, Any]]:
         """The segments that hold some of the times, with the places of those."""
         which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
-    def _original(self, segment: Segment, t: Array) -> Array:
+    def _original(self, segment: Segment, t: Real) -> Real:
         """The free coordinates that were stated, and their rates (3, n, f), where other pairs lead."""
         motion = segment.motion(t)
         return np.stack([motion.coordinate(pair).T for pair in self._stated], axis=-1)
@@ -140,7 +140,7 @@ class Simulation:
         shown = as_drawn(shown)
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
-    def coordinates(self, t: Array) -> dict[str, Array]:
+    def coordinates(self, t: Real) -> dict[str, Real]:
         """The free coordinates with their rates (n, 3), by pair: whole turns are known here."""
         found = np.stack(self(t), axis=-1)
         free = [d.pair for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
@@ -158,7 +158,7 @@ class Simulation:
             parts.append((rows, segment.forces(motion.time[rows], part)))
         return JoinedForces(motion, parts, stops=self.stops, energies=self.energies)
 
-    def gap(self, cam: str, motion: JoinedMotion) -> Array:
+    def gap(self, cam: str, motion: JoinedMotion) -> Real:
         """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""
         lifting = Lifting(self.compiled, self.liftoffs)
         guide = lifting.contacts[cam].guide
@@ -178,7 +178,7 @@ class Simulation:
         tiny = 1e-15 * self.duration
         return replace(work_integrals(self._powers, np.append(edges[:-1][np.diff(edges) > tiny], end)), period=period)
 
-    def _powers(self, t: Array) -> Array:
+    def _powers(self, t: Real) -> Real:
         """Powers (n, 3) [W]: of forces with a potential, of drives and process, of losses."""
         out = np.empty((len(t), 3))
         for segment, rows in self._rows(t):
@@ -186,12 +186,12 @@ class Simulation:
             out[rows] = powers_of(motion, segment.forces(t[rows], motion))
         return out
 
-    def work(self, t: ArrayLike) -> Array:
+    def work(self, t: ArrayLike) -> Real:
         """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
         t = np.atleast_1d(np.asarray(t, float))
         return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
 
-    def energies(self, t: ArrayLike) -> Array:
+    def energies(self, t: ArrayLike) -> Real:
         """Kinetic and potential energy, work done by drives and process forces so far, energy dissipated so far, impacts
         included (n, 4) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
@@ -203,7 +203,7 @@ class Simulation:
             [self.kinetic_energy(t), stored, works[:, 1] + _until(self.pushed, t), _until(self.lost, t) - works[:, 2]]
         )
 
-    def kinetic_energy(self, t: ArrayLike) -> Array:
+    def kinetic_energy(self, t: ArrayLike) -> Real:
         """Kinetic energy (n,) [J]."""
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty(len(t))
@@ -211,7 +211,7 @@ class Simulation:
             out[rows] = kinetic_energy_of(segment.motion(t[rows]))
         return out
 
-    def drift(self, t: ArrayLike) -> Array:
+    def drift(self, t: ArrayLike) -> Real:
         """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,); where
         that is next to nothing, to a billionth of the energies that stand by, and where a vibration was stepped over, to these."""
         t = np.atleast_1d(np.asarray(t, float))
@@ -229,7 +229,7 @@ class Simulation:
         weight = float(np.hypot(*mechanism.gravity)) * sum(mass for mass, *_ in model.masses[1:])
         return held + (weight * model.size if "gravity" in mechanism.effects else 0.0)
 
-    def _boundaries(self, end: float = np.inf) -> Array:
+    def _boundaries(self, end: float = np.inf) -> Real:
         """Times until ``end`` [s] between which the motion is one smooth function."""
         out = [p.start for p in self.segments]
         for p in self.segments:
@@ -240,7 +240,7 @@ class Simulation:
         return np.array(out)
 
 
-def _until(entries: tuple[tuple[float, float], ...], t: Array) -> Array:
+def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
     """Sum of the entries before times (n,)."""
     if not entries:
         return np.zeros(len(t))
@@ -251,7 +251,7 @@ def _until(entries: tuple[tuple[float, float], ...], t: Array) -> Array:
 def right_hand_side(system: Any, freedoms: int) -> Any:
     """(t, y) -> y' of a system of accelerations, y = positions and speeds (2 f,): as scipy wants it, one state at a time."""
 
-    def rhs(t: float, y: Array) -> Array:
+    def rhs(t: float, y: Real) -> Real:
         v = y[freedoms:]
         return np.concatenate([v, system(y[None, :freedoms], v[None], np.array([t]))[0]])
 

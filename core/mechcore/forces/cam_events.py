@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.placed import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, pair_of, placed_cams
@@ -17,8 +17,6 @@ from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length
-
-Real = NDArray[np.float64]
 
 NOISE = 1e-9  # pull below this part of the largest force is rounding
 
@@ -231,7 +229,7 @@ def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     return found
 
 
-def limit_events(motion: Motion, cam: AnyCam, touches: NDArray[np.bool_] | None = None) -> Iterator[Event]:
+def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> Iterator[Event]:
     """Pressure angles beyond the limit, and contacts beyond the ends of a flat face, where the follower ``touches`` its cam (F)."""
     rows = cam.rows(motion)
     on = np.ones(motion.frames, bool) if touches is None else touches

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.cams.followers import Arc, Flat, Roller
 from mechcore.cams.forces import HertzContact, hertz
 from mechcore.cams.given import Graphical, graphical
@@ -18,8 +18,6 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamDrawn, CamPair, CamRating, braked
-
-Real = NDArray[np.float64]
 
 AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.belts import spans
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs
@@ -21,7 +21,7 @@ ROUNDS = 4  # of searches for the moment between two frames, each to an eighth o
 PARTS = 8
 
 
-def crossing(forces: Forces, values: Callable[[Forces], NDArray[np.float64]], t0: float, t1: float, n0: float, n1: float) -> float:
+def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later)."""
     again = forces.motion.again
     for _ in range(ROUNDS if again is not None else 0):
@@ -35,9 +35,6 @@ def crossing(forces: Forces, values: Callable[[Forces], NDArray[np.float64]], t0
         k = int(np.argmax(found < 0.0)) or PARTS
         t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(found[k - 1]), float(found[k])
     return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
-
-
-Real = NDArray[np.float64]
 
 
 MOST = 700.0

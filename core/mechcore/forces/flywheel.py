@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.argument import breaks_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.spec.loads import GasPressure, Load, Prescribed
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

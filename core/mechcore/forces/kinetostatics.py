@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.base import Wrench, point_of, power_of, sum_up
 from mechcore.effects.registry import applied_effects, known_loads, potential, totals, wrenches
 from mechcore.forces import equilibrium
@@ -24,7 +24,6 @@ from mechcore.numerics.frames import added, integral_so_far, lazy, rows_of
 from mechcore.spec.mechanism import braked
 
 Array = Any
-Real = NDArray[np.float64]
 
 LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.laws.timed import Table
 from mechcore.motion.events import Event, runs
 from mechcore.motion.extremes import peak
@@ -15,8 +15,6 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Spring, Torque
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import as_coordinate, as_length, as_quantity
-
-Real = NDArray[np.float64]
 
 IDLE = 1e-12
 """Factors below this part of a table's largest are zero."""

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.base import Wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import LOSSES, Forces
 
-Real = NDArray[np.float64]
 Role = Literal["driving", "resisting", "alternating", "idle"]
 SMALL = 1e-9  # part of the largest power of a run that counts as nothing
 

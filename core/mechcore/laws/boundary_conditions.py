@@ -8,17 +8,15 @@ from math import factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.texts import Text, as_angle
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Condition:
     order: int = 0
 
 
-def _sorted(conditions: Sequence[Condition], least: int) -> tuple[Array, Array, Array]:
+def _sorted(conditions: Sequence[Condition], least: int) -> tuple[Real, Real, Real]:
     if len(conditions) < least:
         raise MechanismError(
             Fault("law.conditions", f"{len(conditions)} conditions.", f"Give at least {least}, two of them at different angles.")

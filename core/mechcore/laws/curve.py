@@ -14,11 +14,11 @@ from math import factorial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 
-Array = NDArray[np.float64]
 Side = Literal["left", "right"]
 
 _MANY = 24  # pieces; more are gathered from a table instead of visited one by one
@@ -29,8 +29,8 @@ class Piece:
     """``sum_j poly[j] u^j + sum_m (waves[m, 1] sin(w_m u) + waves[m, 2] cos(w_m u))`` with ``w_m = waves[m, 0]`` on [0, length]."""
 
     length: float
-    poly: Array
-    waves: Array  # (m, 3): circular frequency, amplitude of the sine, amplitude of the cosine
+    poly: Real
+    waves: Real  # (m, 3): circular frequency, amplitude of the sine, amplitude of the cosine
 
     @cached_property
     def _derivatives(self) -> list[list[float]]:
@@ -39,7 +39,7 @@ class Piece:
             out.append([j * c for j, c in enumerate(out[-1])][1:] or [0.0])
         return out
 
-    def fill(self, u: Array, out: Array, first: int = 0) -> None:
+    def fill(self, u: Real, out: Real, first: int = 0) -> None:
         """Distances (n) from the start of the piece -> ``out`` (k, n): derivatives ``first``, ``first + 1``, ..."""
         for k in range(len(out)):
             c = self._derivatives[first + k]
@@ -57,7 +57,7 @@ class Piece:
                 factor = w**d * (-1.0 if d % 4 in (2, 3) else 1.0)
                 out[k] += factor * (odd if d % 2 else even)
 
-    def at(self, u: float, order: int) -> Array:
+    def at(self, u: float, order: int) -> Real:
         """Derivatives 0 ... ``order`` at one distance, (order + 1)."""
         out = np.zeros((order + 1, 1))
         self.fill(np.array([u]), out)
@@ -145,7 +145,7 @@ class MotionCurve:
     # -- properties ---------------------------------------------------------------------------------------------------
 
     @cached_property
-    def knots(self) -> Array:
+    def knots(self) -> Real:
         """Ends of the pieces (n + 1)."""
         return self.start + np.concatenate([[0.0], np.cumsum([p.length for p in self.pieces])])
 
@@ -164,7 +164,7 @@ class MotionCurve:
 
     # -- values -------------------------------------------------------------------------------------------------------
 
-    def __call__(self, x: ArrayLike, order: int = 2, side: Side = "right") -> Array:
+    def __call__(self, x: ArrayLike, order: int = 2, side: Side = "right") -> Real:
         """Angles (...) -> value and derivatives 0 ... ``order``, shape (order + 1, ...).
 
         ``side`` says which one-sided value holds at the knots. A curve that does not repeat is continued by its end pieces.
@@ -175,7 +175,7 @@ class MotionCurve:
         if not flat.size:
             return out.reshape(order + 1, *x.shape)
         knots = self.knots
-        cycle: Array | None = None
+        cycle: Real | None = None
         low, high = flat.min(), flat.max()
         if self.repeats and (low < knots[0] or high > knots[-1] or (low == knots[0] if side == "left" else high == knots[-1])):
             turns = (flat - knots[0]) / self.length
@@ -194,7 +194,7 @@ class MotionCurve:
             out[0] += cycle * self.advance
         return out.reshape(order + 1, *x.shape)
 
-    def _visit(self, x: Array, out: Array, side: Side) -> None:
+    def _visit(self, x: Real, out: Real, side: Side) -> None:
         """Ordered angles: each piece fills its own slice."""
         inner = self.knots[1:-1]
         cuts = np.concatenate([[0], np.searchsorted(x, inner, side="left" if side == "right" else "right"), [x.size]])
@@ -202,7 +202,7 @@ class MotionCurve:
             if last > first:
                 piece.fill(x[first:last] - x0, out[:, first:last])
 
-    def _gather(self, x: Array, out: Array, side: Side) -> None:
+    def _gather(self, x: Real, out: Real, side: Side) -> None:
         """Many polynomial pieces: the coefficients of each angle's piece from one table."""
         k = np.clip(np.searchsorted(self.knots, x, side=side) - 1, 0, len(self.pieces) - 1)
         u = x - self.knots[k]
@@ -215,13 +215,13 @@ class MotionCurve:
             out[d] = row
 
     @cached_property
-    def _table(self) -> Array:
+    def _table(self) -> Real:
         table = np.zeros((max(len(p.poly) for p in self.pieces), len(self.pieces)))
         for k, p in enumerate(self.pieces):
             table[: len(p.poly), k] = p.poly
         return table
 
-    def limits(self, order: int = 4) -> tuple[Array, Array]:
+    def limits(self, order: int = 4) -> tuple[Real, Real]:
         """One-sided values at the knots: left (n, order + 1) at the ends of the pieces, right (n, order + 1) at their starts."""
         left = np.array([p.at(p.length, order) for p in self.pieces])
         right = np.array([p.at(0.0, order) for p in self.pieces])

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.texts import Text, as_angle
 
-Array = NDArray[np.float64]
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")
 
 
@@ -78,7 +77,7 @@ def jumps(curve: MotionCurve, orders: tuple[int, ...] = (0, 1, 2, 3), tolerance:
     return sorted(found, key=lambda j: (j.angle, j.order))
 
 
-def _stationary(piece: Piece, order: int) -> Array:
+def _stationary(piece: Piece, order: int) -> Real:
     """Distances within the piece at which the derivative ``order`` is stationary, to rounding."""
     if len(piece.poly) <= order + 1 and not len(piece.waves):
         return np.zeros(0)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Flags
 
 Array = Any
-Flags = NDArray[np.bool_]
 
 
 class Cycle(Protocol):

@@ -12,13 +12,12 @@ from math import factorial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.laws.factors import peak
 
-Array = NDArray[np.float64]
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]
 _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 
@@ -83,15 +82,15 @@ def least_peak(
         for i, value in enumerate(given):
             eq.append(np.append(state[k, i], 0.0))
             eq_value.append(value * over**i)
-    low: list[Array] = []
+    low: list[Real] = []
     low_value: list[float] = []
 
-    def rows_of(i: int) -> Array:
+    def rows_of(i: int) -> Real:
         if i == control:
             return np.hstack([np.eye(n), np.zeros((n, control))])
         return state[:, i, :]
 
-    def bound(rows: Array, t: float, value: float) -> None:
+    def bound(rows: Real, t: float, value: float) -> None:
         """rows @ x + t * peak <= value"""
         low.extend(np.hstack([rows, np.full((len(rows), 1), t)]))
         low_value.extend([value] * len(rows))

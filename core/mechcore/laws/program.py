@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.laws.factors import jumps
 from mechcore.laws.timed import ConstantSpeed, Law, polynomial_through
 
-Array = NDArray[np.float64]
-Triple = tuple[Array, Array, Array]
+Triple = tuple[Real, Real, Real]
 
 
 @dataclass(frozen=True)
@@ -153,11 +153,11 @@ class Follow:
         return ""
 
     @cached_property
-    def _sizes(self) -> Array:
+    def _sizes(self) -> Real:
         knots = self.curve.knots
         return np.abs(self.curve(np.linspace(knots[0], knots[-1], 257), 2)).max(axis=1)
 
-    def _crossings(self, grid: Array, gap: Array, target: float) -> list[float]:
+    def _crossings(self, grid: Real, gap: Real, target: float) -> list[float]:
         from scipy.optimize import brentq
 
         def f(t: float) -> float:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from mechcore.arrays import Real
+
 TURN = 2.0 * np.pi
 
 
@@ -25,7 +26,7 @@ class Signal(Protocol):
     def breaks(self) -> tuple[float, ...]: ...
     @property
     def order(self) -> int: ...
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array: ...
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Real: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,7 @@ class Sine:
     def breaks(self) -> tuple[float, ...]:
         return ()
 
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Real:
         t = np.asarray(t, float)
         w = TURN * self.frequency
         x = w * t + self.phase
@@ -66,7 +67,7 @@ class Step:
     def breaks(self) -> tuple[float, ...]:
         return (self.at,)
 
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Real:
         t = np.asarray(t, float)
         if derivative > 0:
             return np.zeros_like(t)
@@ -89,7 +90,7 @@ class Ramp:
     def breaks(self) -> tuple[float, ...]:
         return (self.begin, self.end)
 
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Real:
         t = np.asarray(t, float)
         slope = (self.after - self.before) / (self.end - self.begin)
         if derivative == 2:
@@ -101,7 +102,7 @@ class Ramp:
             return self.before * t + slope * (self._area(t) - self._area(np.zeros(())))
         return np.where(t >= self.end, self.after, self.before + slope * np.clip(t - self.begin, 0.0, None))
 
-    def _area(self, t: Array) -> Array:
+    def _area(self, t: Real) -> Real:
         """Integral of the time since ``begin``, which stands still from ``end`` on."""
         risen = np.clip(t - self.begin, 0.0, self.end - self.begin)
         return 0.5 * risen**2 + (self.end - self.begin) * np.maximum(t - self.end, 0.0)
@@ -127,7 +128,7 @@ class Chirp:
     def breaks(self) -> tuple[float, ...]:
         return (self.duration,)
 
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Real:
         t = np.asarray(t, float)
         swept, after = np.clip(t, None, self.duration), np.maximum(t - self.duration, 0.0)
         if derivative == -1:
@@ -145,7 +146,7 @@ class Chirp:
         """Rate of the logarithm of the frequency [1/s]."""
         return math.log(self.frequencies[1] / self.frequencies[0]) / self.duration
 
-    def _frequency(self, t: Array, derivative: int = 0) -> Array:
+    def _frequency(self, t: Real, derivative: int = 0) -> Real:
         """Frequency during the sweep [Hz], or its rate."""
         first, last = self.frequencies
         if self.sweep == "linear":
@@ -153,14 +154,14 @@ class Chirp:
             return np.full_like(t, rate) if derivative else np.asarray(first + rate * t)
         return np.asarray(first * np.exp(self._growth * t) * self._growth**derivative)
 
-    def _angle(self, t: Array) -> Array:
+    def _angle(self, t: Real) -> Real:
         """x during the sweep [rad]."""
         first, last = self.frequencies
         if self.sweep == "linear" or first == last:
             return np.asarray(self.phase + TURN * t * (first + 0.5 * (last - first) * (t / self.duration)))
         return np.asarray(self.phase + TURN * first * np.expm1(self._growth * t) / self._growth)
 
-    def _swept(self, t: Array) -> Array:
+    def _swept(self, t: Real) -> Real:
         """An antiderivative of sin(x) during the sweep, by the integrals of Fresnel or the sine and cosine integrals."""
         from scipy.special import fresnel, sici
 
@@ -190,7 +191,7 @@ class SignalPosition:
     def breaks(self) -> tuple[float, ...]:
         return self.signal.breaks
 
-    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         return self.value * self.signal(t), self.value * self.signal(t, 1), self.value * self.signal(t, 2)
 
 
@@ -214,6 +215,6 @@ class SignalSpeed:
         """What jumps at one of the ``breaks``, in words; empty where nothing below the jerk does."""
         return _JUMPS[self.signal.order] if self.signal.order < len(_JUMPS) else ""
 
-    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         t = np.asarray(t, float)
         return self.start + self.speed * self.signal(t, -1), self.speed * self.signal(t), self.speed * self.signal(t, 1)

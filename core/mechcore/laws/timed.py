@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mechcore.arrays import Real
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ class Free:
     def breaks(self) -> tuple[float, ...]:
         return ()
 
-    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         t = np.asarray(t, float)
         return self.start + self.speed * t, np.full_like(t, self.speed), np.zeros_like(t)
 
 
-Triple = tuple[Array, Array, Array]
+Triple = tuple[Real, Real, Real]
 Smoothness = bool | Literal["spline"]
 
 
@@ -138,7 +138,7 @@ class Piecewise:
     knots: tuple[float, ...]
     coefficients: tuple[tuple[float, ...], ...]
     advance: float = 0.0
-    _table: Array = field(init=False, repr=False)
+    _table: Real = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         degree = max(map(len, self.coefficients))
@@ -274,7 +274,7 @@ class Table:
             x, y = np.append(x, x[0] + self.period), np.append(y, y[0])
         return _overshoot(x, y, self._spline)
 
-    def __call__(self, x: ArrayLike, derivative: int = 0) -> Array:
+    def __call__(self, x: ArrayLike, derivative: int = 0) -> Real:
         """Argument (...) -> value (...) or its derivative."""
         x = np.asarray(x, float)
         if self.period is not None:
@@ -295,7 +295,7 @@ class Table:
         return np.asarray(turns * (len(knots) + 1) + inner, np.int64)
 
 
-def _overshoot(x: Array, y: Array, curve: Any) -> tuple[float, int]:
+def _overshoot(x: Real, y: Real, curve: Any) -> tuple[float, int]:
     """How far a piecewise polynomial leaves the range of two neighbouring points, relative to that of all, and which two."""
     extreme = np.ravel(curve.derivative().roots(extrapolate=False))
     extreme = extreme[np.isfinite(extreme) & (extreme >= x[0]) & (extreme <= x[-1])]

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.laws.timed import Table, TableLaw, moves
 from mechcore.motion.extremes import peak, zeros
 from mechcore.motion.metrics import curvature, per_unit, transmission_angles, velocity_ratios
@@ -17,8 +17,6 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.redundancy import indeterminate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
-
-Real = NDArray[np.float64]
 
 SINGULAR = 1e8
 """Condition number of a block from which half of the digits of a result are gone."""
@@ -324,7 +322,7 @@ def _indeterminate(motion: Motion) -> Iterator[Event]:
         yield Event(float(motion.time[0]), "WARN", "mechanism", text)
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: Flags) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

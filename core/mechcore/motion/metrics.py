@@ -13,15 +13,14 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.kinematics.blocks import Patch
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
 

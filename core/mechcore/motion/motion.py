@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.arrays import Real
 from mechcore.branches.singular_points import Change
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.kinematics import blocks as bl
@@ -22,7 +22,6 @@ from mechcore.numerics.frames import added, lazy, nothing, rows_of
 from mechcore.spec.mechanism import Mechanism
 
 Array = Any
-Real = NDArray[np.float64]
 CALM: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.motion.events import limit_positions
 from mechcore.motion.motion import Motion
-
-Real = NDArray[np.float64]
 
 REST = 1e-9
 """Speeds below this part of the largest are rest: the run starts and ends in a limit position."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Flags, Real
 from mechcore.branches.unwrapped import Frames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import SpinContour
@@ -25,8 +26,8 @@ CHUNK = 4096  # numbers in an array that is worked on: small enough to stay in t
 class Sweep:
     """``results``: what was collected, each (D, F, ...). ``assembled`` (D,): designs that go together in every frame."""
 
-    results: dict[str, NDArray[np.float64]]
-    assembled: NDArray[np.bool_]
+    results: dict[str, Real]
+    assembled: Flags
 
 
 def sweep(

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechcore.arrays import Index, Real
+
 NODES = 16  # of a panel
 NOISE = 1e-9  # tails below this that stay where they are come from rounding
 MANY = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
@@ -20,7 +20,7 @@ _FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
 
 
 @lru_cache
-def _derivative_matrix(n: int) -> Array:
+def _derivative_matrix(n: int) -> Real:
     """(n, n): from Chebyshev coefficients of a function to those of its derivative."""
     out = np.zeros((n, n))
     for k in range(n):
@@ -31,14 +31,14 @@ def _derivative_matrix(n: int) -> Array:
     return out
 
 
-def _integral_matrix(n: int) -> Array:
+def _integral_matrix(n: int) -> Real:
     """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left boundary."""
     return np.column_stack(
         [np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))]
     )
 
 
-def _unit(k: int) -> Array:
+def _unit(k: int) -> Real:
     out = np.zeros(k + 1)
     out[k] = 1.0
     return out
@@ -47,7 +47,7 @@ def _unit(k: int) -> Array:
 _INT = _integral_matrix(NODES)
 
 
-def _polynomials(z: Array, n: int) -> Array:
+def _polynomials(z: Real, n: int) -> Real:
     """Chebyshev polynomials T_0 .. T_(n-1) at z (m,), within [-1, 1]: (m, n)."""
     if len(z) < MANY:
         return np.asarray(np.cos(np.multiply.outer(np.arccos(z), np.arange(n))))
@@ -67,9 +67,9 @@ class Panels:
 
     low: float
     width: float
-    coefficients: Array
+    coefficients: Real
     periodic: bool
-    boundaries: Array | None = None
+    boundaries: Real | None = None
 
     @property
     def count(self) -> int:
@@ -84,7 +84,7 @@ class Panels:
         """Widths of the panels (p, 1, 1), or of all of them."""
         return self.width if self.boundaries is None else np.diff(self.boundaries)[:, None, None]
 
-    def __call__(self, x: Array) -> Array:
+    def __call__(self, x: Real) -> Real:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
         if self.boundaries is not None:
             if self.periodic:
@@ -105,7 +105,7 @@ class Panels:
                 z = np.where(outside, np.nan, z)
         return self._at(cell, z)
 
-    def _at(self, cell: NDArray[np.intp], z: Array) -> Array:
+    def _at(self, cell: Index, z: Real) -> Real:
         """Values of the functions at places z (n,) in [-1, 1] of panels ``cell`` (n,)."""
         basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
         return np.asarray((basis[:, None, :] @ self.coefficients[cell])[:, 0, :])
@@ -153,13 +153,13 @@ class Panels:
         """Function k alone."""
         return replace(self, coefficients=self.coefficients[:, :, k : k + 1])
 
-    def tail(self) -> Array:
+    def tail(self) -> Real:
         """Largest of the last three coefficients of each function, relative to its largest (c,)."""
         largest = np.abs(self.coefficients).max(axis=(0, 1))
         return np.abs(self.coefficients[:, -3:]).max(axis=(0, 1)) / np.where(largest > 0, largest, 1.0)
 
 
-def nodes_of(low: float, high: float, count: int) -> Array:
+def nodes_of(low: float, high: float, count: int) -> Real:
     """Nodes (count * NODES,) of panels between ``low`` and ``high``, in order."""
     width = (high - low) / count
     centres = low + width * (np.arange(count) + 0.5)
@@ -167,7 +167,7 @@ def nodes_of(low: float, high: float, count: int) -> Array:
 
 
 def fit_panels(
-    function: Callable[[Array], Array],
+    function: Callable[[Real], Real],
     low: float,
     high: float,
     *,
@@ -175,7 +175,7 @@ def fit_panels(
     tolerance: float,
     first: int = 8,
     most: int = 4096,
-    known: Array | None = None,
+    known: Real | None = None,
 ) -> Panels:
     """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved
     together until then. ``known``: the values at the `nodes_of` the first panels, where they are there already."""
@@ -197,8 +197,8 @@ def fit_panels(
 
 
 def fit_where_needed(
-    function: Callable[[Array], Array],
-    boundaries: Array,
+    function: Callable[[Real], Real],
+    boundaries: Real,
     *,
     tolerance: float,
     most: int = 4096,
@@ -211,7 +211,7 @@ def fit_where_needed(
     edges = np.stack([boundaries[:-1], boundaries[1:]], axis=1)
     before = np.full(len(edges), np.inf)
     largest: Any = 0.0
-    done: list[tuple[Array, Array, Array]] = []
+    done: list[tuple[Real, Real, Real]] = []
     count = 0
     while True:
         low, width = edges[:, 0], edges[:, 1] - edges[:, 0]

@@ -7,7 +7,8 @@ from functools import cache
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Real
 
 Array = Any
 Value = TypeVar("Value")
@@ -103,9 +104,6 @@ LARGEST = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as 
 def keep_freed_memory() -> None:
     """Let the C library keep up to 64 MiB of freed memory for the next arrays; once per process."""
     np.empty(LARGEST - 2**16, np.uint8)
-
-
-Real = NDArray[np.float64]
 
 
 def integral_so_far(y: Real, t: Real) -> Real:

@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechcore.arrays import Real
 
 
-def between(time: Array, values: Any, t: Array, order: int, rate: Any = None, second: Any = None) -> Array:
+def between(time: Real, values: Any, t: Real, order: int, rate: Any = None, second: Any = None) -> Real:
     """Values (n, ...) at times ``t`` (n,) [s] from those at frames ``time`` (F,); ``rate``, ``second``: derivatives at the frames.
 
     Cubics need rates, quintics rates and second derivatives; without them the polynomial goes through the nearest frames.
@@ -39,7 +38,7 @@ def between(time: Array, values: Any, t: Array, order: int, rate: Any = None, se
     return _through_neighbours(time, values, t, k, order + 1)
 
 
-def _quintic(u: Array, a: Array, b: Array, va: Array, vb: Array, wa: Array, wb: Array) -> Array:
+def _quintic(u: Real, a: Real, b: Real, va: Real, vb: Real, wa: Real, wb: Real) -> Real:
     """Hermite quintic on [0, 1] with values, slopes and second derivatives at the ends."""
     c3 = 10.0 * (b - a) - 6.0 * va - 4.0 * vb - 1.5 * wa + 0.5 * wb
     c4 = -15.0 * (b - a) + 8.0 * va + 7.0 * vb + 1.5 * wa - wb
@@ -47,7 +46,7 @@ def _quintic(u: Array, a: Array, b: Array, va: Array, vb: Array, wa: Array, wb: 
     return np.asarray(a + u * (va + u * (0.5 * wa + u * (c3 + u * (c4 + u * c5)))))
 
 
-def lagrange_weights(x: Array, t: Array) -> Array:
+def lagrange_weights(x: Real, t: Real) -> Real:
     """Weights (n, m) of the values at nodes ``x`` (n, m) in the polynomial through them, at ``t`` (n,)."""
     m = x.shape[1]
     weights = np.ones_like(x)
@@ -58,7 +57,7 @@ def lagrange_weights(x: Array, t: Array) -> Array:
     return weights
 
 
-def _through_neighbours(time: Array, values: Array, t: Array, k: Any, count: int) -> Array:
+def _through_neighbours(time: Real, values: Real, t: Real, k: Any, count: int) -> Real:
     count = min(count, len(time))
     first = np.clip(k - count // 2 + 1, 0, len(time) - count)
     places = first[:, None] + np.arange(count)

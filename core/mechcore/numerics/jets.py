@@ -7,7 +7,9 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-Jet = NDArray[np.float64] | NDArray[np.complex128]
+from mechcore.arrays import Complex, Real
+
+Jet = Real | Complex
 
 
 def product(a: NDArray, b: NDArray) -> NDArray:

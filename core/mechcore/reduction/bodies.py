@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 
 Vec2 = tuple[float, float]
@@ -141,9 +142,6 @@ def solid(kind: str, *, mass: float | None = None, density: float | None = None,
     assert mass is not None
     square = entry.square(**{k: sizes[k] for k in NEEDED_FOR_INERTIA[kind]})
     return Body(mass, centre, mass * square)
-
-
-Real = NDArray[np.float64]
 
 
 def inertia_wrench(mass: float, inertia: float, a_s: ArrayLike, alpha: ArrayLike) -> tuple[Real, Real]:

@@ -11,15 +11,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import per_unit
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

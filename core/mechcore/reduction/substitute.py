@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 
-Real = NDArray[np.float64]
 Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
 ROUNDING = 1e-12
 

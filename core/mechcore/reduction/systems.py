@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Real = NDArray[np.float64]
+from mechcore.arrays import Real
 
 KINDS = ("equilibrium", "couple", "single force")
 ROUNDING = 1e-12  # of the sum of all forces (times the extent of the system, for moments): below, a sum is zero

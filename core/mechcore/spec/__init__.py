@@ -2,7 +2,6 @@
 
 from mechcore.spec.loads import (
     Actuator,
-    Array,
     BeltTension,
     Between,
     Bushing,
@@ -69,7 +68,6 @@ __all__ = [
     "EFFECTS",
     "PLANS",
     "Actuator",
-    "Array",
     "Belt",
     "BeltTension",
     "Between",

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.laws.indicator import Cycle
 from mechcore.laws.timed import Law
 
-Array = NDArray[np.float64]
 Vec2 = tuple[float, float]
 Use = Literal["useful", "harmful"]
 
@@ -28,7 +28,7 @@ class Polynomial:
     coefficients: tuple[float, ...]
     per: float = 1.0
 
-    def __call__(self, x: ArrayLike) -> Array:
+    def __call__(self, x: ArrayLike) -> Real:
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(x, float) / self.per, self.coefficients))
 
 
@@ -47,7 +47,7 @@ class Factor:
     pair: str | None = None
     point: tuple[str, str] | None = None
 
-    def __call__(self, argument: ArrayLike) -> Array:
+    def __call__(self, argument: ArrayLike) -> Real:
         return np.asarray(self.function(np.asarray(argument, float)), float)
 
 

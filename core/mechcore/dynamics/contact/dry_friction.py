@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.chart import differences, jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_rates, with_states
 from mechcore.effects.base import Wrench, sum_up
@@ -31,19 +31,17 @@ from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Dry:
     """What friction does: accelerations (n, f + s), see `with_states`; friction ``value``, the ``limit`` up to which it sticks,
     relative ``rate`` and ``second`` rate of every element (n, e)."""
 
-    acceleration: Array
-    value: Array
-    limit: Array
-    rate: Array
-    second: Array
+    acceleration: Real
+    value: Real
+    limit: Real
+    rate: Real
+    second: Real
 
 
 class GivenFriction(FrictionResult):
@@ -64,19 +62,19 @@ class GivenFriction(FrictionResult):
     def _transmitted(self) -> Any:
         return self._passed
 
-    def value(self, i: int) -> Array:
+    def value(self, i: int) -> Real:
         return self._found.value[:, i]
 
-    def normal_load(self, pair: str) -> Array:
+    def normal_load(self, pair: str) -> Real:
         i = self._elements_of(pair)[0]
         e = self.elements[i]
         return np.asarray(self._found.limit[:, i] / e.limit if e.limit else np.full(self.motion.frames, np.nan))
 
-    def losses(self, pair: str) -> Array:
+    def losses(self, pair: str) -> Real:
         return -sum((self.value(i) * self._found.rate[:, i] for i in self._elements_of(pair)), np.zeros(self.motion.frames))
 
 
-def forces_with(motion: Motion, system: DrySystem, q: Array, v: Array, held: Sequence[Wrench] = ()) -> Forces:
+def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Sequence[Wrench] = ()) -> Forces:
     """Reactions of a segment of motion with its friction, sticking included; ``held``: what end stops hold."""
     found = system.solve(q, v, motion.time)
     applied = (*wrenches(motion), *held)
@@ -95,13 +93,13 @@ class DrySystem:
     coordinates, because they rest on end stops; what these hold comes before friction that could do it as well.
     """
 
-    def __init__(self, compiled: Compiled, signs: Array, *, breaking: bool = False, rests: Sequence[str] = ()):
+    def __init__(self, compiled: Compiled, signs: Real, *, breaking: bool = False, rests: Sequence[str] = ()):
         self.compiled = compiled
         self.signs = signs
         self.breaking = breaking
         self.rests = tuple(rests)
 
-    def holding(self, q: Array, v: Array, t: Array) -> Array:
+    def holding(self, q: Real, v: Real, t: Real) -> Real:
         """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         motion, units = moving(self.compiled, q, v, t)
         r, found = reduced_equations(motion, units), self.solve(q, v, t)
@@ -115,14 +113,14 @@ class DrySystem:
         rows, _ = jacobian_of(motion, units, self.rests)
         return np.asarray(np.linalg.solve(rows @ rows.swapaxes(1, 2), rows @ missing[..., None])[..., 0])
 
-    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
         return self.solve(q, v, t).acceleration
 
-    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each."""
         return differences(self, q, v, t, a)
 
-    def solve(self, q: Array, v: Array, t: Array) -> Dry:
+    def solve(self, q: Real, v: Real, t: Real) -> Dry:
         """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""
         motion, units = moving(self.compiled, q, v, t)
         n = motion.frames
@@ -177,7 +175,7 @@ class DrySystem:
         acceleration = with_states(first + np.einsum("njf,nj->nf", answers, value), motion)
         return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
 
-    def _refuse(self, elements: Sequence[Element], slide: Any, share: Array, t: float) -> None:
+    def _refuse(self, elements: Sequence[Element], slide: Any, share: Real, t: float) -> None:
         worst = elements[slide[int(np.argmax(share))]]
         raise MechanismError(
             Fault(
@@ -188,12 +186,12 @@ class DrySystem:
         )
 
 
-def rates_of(units: Sequence[Motion], e: Element) -> Array:
+def rates_of(units: Sequence[Motion], e: Element) -> Real:
     """Rate of an element per unit rate of every free coordinate (n, f); ``units``: the tangents."""
     return np.stack([relative_rate(u, u.speeds, e.what, e.joint, e.links) for u in units], axis=-1)
 
 
-def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Array) -> Response:
+def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], answers: Real) -> Response:
     """What pairs transmit under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.phases import WORDS, Key, Phases, keys_of, rubbing, senses
 from mechcore.dynamics.equations.reduced import motion_at
@@ -15,7 +15,6 @@ from mechcore.dynamics.integration.collocation import Window
 from mechcore.forces.friction.elements import elements_of
 from mechcore.motion.compiled import Compiled
 
-Array = NDArray[np.float64]
 BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
 
 
@@ -30,19 +29,19 @@ class FrictionState:
         self._phases: Phases | None = None
         self._sliding: dict[Key, float] = {}
 
-    def begin(self, compiled: Compiled, t: float, q: Array, v: Array) -> None:
+    def begin(self, compiled: Compiled, t: float, q: Real, v: Real) -> None:
         """Friction of a mechanism that has other contacts than before: what slides goes on. Where every drive is prescribed
         nothing has to be found; statics tells friction. Raises `MechanismError`."""
         self._phases = self._phases_of(compiled, t, q, v)
 
-    def _phases_of(self, compiled: Compiled, t: float, q: Array, v: Array) -> Phases | None:
+    def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> Phases | None:
         return rubbing(compiled, q, v, t, self._sliding, self._soon) if self.counts and len(q) else None
 
     def system(self) -> DrySystem | None:
         """The equations of motion at present; None where friction decides nothing."""
         return None if self._phases is None else self._phases.system()
 
-    def equations_of(self, compiled: Compiled, q: Array, v: Array, t: float, *, rests: tuple[str, ...]) -> DrySystem | None:
+    def equations_of(self, compiled: Compiled, q: Real, v: Real, t: float, *, rests: tuple[str, ...]) -> DrySystem | None:
         """The equations of motion at an instant of a mechanism with other contacts; None where it has no friction."""
         phases = self._phases_of(compiled, t, q, v)
         if phases is None:
@@ -54,7 +53,7 @@ class FrictionState:
         """What ends the present phase: as `Phases.gauges` and `Phases.prescribed_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.event_functions(), self._phases.independent_event_functions())
 
-    def settle(self, t: float, q: Array, v: Array, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Array:
+    def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
         """Decide what slides and what sticks from now on, pairs ``rests`` resting on stops, ``loose`` as in `Phases.decide`;
         speeds (f,) after it: nothing is left of what sticks."""
         if self._phases is None:

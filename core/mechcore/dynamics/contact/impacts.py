@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.chart import jacobian_of
 from mechcore.dynamics.equations.reduced import free_of, motion_at, moving, reduce, shifted
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.compiled import Compiled
 
-Array = NDArray[np.float64]
 HELD = 1e-11  # part of the largest rate per unit rate of a coordinate, below which prescribed drives or other stops hold a pair
 
 
-def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: float) -> tuple[float, float]:
+def rates_at(compiled: Compiled, system: Any, pair: str, q: Real, v: Real, t: float) -> tuple[float, float]:
     """Rate and second rate of a pair's coordinate, in which prescribed drives have their share; q, v (f,), ``system`` of the
     accelerations."""
     row = np.array([t])
@@ -30,14 +29,14 @@ def rates_at(compiled: Compiled, system: Any, pair: str, q: Array, v: Array, t: 
     return float(rate), float(second)
 
 
-def jacobian_at(compiled: Compiled, pairs: Sequence[str], q: Array, v: Array, t: float) -> Array:
+def jacobian_at(compiled: Compiled, pairs: Sequence[str], q: Real, v: Real, t: float) -> Real:
     """Rates of pairs' coordinates per unit rate of each free coordinate (p, f), prescribed drives standing still."""
     return jacobian_of(*moving(compiled, q[None], v[None], np.array([t])), pairs)[0][0]
 
 
 def impact(
-    compiled: Compiled, pair: str, resting: Sequence[str], restitution: float, hit: float, q: Array, v: Array, t: float
-) -> tuple[Array, float]:
+    compiled: Compiled, pair: str, resting: Sequence[str], restitution: float, hit: float, q: Real, v: Real, t: float
+) -> tuple[Real, float]:
     """Rates (f,) after the impact of a pair's coordinate, at the rate ``hit``, on its stop; energy that is lost [J].
 
     Its impulse spreads over all coordinates by the reduced masses; pairs ``resting`` on other stops stay there. Raises
@@ -53,7 +52,7 @@ def impact(
     return shifted(v, change), lost
 
 
-def newton_impact(inertia: Array, jacobian: Array, hit: float, restitution: float) -> tuple[Array, float]:
+def newton_impact(inertia: Real, jacobian: Real, hit: float, restitution: float) -> tuple[Real, float]:
     """Change of the rates (f,) by an impact after Newton, and energy that is lost [J]; ``inertia`` (f, f).
 
     ``jacobian`` (1 + c, f): of what comes at the rate ``hit`` and leaves at minus ``restitution`` times it, then of what keeps

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.dynamics.contact.dry_friction import DrySystem, rates_of
 from mechcore.dynamics.equations.chart import jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, shifted
@@ -16,7 +16,6 @@ from mechcore.forces.friction.elements import Element, elements_of
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
-Array = NDArray[np.float64]
 Key = tuple[str, str, str]
 WORDS = {0.0: "stick", 1.0: "slip +", -1.0: "slip -"}
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
@@ -44,7 +43,7 @@ class Phases:
         return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
 
     def decide(
-        self, t: float, q: Array, v: Array, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
+        self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()
     ) -> list[tuple[str, str]]:
         """Choose the signs for what follows; pair and word ("stick", "slip +", "slip -") of each that has changed.
 
@@ -84,14 +83,14 @@ class Phases:
         then, now = self._states(before), self._states(self.signs)
         return [(pair, WORDS[now[pair, what]]) for pair, what in now if now[pair, what] != then[pair, what]]
 
-    def _states(self, signs: Array) -> dict[tuple[str, str], float]:
+    def _states(self, signs: Real) -> dict[tuple[str, str], float]:
         """Sign by pair and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
         found: dict[tuple[str, str], float] = {}
         for (pair, what, _), s in zip(self.keys, signs, strict=True):
             found[pair, what] = float(s) if found.get((pair, what), s) == s else 0.0
         return found
 
-    def at_rest(self, t: float, q: Array, v: Array) -> Array:
+    def at_rest(self, t: float, q: Real, v: Real) -> Real:
         """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
         stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck):
@@ -105,14 +104,14 @@ class Phases:
         answer = constrained(inertia[:, None], tau[None], jacobian_of(motion, units, self.rests)[0])[0][0].T
         return shifted(v, -answer @ np.linalg.pinv(tau @ answer, rcond=1e-10) @ np.array([elements[i].rate[0] for i in stuck]))
 
-    def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> NDArray[np.bool_]:
+    def _prescribed(self, motion: Motion, units: Sequence[Motion], elements: Sequence[Element]) -> Flags:
         """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)
         inertia, (rows, _) = reduced_equations(motion, units).inertia, jacobian_of(motion, units, self.rests)
         freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
         return np.asarray(~(really > NO_EFFECT * freely))
 
-    def _either_way(self, row: tuple[Array, Array, Array]) -> Array:
+    def _either_way(self, row: tuple[Real, Real, Real]) -> Real:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
         for way in (1.0, -1.0):
             signs = self.directions(row, way)
@@ -120,7 +119,7 @@ class Phases:
                 return signs
         return np.zeros(len(self.signs))
 
-    def directions(self, row: tuple[Array, Array, Array], way: float) -> Array:
+    def directions(self, row: tuple[Real, Real, Real], way: float) -> Real:
         """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
         q, v, t = row
         motion = moving(self.compiled, q[:1], way * np.ones_like(v[:1]), t[:1])[0]
@@ -142,7 +141,7 @@ class Phases:
             return out
         for stuck in stuck_ones:
 
-            def margin(q: Array, v: Array, t: Array, i: int = int(stuck)) -> Array:
+            def margin(q: Real, v: Real, t: Real, i: int = int(stuck)) -> Real:
                 found = system.solve(q, v, t)
                 return np.asarray(found.limit[:, i] - np.abs(found.value[:, i]))
 
@@ -156,15 +155,15 @@ class Phases:
             for i in np.flatnonzero(self.prescribed)
         ]
 
-    def _senses(self, q: Array, v: Array, t: Array) -> Array:
+    def _senses(self, q: Real, v: Real, t: Real) -> Real:
         return senses(moving(self.compiled, q, v, t)[0])
 
-    def _rate(self, i: int, q: Array, v: Array, t: Array) -> Array:
+    def _rate(self, i: int, q: Real, v: Real, t: Real) -> Real:
         motion = moving(self.compiled, q, v, t)[0]
         e = elements_of(motion)[i]
         return np.asarray(e.rate)
 
-    def _free(self, way: float, q: Array, v: Array, t: Array) -> Array:
+    def _free(self, way: float, q: Real, v: Real, t: Real) -> Real:
         """Acceleration (n,) in the sense ``way`` of what rests, if it began to move that way: forces that depend on the sense of
         the motion (gas in a cylinder) are those of that sense."""
         signs = self.directions((q, v, t), way)
@@ -172,14 +171,14 @@ class Phases:
         return np.asarray(way * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 
-def braking_elements(compiled: Compiled, q: Array, v: Array, t: float = 0.0) -> list[Element]:
+def braking_elements(compiled: Compiled, q: Real, v: Real, t: float = 0.0) -> list[Element]:
     """The elements of a mechanism, in the order in which signs are given; [] where it has no friction."""
     if "friction" not in compiled.mechanism.effects:
         return []
     return elements_of(moving(compiled, q[None], v[None], np.array([t]))[0])
 
 
-def senses(motion: Motion) -> Array:
+def senses(motion: Motion) -> Real:
     """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
     elements = elements_of(motion)
     rates = np.stack([e.rate for e in elements], axis=1)
@@ -195,7 +194,7 @@ def keys_of(elements: Sequence[Element]) -> list[Key]:
     return [(e.pair, e.what, e.kind) for e in elements]
 
 
-def rubbing(compiled: Compiled, q: Array, v: Array, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
+def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
     """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
     elements = braking_elements(compiled, q, v, t)
     for e in elements:

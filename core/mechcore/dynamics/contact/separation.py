@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.cams.placed import PlacedCam
 from mechcore.dynamics.contact.impacts import newton_impact
 from mechcore.dynamics.equations.chart import Chart
@@ -31,7 +31,6 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 
-Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 SAMPLES = 48  # for an eighth of a turn of the cam
 SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
@@ -98,7 +97,7 @@ class Lifting:
         """Number of a lifted follower's coordinate."""
         return self.free + sum(other in lifted for other in list(self.contacts)[: list(self.contacts).index(name)])
 
-    def compiled(self, lifted: frozenset[str], q: Array, v: Array, t: float, name: str) -> tuple[Compiled, Array, Array]:
+    def compiled(self, lifted: frozenset[str], q: Real, v: Real, t: float, name: str) -> tuple[Compiled, Real, Real]:
         """The mechanism in which ``name`` is lifted beside others, and its coordinates and rates (f,), from those without it."""
         held = self.known[lifted - {name}]
         motion = motion_at(held, q[None], v[None], np.array([t]))
@@ -129,7 +128,7 @@ class Lifting:
         placed = compile_mechanism(replace(loose, drives=start))
         return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
 
-    def _weigh(self, lifted: frozenset[str], name: str, q: Array, v: Array, t: float, at: float) -> None:
+    def _weigh(self, lifted: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
         k = self.place(name, lifted)
         inertia = reduce(self.known[lifted], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
         values = np.linalg.eigvalsh(inertia)
@@ -139,11 +138,11 @@ class Lifting:
                 Fault(f"joints.{name}.liftoff", f"no mass moves with {guide} once the cam lets go.", "Give the follower a mass.")
             )
 
-    def overlap(self, name: str, lifted: frozenset[str]) -> Callable[[Array, Array, Array], Array]:
+    def overlap(self, name: str, lifted: frozenset[str]) -> Callable[[Real, Real, Real], Real]:
         """How far a lifted follower would be in its cam (n,), in its guide's coordinate [m or rad]; negative while it is away."""
         return lambda q, v, t: -self.gap(name, lifted, q, v, t)[0]
 
-    def gap(self, name: str, lifted: frozenset[str], q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+    def gap(self, name: str, lifted: frozenset[str], q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """How far a lifted follower is from its cam (n,), in its guide's coordinate [m or rad], and the rate of that."""
         contact, k = self.contacts[name], self.place(name, lifted)
         held = self.known[lifted - {name}]
@@ -155,15 +154,15 @@ class Lifting:
         return gap, contact.away * (v[:, k] - h[:, 1])
 
     def parting(
-        self, name: str, lifted: frozenset[str], system: Callable[[Compiled, Array, Array, float], Any] | None = None
-    ) -> Callable[[Array, Array, Array], Array]:
+        self, name: str, lifted: frozenset[str], system: Callable[[Compiled, Real, Real, float], Any] | None = None
+    ) -> Callable[[Real, Real, Real], Real]:
         """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
 
         ``system``: the equations of motion of a mechanism at an instant, where they are not those of its chart, but of friction.
         """
         contact, more = self.contacts[name], lifted | {name}
 
-        def parting(q: Array, v: Array, t: Array) -> Array:
+        def parting(q: Real, v: Real, t: Real) -> Real:
             held = self.known[lifted]
             h = motion_at(held, q, v, t).coordinate(contact.guide)
             k = self.place(name, more)
@@ -178,8 +177,8 @@ class Lifting:
         return parting
 
     def landing(
-        self, name: str, lifted: frozenset[str], t: float, q: Array, v: Array, restitution: float
-    ) -> tuple[Array, float, float]:
+        self, name: str, lifted: frozenset[str], t: float, q: Real, v: Real, restitution: float
+    ) -> tuple[Real, float, float]:
         """Rates (f,) after the impact of a follower on its cam; speed of approach; energy that is lost [J]."""
         compiled, row = self.known[lifted], np.array([t])
         k = self.place(name, lifted)
@@ -194,19 +193,19 @@ class Lifting:
         change, lost = newton_impact(inertia, gradient[None], hit, restitution)
         return shifted(v, change), -hit, lost
 
-    def followed(self, name: str, motion: Motion) -> Array:
+    def followed(self, name: str, motion: Motion) -> Real:
         """The guide's coordinate (F,) at which the follower would touch its cam."""
         c = self.contacts[name]
         return np.asarray(c.level + c.slope * c.cam.scale * c.cam.law(c.cam.argument(motion))[0])
 
-    def where(self, name: str, compiled: Compiled, q: Array, v: Array, t: float) -> str:
+    def where(self, name: str, compiled: Compiled, q: Real, v: Real, t: float) -> str:
         """The cam's place in words."""
         cam = self.contacts[name].cam
         x = float(cam.argument(motion_at(compiled, q[None], v[None], np.array([t])))[0])
         rotary = cam.bed is None
         return f"{as_coordinate(x % TURN if rotary else x, rotary=rotary, digits=4)} of the cam"
 
-    def pace(self, compiled: Compiled, q: Array, v: Array, t: float) -> float:
+    def pace(self, compiled: Compiled, q: Real, v: Real, t: float) -> float:
         """How fast the fastest cam runs through its law, in turns of a disc [rad/s]; of a wedge in lengths of its law."""
         row = np.array([t])
         motion = motion_at(compiled, q[None], v[None], row)
@@ -219,7 +218,7 @@ class Lifting:
         return max(found)
 
 
-def pressing(motion: Motion, forces: Any, name: str) -> Array:
+def pressing(motion: Motion, forces: Any, name: str) -> Real:
     """Force (n,) [N] with which a cam in contact presses on its follower. Raises `MechanismError` where friction jams."""
     force = contact_force(forces, next(cam for cam in placed_cams(motion) if cam.name == name))
     if np.isnan(force).any():
@@ -246,7 +245,7 @@ def _slope(compiled: Compiled, relation: Relation, guide: str) -> float:
 
 
 def first_beyond(
-    event_function: Callable[[Array, Array, Array], Array],
+    event_function: Callable[[Real, Real, Real], Real],
     window: Window,
     after: float,
     limit: float,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.phases import senses
 from mechcore.dynamics.equations.reduced import free_of, motion_at
 from mechcore.dynamics.integration.collocation import Window
@@ -12,7 +12,6 @@ from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free, Law, Piecewise
 from mechcore.motion.compiled import Compiled
 
-Array = NDArray[np.float64]
 SAMPLES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
 _X = (np.arange(SAMPLES) + 0.5) / SAMPLES
 _FINE = np.linspace(0.0, 1.0, 97)
@@ -42,7 +41,7 @@ class Breakpoints:
             return found
         return found - 2.0 * float(np.spacing(found))  # the last node of a window that ends there is before it, however rounded
 
-    def _forms(self, window: Window, t: Array) -> Array:
+    def _forms(self, window: Window, t: Real) -> Real:
         q, v, _ = window(t)
         motion = motion_at(self.compiled, q, v, t)
         found = [*(e.phase(motion) for e in self.effects), *(c.segment(motion) for c in self.cams)]

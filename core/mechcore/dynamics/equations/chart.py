@@ -10,18 +10,17 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_states
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
-Array = NDArray[np.float64]
 STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
-def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Array, Array]:
+def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Real, Real]:
     """Rates of pairs' coordinates per unit rate of each free coordinate (n, p, f), and their second rates at q'' = 0 (n, p), which
     are also those of prescribed drives; ``motion`` with q'' = 0, ``units`` its tangents."""
     free = [motion.mechanism.drives[i].pair for i in _free_in(motion)]
@@ -48,10 +47,10 @@ class Chart:
         free = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
         self.held = [free.index(pair) for pair in self.rests if pair in free]
 
-    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
         return self._solve(q, v, t)[0]
 
-    def _solve(self, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+    def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """Accelerations (n, f + s), see `with_states`, and what holds the pairs at rest (n, p).
 
         From M q'' + h = Q + G' p, G q'' + b = 0.
@@ -65,16 +64,16 @@ class Chart:
         found[:, self.held] = 0.0
         return with_states(found, motion), holding
 
-    def holding(self, q: Array, v: Array, t: Array) -> Array:
+    def holding(self, q: Real, v: Real, t: Real) -> Real:
         """What keeps the pairs at rest (n, p): torque [N m] or force [N] in the direction of each one's coordinate."""
         return self._solve(q, v, t)[1]
 
-    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
         return differences(self, q, v, t, a)
 
 
-def differences(system: Any, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+def differences(system: Any, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
     """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences, all in one call."""
     n, f = q.shape
     many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))

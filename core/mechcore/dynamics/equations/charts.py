@@ -13,9 +13,9 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from mechcore.arrays import Real
 from mechcore.dynamics.energy_account import kinetic_energy_of
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.curve import TURN, Curve, beside_singular, tabulate, whole_turn
@@ -31,7 +31,6 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism, Planar, Prismatic, Revolute, coordinates_of
 from mechcore.texts import as_coordinate
 
-Array = NDArray[np.float64]
 STRAINED = 6.0  # rate of some pair per unit rate of the leading coordinates, from which on others take over
 EASED = 0.5  # of that, at most, with those others
 MANY = 500  # sets of pairs, all of which are looked at
@@ -53,12 +52,12 @@ def named(mechanism: Mechanism) -> Mechanism:
     return replace(mechanism, loads=tuple(loads))
 
 
-def strain(compiled: Compiled, q: Array, v: Array, t: float) -> float:
+def strain(compiled: Compiled, q: Real, v: Real, t: float) -> float:
     """Largest rate of a pair per unit rate of a free coordinate at q, v (f,); displacements over the mechanism's size."""
     return float(np.abs(_chart_rates(compiled, q, v, t)[2]).max())
 
 
-def _chart_rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Motion, list[str], Array]:
+def _chart_rates(compiled: Compiled, q: Real, v: Real, t: float) -> tuple[Motion, list[str], Real]:
     """The motion at an instant, pairs that could lead, and their rates per unit rate of each free coordinate (p, f)."""
     motion, units = moving(compiled, q[None], v[None], np.array([t]))
     mechanism, model = compiled.mechanism, compiled.model
@@ -72,7 +71,7 @@ def _chart_rates(compiled: Compiled, q: Array, v: Array, t: float) -> tuple[Moti
     return motion, names, np.array(rows)
 
 
-def take_over(compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Array, Array] | None:
+def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Real, Real] | None:
     """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. One that is ``known`` is
     taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there."""
     motion, names, rows = _chart_rates(compiled, q, v, t)
@@ -99,7 +98,7 @@ def take_over(compiled: Compiled, q: Array, v: Array, t: float, known: Sequence[
     return None
 
 
-def _sets(rows: Array) -> list[tuple[int, ...]]:
+def _sets(rows: Real) -> list[tuple[int, ...]]:
     """Sets of pairs that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
     p, f = rows.shape
     if comb(p, f) <= MANY:
@@ -107,7 +106,7 @@ def _sets(rows: Array) -> list[tuple[int, ...]]:
     return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
 
 
-def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: Array) -> Compiled:
+def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: Real) -> Compiled:
     """The mechanism with other free coordinates, put together as it stands now; from there on the laws of drives lead."""
     mechanism = named(compiled.mechanism)
     poses: dict[str, tuple[float, float, float]] = {}
@@ -122,7 +121,7 @@ def _compiled(compiled: Compiled, motion: Motion, pairs: Sequence[str], found: A
     return replace(placed, model=replace(placed.model, mechanism=known))
 
 
-def _same(motion: Motion, other: Compiled, q: Array, v: Array, t: float) -> bool:
+def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
     """Whether a chart has all links, and all energy, where they are."""
     there = motion_at(other, q[None], v[None], np.array([t]))
     for link in motion.model.links[1:]:
@@ -190,13 +189,13 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     return tabulate(compiled, *ends, tolerance=tolerance), (float(x[low]), float(x[high]))
 
 
-def _share(compiled: Compiled, q: Array) -> Array:
+def _share(compiled: Compiled, q: Real) -> Real:
     """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest pair; 0 out of reach."""
     share = _own_share(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
     return np.where(reached(compiled, q), share, 0.0)
 
 
-def _own_share(motion: Motion) -> Array:
+def _own_share(motion: Motion) -> Real:
     rates = _rates(motion)
     own = rates[motion.mechanism.drives[0].pair]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -204,7 +203,7 @@ def _own_share(motion: Motion) -> Array:
     return np.where(np.isfinite(share), share, 0.0)
 
 
-def _rates(motion: Motion) -> dict[str, Array]:
+def _rates(motion: Motion) -> dict[str, Real]:
     """Sizes of the rates of all pairs' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
     model, speeds = motion.model, motion.speeds
     spin = model.angles.spin
@@ -287,6 +286,6 @@ def _is_at(compiled: Compiled, q: float, poses: Mapping[str, tuple[float, float,
     return True
 
 
-def _at_rest(q: float) -> tuple[Array, Array, Array]:
+def _at_rest(q: float) -> tuple[Real, Real, Real]:
     """A position as `motion_at` takes it."""
     return np.array([[q]]), np.ones((1, 1)), np.zeros(1)

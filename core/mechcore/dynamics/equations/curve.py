@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.branches.singular_points import Changes
 from mechcore.dynamics.equations.reduced import motion_at, with_rates
 from mechcore.effects.base import Effect, power_of
@@ -24,7 +25,6 @@ from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
 from mechcore.numerics.chebyshev import Panels, fit_panels, fit_where_needed, nodes_of
 
-Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 FIRST = 8  # panels of the first try
 EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
@@ -45,7 +45,7 @@ class Curve:
     both: Panels
     rest: tuple[Effect, ...] = ()
 
-    def __call__(self, q: Array, v: Array, t: Array) -> Array:
+    def __call__(self, q: Real, v: Real, t: Real) -> Real:
         f = self.both(q[:, 0])
         w = v[:, 0]
         force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]
@@ -77,12 +77,12 @@ class Curve:
         exact = 0.5 * self.inertia(before[0]) * before[1] ** 2 + float(done[1] - done[0])
         return exact if abs(exact - plain) < SAME * plain else plain
 
-    def kept(self, before: tuple[float, float], q: Array, v: Array) -> Array:
+    def kept(self, before: tuple[float, float], q: Real, v: Real) -> Real:
         """The speed (1,) at q (1,) at which `kinetic_energy` is what it says."""
         energy = self.kinetic_energy(float(q[0]), float(v[0]), before)
         return np.asarray(np.copysign(np.sqrt(2.0 * energy / self.inertia(float(q[0]))), v))
 
-    def changing(self, q: Array, v: Array, t: Array) -> Array:
+    def changing(self, q: Real, v: Real, t: Real) -> Real:
         """The part of Q (n,) that depends on speed or time."""
         unit = motion_at(self.compiled, q, np.ones_like(v), t)
         moving = with_rates(unit, [v[:, 0]])
@@ -92,7 +92,7 @@ class Curve:
                 total = total + power_of(unit, w)
         return np.asarray(total)
 
-    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         f = self.both(q[:, 0])
         w = v[:, 0]
         by_q = f[:, 3] - 0.5 * f[:, 4] * w * w - a[:, 0] * f[:, 2]
@@ -107,14 +107,14 @@ class Curve:
         return (by_q / f[:, 0])[:, None, None], (by_v / f[:, 0])[:, None, None]
 
 
-def beside_singular(compiled: Compiled, x: Array) -> Array:
+def beside_singular(compiled: Compiled, x: Real) -> Real:
     """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
     end two neighbours are about as far apart as that is away.
 
     How far that is tells the group's condition: its inverse falls in proportion, and hardly faster than its slope nearby says.
     """
 
-    def distances(q: Array) -> Array:
+    def distances(q: Real) -> Real:
         with np.errstate(divide="ignore", invalid="ignore"):
             found = 1.0 / _unit(compiled, q).condition
         return np.where(reached(compiled, q), found, np.nan)
@@ -140,13 +140,13 @@ def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 
 
 def _fitted(
     compiled: Compiled,
-    values: Callable[[Array], Array],
+    values: Callable[[Real], Real],
     low: float,
     high: float,
     *,
     periodic: bool,
     tolerance: float,
-    known: Array | None = None,
+    known: Real | None = None,
 ) -> Panels:
     """A table of values: equal panels, or shorter ones where a group comes close to a singular position."""
     equal = np.linspace(low, high, EQUAL + 1)
@@ -204,7 +204,7 @@ def _holds(effect: Effect, motion: Motion) -> bool:
     return True
 
 
-def _unit(compiled: Compiled, q: Array) -> Motion:
+def _unit(compiled: Compiled, q: Real) -> Motion:
     """The mechanism at positions (n,) of its coordinate, which runs at a unit rate: angles are followed by that."""
     return motion_at(compiled, q[:, None], np.ones((len(q), 1)), q - q[0])
 
@@ -216,10 +216,10 @@ def _force(effect: Effect, unit: Motion) -> Any:
 
 def _values(
     compiled: Compiled, effects: Sequence[Effect], usable: Callable[[Motion], bool] = lambda _: True
-) -> Callable[[Array], Array]:
+) -> Callable[[Real], Real]:
     """Position (n,) -> J and Q (n, 2); NaN where the coordinate does not lead."""
 
-    def values(q: Array) -> Array:
+    def values(q: Real) -> Real:
         unit = _unit(compiled, q)
         force = sum((_force(e, unit) for e in effects), np.zeros(len(q)))
         return np.column_stack([inertia_of(unit), force]) * (1.0 if usable(unit) else np.nan)
@@ -257,7 +257,7 @@ def _comes_back(motion: Motion, once: NDArray[Any], twice: NDArray[Any]) -> bool
     return bool(near[0] <= 1e-8 * size and near[1] <= 1e-8)
 
 
-def inertia_of(unit: Motion) -> Array:
+def inertia_of(unit: Motion) -> Real:
     """Reduced inertia (n,) at a motion with unit rate of the free coordinate."""
     total: Any = np.zeros(unit.frames)
     model = unit.model

@@ -11,12 +11,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.curve import TURN, Curve
 from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
 
-Array = NDArray[np.float64]
 _X, _W = np.polynomial.legendre.leggauss(12)
 _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
 SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
@@ -36,7 +35,7 @@ class Leg:
     clock: Panels
 
     @cached_property
-    def edges(self) -> Array:
+    def edges(self) -> Real:
         """Times [s] since the leg's start at which its panels begin and end (p + 1,)."""
         clock = self.clock.coefficients[:, :, 1]
         return np.append(clock[:, ::2].sum(axis=1) - clock[:, 1::2].sum(axis=1), clock[-1].sum())
@@ -55,7 +54,7 @@ class Leg:
         panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.boundaries[::-1])
         return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
 
-    def __call__(self, t: Array) -> tuple[Array, Array]:
+    def __call__(self, t: Real) -> tuple[Real, Real]:
         """Position and speed (n,) at times (n,) within the leg."""
         edges, count = self.edges, self.clock.count
         assert self.clock.boundaries is not None
@@ -79,7 +78,7 @@ class Leg:
         return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
 
 
-def _way(u: Array, ends: tuple[bool, bool]) -> tuple[Array, Array, Array]:
+def _way(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
     """f(u) on [0, 1], 1 - f(u) to all digits, and the slope of f: flat at the ends that are turning points."""
     if ends == (True, True):
         f, rest = np.sin(0.5 * np.pi * u), np.cos(0.5 * np.pi * u)
@@ -105,10 +104,10 @@ class EnergyMotion:
     period: float | None
     advance: float
 
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, 1) at times (n,)."""
         t = np.atleast_1d(np.asarray(t, float))
-        turns: Array = np.zeros_like(t)
+        turns: Real = np.zeros_like(t)
         if self.period is not None:
             end = self.last
             turns = np.where(t > end, np.ceil((t - end) / self.period), 0.0)
@@ -135,7 +134,7 @@ class EnergyMotion:
             return None
         return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before the start
 
-    def boundaries(self, end: float) -> Array:
+    def boundaries(self, end: float) -> Real:
         """Times until ``end`` [s] between which the motion is one smooth function."""
         found = np.concatenate([leg.time + np.unique(leg.edges[:-1]) for leg in self.legs])
         if self.period is not None and end > self.last:
@@ -226,7 +225,7 @@ class _Work:
         self.largest = float(np.abs(integral).sum(axis=1).max())
         self.lowest = float((_SAMPLED @ integral.T).min())
 
-    def __call__(self, q: Array) -> tuple[Array, Array]:
+    def __call__(self, q: Real) -> tuple[Real, Real]:
         """J and the work (n,) at positions (n,)."""
         if not self.periodic:
             inertia, _, work = self.both(q).T
@@ -243,12 +242,12 @@ class _Work:
         done = float(self(np.array([q]))[1][0]) - float(turns) * self.per_turn
         return kinetic + self.lowest - done > 1e-6 * self.largest
 
-    def near(self, q: float, way: Array) -> Array:
+    def near(self, q: float, way: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
         force = self.table((q + way[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(way.size, _GAUSS[0].size)
         return np.asarray(way * (force @ _GAUSS[1]))
 
-    def gain(self, q: float, way: Array) -> Array:
+    def gain(self, q: float, way: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on."""
         out = self(q + way)[1] - self(np.array([q]))[1]
         short = np.abs(way) <= self.table.width
@@ -319,7 +318,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
     size, width = abs(length), work.table.width
     until = work(np.array([start]))[1]
 
-    def rate(u: Array) -> Array:
+    def rate(u: Real) -> Real:
         f, rest, slope = _way(u, ends)
         q = start + length * f
         inertia, done = work(q)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.branches.unwrapped import TURN, Starts, UnwrappedAngles, Waypoint, raw_angles
 from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.laws.timed import Free
@@ -15,7 +15,6 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
 
 
 def waypoints(compiled: Compiled, q: Real, t: Real) -> list[Waypoint]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.laws.timed import Free
@@ -23,7 +23,6 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import solve_motion
 
 Array = Any
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechcore.arrays import Real
+
 ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
 
 
@@ -30,10 +30,10 @@ class Rule:
     (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
     """
 
-    nodes: Array
-    once: Array
-    twice: Array
-    legendre: Array
+    nodes: Real
+    once: Real
+    twice: Real
+    legendre: Real
     stiff: bool
 
     @property
@@ -42,7 +42,7 @@ class Rule:
         return 2 * len(self.nodes) - (1 if self.stiff else 0)
 
 
-def _rule(nodes: Array, stiff: bool) -> Rule:
+def _rule(nodes: Real, stiff: bool) -> Rule:
     s = len(nodes)
     to_legendre = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s - 1))
     first, second = integrals(s, nodes)
@@ -52,12 +52,12 @@ def _rule(nodes: Array, stiff: bool) -> Rule:
     return Rule(nodes, once, twice, np.asarray(to_legendre, float), stiff)
 
 
-def integrals(s: int, x: Array) -> tuple[Array, Array]:
+def integrals(s: int, x: Real) -> tuple[Real, Real]:
     """First and second integral from 0 to ``x`` (n,) of the Legendre polynomials P_0 .. P_(s-1) of 2 x - 1, (n, s) each."""
     return integrals_and_values(s, x)[:2]
 
 
-def integrals_and_values(s: int, x: Array) -> tuple[Array, Array, Array]:
+def integrals_and_values(s: int, x: Real) -> tuple[Real, Real, Real]:
     """`integrals`, and the polynomials themselves (n, s)."""
     p = _polynomials(2.0 * np.asarray(x, float) - 1.0, s + 2)
     first = np.empty((len(x), s + 1))
@@ -71,12 +71,12 @@ def integrals_and_values(s: int, x: Array) -> tuple[Array, Array, Array]:
 
 
 @lru_cache
-def _over_odd(n: int) -> Array:
+def _over_odd(n: int) -> Real:
     """1 / (2 k + 1) for k = 1 .. n."""
     return np.asarray(1.0 / (2.0 * np.arange(1, n + 1) + 1.0))
 
 
-def _polynomials(z: Array, n: int) -> Array:
+def _polynomials(z: Real, n: int) -> Real:
     """Legendre polynomials P_0 .. P_(n-1) at z (m,): (m, n)."""
     out = np.empty((n, len(z)))
     out[0], out[1] = 1.0, z
@@ -114,12 +114,12 @@ class Window:
 
     start: float
     length: float
-    q: Array
-    v: Array
-    a: Array
+    q: Real
+    v: Real
+    a: Real
     cut: bool = False
 
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, f) at times (n,)."""
         h, s = self.length, len(self.a)
         x = (np.atleast_1d(t) - self.start) / h
@@ -128,8 +128,8 @@ class Window:
 
 
 def solve_window(
-    rule: Rule, system: Any, t0: float, h: float, q0: Array, v0: Array, guess: Array, tolerance: float
-) -> tuple[Array, int] | None:
+    rule: Rule, system: Any, t0: float, h: float, q0: Real, v0: Real, guess: Real, tolerance: float
+) -> tuple[Real, int] | None:
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
     ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and

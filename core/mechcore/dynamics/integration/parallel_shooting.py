@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.dynamics.integration.collocation import Rule, Window, gauss, integrals, radau
 from mechcore.dynamics.integration.windows import BreakpointFinder, Solution, System, integrate, nodes_for, tails
 from mechcore.errors import MechanismError
 
-Array = NDArray[np.float64]
 MORE = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
 MOST = 4096  # nodes that are solved together
 HALVINGS = 8  # of windows, before they are too many
@@ -41,9 +40,9 @@ class Known:
     """What is known of a motion: ``boundaries`` (k + 1,) [s] of windows where it is smooth; ``cut`` (k,): those that end where the
     equations change their form; ``acceleration``: times (n,) -> (n, f)."""
 
-    boundaries: Array
-    cut: NDArray[np.bool_]
-    acceleration: Callable[[Array], Array]
+    boundaries: Real
+    cut: Flags
+    acceleration: Callable[[Real], Real]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +50,14 @@ class Trajectory:
     """Windows in a row: ``boundaries`` (k + 1,) [s], position and speed ``q``, ``v`` (k + 1, f) there, and at the nodes ``at``
     (2, k, s, f), with accelerations ``a`` (k, s, f)."""
 
-    boundaries: Array
-    q: Array
-    v: Array
-    at: tuple[Array, Array]
-    a: Array
+    boundaries: Real
+    q: Real
+    v: Real
+    at: tuple[Real, Real]
+    a: Real
 
     @classmethod
-    def along(cls, rule: Rule, boundaries: Array, q: Array, v: Array, a: Array) -> Trajectory:
+    def along(cls, rule: Rule, boundaries: Real, q: Real, v: Real, a: Real) -> Trajectory:
         """The way on which accelerations ``a`` lead from q, v (f,)."""
         h = np.diff(boundaries)[:, None]
         once, twice = _ends(rule)
@@ -77,11 +76,11 @@ class Trajectory:
         return [Window(float(self.boundaries[k]), float(lengths[k]), self.q[k], self.v[k], series[k]) for k in range(len(lengths))]
 
 
-def _acceleration(window: Window, t: Array) -> Array:
+def _acceleration(window: Window, t: Real) -> Real:
     return window(t)[2]
 
 
-def _ends(rule: Rule) -> tuple[Array, Array]:
+def _ends(rule: Rule) -> tuple[Real, Real]:
     """From the nodes' values (s,) to the first and the second integral over a window."""
     once, twice = integrals(len(rule.nodes), np.ones(1))
     return once[0] @ rule.legendre, twice[0] @ rule.legendre
@@ -89,20 +88,20 @@ def _ends(rule: Rule) -> tuple[Array, Array]:
 
 def refine(
     system: System,
-    q: Array,
-    v: Array,
+    q: Real,
+    v: Real,
     t0: float,
     t1: float,
     *,
     known: Known,
     tolerance: float = 1e-9,
-    scale: Array | float = 1.0,
+    scale: Real | float = 1.0,
     stiff: bool = False,
     nodes: int | None = None,
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
     breakpoints: BreakpointFinder | None = None,
-    keeps: Callable[[Array, Array], Array] | None = None,
+    keeps: Callable[[Real, Real], Real] | None = None,
 ) -> Solution:
     """What `integrate` does, by what is ``known``; the other arguments and what it raises are those of that."""
     s = (nodes or nodes_for(tolerance)) + MORE
@@ -173,12 +172,12 @@ def refine(
 class _Solver:
     """Trajectories of windows from a start, by one rule and to one tolerance."""
 
-    def __init__(self, system: System, rule: Rule, tolerance: float, scale: Array | float):
+    def __init__(self, system: System, rule: Rule, tolerance: float, scale: Real | float):
         self.system, self.rule, self.tolerance, self.scale = system, rule, tolerance, scale
         self.evaluations = 0
         self.longest = 0.0
 
-    def solve(self, boundaries: Array, q: Array, v: Array, guess: Callable[[Array], Array]) -> Trajectory | None:
+    def solve(self, boundaries: Real, q: Real, v: Real, guess: Callable[[Real], Real]) -> Trajectory | None:
         """Windows between ``boundaries``, halved where needed; None where Newton's method does not converge."""
         try:
             started = self._fine(boundaries, q, v, guess)
@@ -200,11 +199,11 @@ class _Solver:
             break_time = again
         return Window(window.start, window.length, window.q, window.v, window.a, True)
 
-    def _part(self, window: Window, end: float) -> Array:
+    def _part(self, window: Window, end: float) -> Real:
         """Series of a window's acceleration until an earlier end."""
         return self.rule.legendre @ window(window.start + (end - window.start) * self.rule.nodes)[2]
 
-    def _fine(self, boundaries: Array, q: Array, v: Array, guess: Callable[[Array], Array]) -> tuple[Trajectory, Array] | None:
+    def _fine(self, boundaries: Real, q: Real, v: Real, guess: Callable[[Real], Real]) -> tuple[Trajectory, Real] | None:
         """The guess on windows that are short enough, and what the equations say of the accelerations on it."""
         for _ in range(HALVINGS):
             h = np.diff(boundaries)
@@ -222,20 +221,20 @@ class _Solver:
                 return None
         return None
 
-    def _missed(self, a: Array, h: Array) -> Array:
+    def _missed(self, a: Real, h: Real) -> Real:
         """Estimated error of each window (k,) over the tolerance."""
         longest = np.maximum.accumulate(np.append(self.longest, h))[1:]
         return np.asarray((tails(self.rule.legendre @ a, h, longest)[0] / (self.tolerance * self.scale)).max(axis=1))
 
-    def _times(self, trajectory: Trajectory) -> Array:
+    def _times(self, trajectory: Trajectory) -> Real:
         return (trajectory.boundaries[:-1, None] + np.diff(trajectory.boundaries)[:, None] * self.rule.nodes).ravel()
 
-    def _evaluate(self, trajectory: Trajectory) -> Array:
+    def _evaluate(self, trajectory: Trajectory) -> Real:
         self.evaluations += 1
         q, v = (x.reshape(-1, x.shape[-1]) for x in trajectory.at)
         return np.asarray(self.system(q, v, self._times(trajectory))).reshape(trajectory.a.shape)
 
-    def _newton(self, trajectory: Trajectory, force: Array) -> Trajectory | None:
+    def _newton(self, trajectory: Trajectory, force: Real) -> Trajectory | None:
         last = np.inf
         for _ in range(STEPS):
             better = self._corrected(trajectory, force)
@@ -256,7 +255,7 @@ class _Solver:
                 return None
         return None
 
-    def _corrected(self, trajectory: Trajectory, force: Array) -> Trajectory:
+    def _corrected(self, trajectory: Trajectory, force: Real) -> Trajectory:
         """One step of Newton's method on all windows, their starts corrected with the ends before them."""
         rule, h = self.rule, np.diff(trajectory.boundaries)
         k, s, f = trajectory.a.shape

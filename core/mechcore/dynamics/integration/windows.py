@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.dynamics.integration.collocation import Rule, Window, gauss, integrals_and_values, radau, solve_window
 from mechcore.errors import Fault, MechanismError
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-11  # of the acceleration: last coefficients below that are no part of a series
 MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 ROUNDED = 1e-15  # of the scale: no window is solved to more digits
@@ -32,9 +31,9 @@ class System(Protocol):
     """Accelerations (n, f) of free coordinates at positions (n, f), speeds (n, f), times (n,), and their slopes (n, f, f) by
     both."""
 
-    def __call__(self, q: Array, v: Array, t: Array) -> Array: ...
+    def __call__(self, q: Real, v: Real, t: Real) -> Real: ...
 
-    def slopes(self, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]: ...
+    def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]: ...
 
 
 @dataclass
@@ -44,14 +43,14 @@ class Solution:
     windows: list[Window] = field(default_factory=list)
     evaluations: int = 0
     rejected: int = 0
-    _stack: tuple[Array, ...] = field(default=(), repr=False, compare=False)
+    _stack: tuple[Real, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def end(self) -> float:
         last = self.windows[-1]
         return last.start + last.length
 
-    def __call__(self, t: Any) -> tuple[Array, Array, Array]:
+    def __call__(self, t: Any) -> tuple[Real, Real, Real]:
         """Position, speed and acceleration (n, f) at times (n,); a time on the boundary belongs to the earlier window."""
         t = np.atleast_1d(np.asarray(t, float))
         x, length, q, v, a = self._within(t)
@@ -63,14 +62,14 @@ class Solution:
             (values[:, None, :] @ a)[:, 0],
         )
 
-    def _within(self, t: Array) -> tuple[Array, ...]:
+    def _within(self, t: Real) -> tuple[Real, ...]:
         """Where times (n,) are in their windows, and the windows' lengths, starts and series."""
         starts, lengths, q, v, a = self._stacked()
         k = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
         length = lengths[k]
         return (t - starts[k]) / length, length, q[k], v[k], a[k]
 
-    def _stacked(self) -> tuple[Array, ...]:
+    def _stacked(self) -> tuple[Real, ...]:
         """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, those with fewer nodes filled up."""
         if len(self._stack) == 0 or len(self._stack[0]) != len(self.windows):
             most = max(len(w.a) for w in self.windows)
@@ -94,20 +93,20 @@ def nodes_for(tolerance: float) -> int:
 
 def integrate(
     system: System,
-    q: Array,
-    v: Array,
+    q: Real,
+    v: Real,
     t0: float,
     t1: float,
     *,
     tolerance: float = 1e-9,
-    scale: Array | float = 1.0,
+    scale: Real | float = 1.0,
     stiff: bool = False,
     first: float | None = None,
     nodes: int | None = None,
     most: float | None = None,
     after: Callable[[Window], float | None] | None = None,
     breakpoints: BreakpointFinder | None = None,
-    keeps: Callable[[Array, Array], Array] | None = None,
+    keeps: Callable[[Real, Real], Real] | None = None,
 ) -> Solution:
     """Integrate from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
@@ -201,7 +200,7 @@ def integrate(
     return solution
 
 
-def tails(a: Array, length: Array, longest: Array) -> tuple[Array, Array, Array]:
+def tails(a: Real, length: Real, longest: Real) -> tuple[Real, Real, Real]:
     """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
     (...) [s], and the order (...) of the second.
 
@@ -224,7 +223,7 @@ def tails(a: Array, length: Array, longest: Array) -> tuple[Array, Array, Array]
     return tail, share * missed, 0.5 * (m.min(axis=-1) + 1.0)
 
 
-def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> float:
+def _first_window(q: Real, v: Real, a: Real, span: float, scale: Any) -> float:
     speed, change = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
     h = span
     if speed:
@@ -234,7 +233,7 @@ def _first_window(q: Array, v: Array, a: Array, span: float, scale: Any) -> floa
     return h
 
 
-def _extrapolated(window: Window, t: Array, end: Array) -> Array:
+def _extrapolated(window: Window, t: Real, end: Real) -> Real:
     """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
     guess = window(t)[2]
     spread = float(np.abs(window.a).sum())

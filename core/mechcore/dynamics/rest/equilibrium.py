@@ -13,8 +13,9 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.charts import best_chart
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduced_equations, tangents
 from mechcore.dynamics.events import Stop, with_slot_ends
@@ -30,7 +31,6 @@ from mechcore.spec.loads import Bushing, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
 
-Array = NDArray[np.float64]
 Seek = Literal["stable", "nearest"]
 STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
 LONGEST = 0.3  # step, relative to the scale
@@ -48,8 +48,8 @@ class Equilibrium:
     """
 
     compiled: Compiled
-    position: Array
-    stiffness: Array
+    position: Real
+    stiffness: Real
     residual: float
     steps: int
 
@@ -63,12 +63,12 @@ class Equilibrium:
         """The mechanism at rest in it (one frame)."""
         return self.motion_with(np.zeros_like(self.position))
 
-    def motion_with(self, rates: Array) -> Motion:
+    def motion_with(self, rates: Real) -> Motion:
         """The mechanism passing through it with ``rates`` (f,) of its free coordinates (one frame)."""
         return motion_at(_still(self.compiled), self.position[None], rates[None], np.zeros(1))
 
 
-def scale_of(compiled: Compiled) -> Array:
+def scale_of(compiled: Compiled) -> Real:
     """What counts as a large displacement of each free coordinate (f,): one radian, or the mechanism's size [m]."""
     model = compiled.model
     pairs = [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)]
@@ -83,7 +83,7 @@ class _Held:
     duration: float = 1.0
     breaks: tuple[float, ...] = ()
 
-    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         none = np.zeros_like(np.asarray(t, float))
         return none + self.start, none, none
 
@@ -97,7 +97,7 @@ def _still(compiled: Compiled) -> Compiled:
     return replace(compiled, model=replace(compiled.model, mechanism=replace(compiled.mechanism, drives=held)))
 
 
-def force_at_rest(compiled: Compiled, q: Array, v: Array | None = None, *, only: str = "positions") -> Array:
+def force_at_rest(compiled: Compiled, q: Real, v: Real | None = None, *, only: str = "positions") -> Real:
     """Reduced force Q of all loads at positions (n, f) with rates (n, f), or at rest: (n, f); of those that need ``only`` this.
 
     Time stands still at 0, and so do prescribed drives. NaN where the mechanism cannot be assembled. Forces of inertia are left
@@ -106,7 +106,7 @@ def force_at_rest(compiled: Compiled, q: Array, v: Array | None = None, *, only:
     return _forces(compiled, q, v, only)[0]
 
 
-def _forces(compiled: Compiled, q: Array, v: Array | None = None, only: str = "positions") -> tuple[Array, Array]:
+def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "positions") -> tuple[Real, Real]:
     """`force_at_rest`, and the sum of the sizes of its parts (n, f)."""
     still = _still(compiled)
     n = len(q)
@@ -123,7 +123,7 @@ def _forces(compiled: Compiled, q: Array, v: Array | None = None, only: str = "p
     return force, size
 
 
-def slopes_at_rest(compiled: Compiled, q: Array) -> tuple[Array, Array, Array]:
+def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
     from one set of positions, central differences of sixth order."""
     scale, f = scale_of(compiled), len(q)
@@ -181,7 +181,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     )
 
 
-def _newton(force: Array, stiffness: Array, seek: Seek) -> Array:
+def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
     """The step to the equilibrium, none along directions without stiffness and force; downhill where the stiffness is negative."""
     if seek == "nearest" or not force.any():
         return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-10)[0])
@@ -194,7 +194,7 @@ def _newton(force: Array, stiffness: Array, seek: Seek) -> Array:
     return np.asarray(vectors @ sized)
 
 
-def _step(compiled: Compiled, q: Array, force: Array, step: Array, seek: Seek, largest: float) -> Array:
+def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, largest: float) -> Real:
     """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
     scale = scale_of(compiled)
     length = float(np.abs(step / scale).max())
@@ -212,12 +212,12 @@ def _step(compiled: Compiled, q: Array, force: Array, step: Array, seek: Seek, l
     raise _lost(compiled, q)
 
 
-def _worst(compiled: Compiled, pushes: Array) -> tuple[str, int]:
+def _worst(compiled: Compiled, pushes: Real) -> tuple[str, int]:
     k = int(np.argmax(np.abs(pushes)))
     return [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)][k], k
 
 
-def _lost(compiled: Compiled, q: Array) -> MechanismError:
+def _lost(compiled: Compiled, q: Real) -> MechanismError:
     pairs = [compiled.mechanism.drives[i].pair for i in free_of(compiled)]
     where = ", ".join(f"{p} at {as_coordinate(x, rotary=compiled.model.rotary(p))}" for p, x in zip(pairs, q, strict=True))
     why = f"on the way downhill the mechanism cannot follow beyond {where}: a limit of its reach, or a dead point of a free pair."
@@ -284,7 +284,7 @@ class Fastest:
         )
 
 
-def fastest_vibration(compiled: Compiled, q: Array, v: Array) -> Fastest | None:
+def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     """The fastest vibration of a mechanism at q, v (f,), drives and time at their start; None where no spring makes it vibrate."""
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.phases import braking_elements
 from mechcore.dynamics.equations.chart import Chart
@@ -30,7 +31,6 @@ from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 
-Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 NODES = 12
 FIRST = 16  # panels a turn
@@ -56,9 +56,9 @@ class SteadyRun:
     start: float
     sense: float
     turns: int
-    edges: Array
-    w: Array  # at the panels' begins
-    slopes: Array  # (p, NODES): Legendre coefficients of dw/dx
+    edges: Real
+    w: Real  # at the panels' begins
+    slopes: Real  # (p, NODES): Legendre coefficients of dw/dx
     period: float
     multiplier: float
     least: float
@@ -78,8 +78,8 @@ class SteadyRun:
         """At the start, with its sign [rad/s]."""
         return self.sense * float(np.sqrt(2.0 * self.w[0]))
 
-    def __call__(self, x: ArrayLike) -> Array:
-        at: Array = np.mod(np.atleast_1d(np.asarray(x, float)), self.edges[-1])
+    def __call__(self, x: ArrayLike) -> Real:
+        at: Real = np.mod(np.atleast_1d(np.asarray(x, float)), self.edges[-1])
         k = np.clip(np.searchsorted(self.edges, at, side="right") - 1, 0, len(self.w) - 1)
         h = np.diff(self.edges)[k]
         first, _ = integrals(NODES, (at - self.edges[k]) / h)
@@ -102,7 +102,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
     machine = _Machine(compiled, start, sense)
     level = _balance(machine, span, abs(speed))
     edges = _cut(np.linspace(0.0, span, FIRST * turns + 1), machine, lambda x: np.full(len(x), level))
-    w: Array = np.full((len(edges) - 1, NODES), 0.5 * level**2)
+    w: Real = np.full((len(edges) - 1, NODES), 0.5 * level**2)
     for again in range(12):
         begins, w, slopes, multiplier = _solve(machine, edges, w, level)
         coefficients = slopes @ RULE.legendre.T
@@ -150,15 +150,15 @@ class _Machine:
         self.piecewise = [e for e in effects_of(compiled.mechanism) if e.piecewise]
         self.rubs = bool(braking_elements(compiled, np.array([start]), np.array([sense])))
 
-    def rows(self, x: Array, v: Array) -> tuple[Array, Array, Array]:
+    def rows(self, x: Real, v: Real) -> tuple[Real, Real, Real]:
         return (self.start + self.sense * x)[:, None], (self.sense * v)[:, None], np.zeros(len(x))
 
-    def signs(self, x: Array) -> Array:
+    def signs(self, x: Real) -> Real:
         """Signs of the relative speeds of what rubs (n, e)."""
         motion = moving(self.compiled, *self.rows(x, np.ones(len(x))))[0]
         return np.stack([np.broadcast_to(np.sign(e.rate), x.shape) for e in elements_of(motion)], axis=1)
 
-    def slope(self, x: Array, v: Array) -> Array:
+    def slope(self, x: Real, v: Real) -> Real:
         """dw/dx = q'' (n,), in the sense of the motion."""
         q, rate, t = self.rows(x, v)
         if not self.rubs:
@@ -170,14 +170,14 @@ class _Machine:
             out[some] = DrySystem(self.compiled, signs)(q[some], rate[some], t[some])[:, 0]
         return self.sense * out
 
-    def linear(self, x: Array, w: Array) -> tuple[Array, Array]:
+    def linear(self, x: Real, w: Real) -> tuple[Real, Real]:
         """dw/dx (n,) and its derivative by w."""
         v = np.sqrt(2.0 * w)
         step = STEP * float(v.max())
         found = self.slope(np.concatenate([x, x, x]), np.concatenate([v, v + step, v - step])).reshape(3, -1)
         return found[0], (found[1] - found[2]) / (2.0 * step * v)
 
-    def forms(self, x: Array, v: Array) -> Array:
+    def forms(self, x: Real, v: Real) -> Real:
         """Numbers of the forms that the laws of the forces have (m, n)."""
         found: list[Any] = []
         if self.piecewise:
@@ -194,7 +194,7 @@ def _balance(machine: _Machine, span: float, wanted: float) -> float:
     x = span * (np.arange(count) + 0.37) / count
     inertia = reduce(machine.compiled, *machine.rows(x, np.ones(count))).inertia[:, 0, 0]
 
-    def mean(speeds: Array) -> tuple[Array, Array]:
+    def mean(speeds: Real) -> tuple[Real, Real]:
         """Of the torque, and of its size."""
         slope = machine.slope(np.tile(x, len(speeds)), np.repeat(speeds, count)).reshape(len(speeds), -1)
         return (inertia * slope).mean(axis=1), np.abs(inertia * slope).mean(axis=1)
@@ -227,7 +227,7 @@ def _balance(machine: _Machine, span: float, wanted: float) -> float:
     return 0.5 * (low + high)
 
 
-def _cut(edges: Array, machine: _Machine, speed: Callable[[Array], Array]) -> Array:
+def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
     """Edges with those places added at which the law of some force changes its form."""
     if not machine.piecewise and not machine.rubs:
         return edges
@@ -252,7 +252,7 @@ def _cut(edges: Array, machine: _Machine, speed: Callable[[Array], Array]) -> Ar
     return out
 
 
-def _solve(machine: _Machine, edges: Array, w: Array, level: float) -> tuple[Array, Array, Array, float]:
+def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real, Real, Real, float]:
     """w at the panels' begins (p,), at the nodes (p, s), dw/dx at the nodes, and the multiplier."""
     h = np.diff(edges)
     x = edges[:-1, None] + h[:, None] * RULE.nodes
@@ -300,7 +300,7 @@ def _solve(machine: _Machine, edges: Array, w: Array, level: float) -> tuple[Arr
 
 def _run(
     compiled: Compiled, pair: str, start: float, sense: float, turns: int,
-    edges: Array, begins: Array, coefficients: Array, w: Array, multiplier: float,
+    edges: Real, begins: Real, coefficients: Real, w: Real, multiplier: float,
 ) -> SteadyRun:  # fmt: skip
     h = np.diff(edges)
     period = float(np.sum(h[:, None] * WEIGHTS / np.sqrt(2.0 * w)))
@@ -310,7 +310,7 @@ def _run(
     return replace(run, least=float(found.min()), greatest=float(found.max()))
 
 
-def _standstills(edges: Array, coefficients: Array) -> list[Array]:
+def _standstills(edges: Real, coefficients: Real) -> list[Real]:
     """Places inside the panels at which dw/dx vanishes."""
     z = np.linspace(-1.0, 1.0, 2 * NODES + 1)
     values = legendre.legval(z, coefficients.T)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from mechcore.arrays import Real
 from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.events import Stop
 from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest, scale_of
@@ -25,7 +25,6 @@ from mechcore.motion.compiled import Compiled
 from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 
-Array = NDArray[np.float64]
 NEUTRAL = 1e-9  # of the largest stiffness: below this a mode has none
 TURN = 2.0 * np.pi
 
@@ -39,7 +38,7 @@ class Mode:
     ``eigenvalues``: the two exponents [1/s] of the damped motion that belong to it.
     """
 
-    shape: Array
+    shape: Real
     square: float
     eigenvalues: tuple[complex, complex]
 
@@ -80,9 +79,9 @@ class Vibrations:
     """
 
     equilibrium: Equilibrium
-    inertia: Array
-    damping: Array
-    stiffness: Array
+    inertia: Real
+    damping: Real
+    stiffness: Real
     modes: tuple[Mode, ...]
     notes: tuple[str, ...] = ()
 
@@ -91,7 +90,7 @@ class Vibrations:
         return self.equilibrium.pairs
 
     @property
-    def shapes(self) -> Array:
+    def shapes(self) -> Real:
         """The modes' shapes as columns (f, f): shapes' M shapes = 1."""
         return np.column_stack([m.shape for m in self.modes])
 
@@ -103,7 +102,7 @@ class Vibrations:
             return "unstable"
         return "neutral" if any(m.square == 0 for m in self.modes) else "stable"
 
-    def free_motion(self, displacement: Array, speed: Array, t: Array) -> Array:
+    def free_motion(self, displacement: Real, speed: Real, t: Real) -> Real:
         """Displacements (n, f) from the equilibrium at times (n,) [s], after a start with a small ``displacement`` and ``speed``
         (f,): the exact solution of the linear equations."""
         f = len(self.inertia)
@@ -150,7 +149,7 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     return Vibrations(found, inertia, damping, stiffness, _modes(inertia, damping, stiffness, scale), tuple(notes))
 
 
-def _damping(compiled: Compiled, q: Array) -> Array:
+def _damping(compiled: Compiled, q: Real) -> Real:
     """C = -dQ/dq' at rest (f, f): central differences, extrapolated to no step at all (a force like v |v| has a slope of zero).
 
     Raises `MechanismError` where a force jumps as the motion turns round.
@@ -188,7 +187,7 @@ def _notes(compiled: Compiled) -> list[str]:
     return notes
 
 
-def _modes(inertia: Array, damping: Array, stiffness: Array, scale: Array) -> tuple[Mode, ...]:
+def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[Mode, ...]:
     both = scale[:, None] * scale
     symmetric = 0.5 * (stiffness + stiffness.T)
     squares, shapes = scipy.linalg.eigh(symmetric * both, inertia * both)
@@ -201,7 +200,7 @@ def _modes(inertia: Array, damping: Array, stiffness: Array, scale: Array) -> tu
     return tuple(Mode(shapes[:, i], float(squares[i]), pairs[i]) for i in range(len(squares)))
 
 
-def _eigenvalues(k: Array, c: Array) -> list[tuple[complex, complex]]:
+def _eigenvalues(k: Real, c: Real) -> list[tuple[complex, complex]]:
     """Two exponents for each mode, from x'' + c x' + k x = 0 in modal coordinates: what moves mostly in a mode belongs to it."""
     f = len(k)
     if not np.any(k - np.diag(np.diag(k))) and np.abs(c - np.diag(np.diag(c))).max() <= 1e-11 * np.abs(c).max():

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
@@ -41,7 +41,6 @@ Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
 
 Array = Any
-Real = NDArray[np.float64]
 
 STILL = 1e-9
 """Relative speeds below this part of the pair's largest are rest: friction is undetermined there and counted as zero."""

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
 Transmitted = tuple[list[tuple[Array, Array]], dict[str, tuple[Array, Array]], dict[int, Array]]
 
 AT_ONCE = 400_000  # elements times frames that are solved in one call
@@ -68,9 +67,7 @@ def pick(together: Transmitted, i: int, shape: tuple[int, int]) -> Transmitted:
     )
 
 
-def system(
-    motion: Motion, elements: Sequence[Element], response: Response, way: float = 1.0
-) -> tuple[Real, Real, NDArray[np.bool_]]:
+def system(motion: Motion, elements: Sequence[Element], response: Response, way: float = 1.0) -> tuple[Real, Real, Flags]:
     """``a`` (F, n, 2), ``K`` (F, n, 2, n) and the kinds of norm (n,) of the normal loads ``g = |a + K g|``.
 
     ``way`` = -1: the same loads while everything moves backwards.

@@ -6,17 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Real
 from mechcore.forces.friction.elements import Element, relative_rate
 from mechcore.forces.friction.result import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.events import Event, at_drive, runs, turning_points
 from mechcore.motion.extremes import zeros
 from mechcore.motion.motion import Motion
-
-Real = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PARTS = 16  # into which an interval is divided at every round of the search for an edge
 ROUNDS = 7  # 16^7 = 3e8 places between two frames

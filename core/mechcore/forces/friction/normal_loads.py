@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mechcore.arrays import Flags, Real
 
 Array = Any
-Real = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-13  # of the largest normal load of the frame
 SETTLED = 1e-11  # residual, of the largest load: as close as rounding lets Newton's method come

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechcore.arrays import Flags, Real
 from mechcore.effects.base import Wrench, power_of
 from mechcore.forces.friction.elements import Element
 from mechcore.forces.friction.elements_response import Response, system
@@ -16,8 +16,6 @@ from mechcore.forces.friction.normal_loads import Solution, several, solve_norma
 from mechcore.motion.motion import Motion
 
 Array = Any
-Real = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST_SHARE = 0.1  # of the largest share in a jam: pairs below it are not named
 
