@@ -1,4 +1,4 @@
-"""Makes the README's picture of a shared page: the page in headless Chromium, at a drive angle that tells something.
+"""Makes the picture of a shared page in outputs.md: the page in headless Chromium, at a drive angle that tells something.
 
 python docs/make_share_picture.py [SCENE] [DEGREES]
 """

@@ -3,7 +3,11 @@
 compiled = compile_mechanism(mechanism)
 motion = solve_motion(compiled, default_times(mechanism))
 forces = solve_forces(motion)
+simulation = simulate(mechanism, duration)      # where forces decide the motion
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
@@ -11,14 +15,27 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 
+if TYPE_CHECKING:
+    from mechcore.dynamics import Simulation, simulate
+
+
+def __getattr__(name: str) -> Any:
+    """Motion under forces on first use: scipy loads with it."""
+    if name not in ("Simulation", "simulate"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("mechcore.dynamics"), name)
+
+
 __all__ = [
     "Compiled",
     "Fault",
     "Forces",
     "MechanismError",
     "Motion",
+    "Simulation",
     "compile_mechanism",
     "default_times",
+    "simulate",
     "solve_forces",
     "solve_motion",
 ]

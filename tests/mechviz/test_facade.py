@@ -111,3 +111,12 @@ def test_run_stays_a_function_whatever_is_imported():
     import mechviz.commands.main  # noqa: F401
 
     assert callable(mv.run) and {"run", "open", "Result"} <= set(dir(mv))
+
+
+def test_the_core_offers_motion_under_forces_when_it_is_asked_for():
+    import mechcore
+    from mechcore.dynamics import Simulation, simulate
+
+    assert mechcore.simulate is simulate and mechcore.Simulation is Simulation
+    with pytest.raises(AttributeError, match="nonsense"):
+        mechcore.nonsense  # noqa: B018
