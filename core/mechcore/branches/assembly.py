@@ -6,10 +6,10 @@ import cmath
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.branches.sketch import sketched_angle, sketched_slide
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics import blocks as bl
@@ -19,7 +19,6 @@ from mechcore.kinematics.positions import initial_state
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_angle, as_length
 
-Array = Any
 TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 _MOST_CHOICES = 2  # groups whose modes are told in all combinations
 
@@ -37,7 +36,7 @@ class Assembly:
     """``modes``: +1 or -1 for each block (0 where there is no choice). ``starts``: unknowns of general blocks at the start."""
 
     modes: tuple[float, ...]
-    starts: dict[str, Array]  # and angles of groups, "angle <group>", beyond one turn
+    starts: dict[str, Real]  # and angles of groups, "angle <group>", beyond one turn
     constants: tuple[float, ...]  # of the relations
     state: State  # positions at the start
 
@@ -53,7 +52,7 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
     constants = [0.0] * len(model.relations)
     state = initial_state(model, [np.float64(q) for q in drives], constants)
     modes: list[float] = []
-    starts: dict[str, Array] = {}
+    starts: dict[str, Real] = {}
     for block in model.blocks:
         pair = stated.get(block.name)
         mode = 0.0
@@ -390,7 +389,7 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
     return 1.0 if errors[0] < errors[1] else -1.0
 
 
-def _start_of_general(model: Model, block: Block, state: State) -> tuple[Array | None, list[Fault]]:
+def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | None, list[Fault]]:
     """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
     angles = [sketched_angle(model, g, state) for g in block.angles]
     slides = [sketched_slide(model, j) for j in block.slides]
@@ -455,7 +454,7 @@ def _fix_relations_of_group(
     return faults
 
 
-def _describe(model: Model, block: Block, x: Array) -> str:
+def _describe(model: Model, block: Block, x: Real) -> str:
     words = []
     for i, g in enumerate(block.angles):
         words.append(_angle_words(model, g, float(x[i])))
@@ -469,7 +468,7 @@ def _angle_words(model: Model, group: int, angle: float) -> str:
     return f"{model.links[k]} {as_angle(turned, 4)}"
 
 
-def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Array:
+def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Real:
     """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts; ``near`` is one more start.
 
     Angles lie within half a turn of zero, or of ``near`` where relations make whole turns matter.
@@ -486,7 +485,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
     found = found[np.isfinite(found).all(axis=-1)]
     if not block.relations:
         found[:, :n] = (found[:, :n] + np.pi) % (2.0 * np.pi) - np.pi
-    unique: list[tuple[Array, Array]] = []
+    unique: list[tuple[Real, Real]] = []
     for row in found:
         key = np.concatenate([np.exp(1j * row[:n]), row[n:] / model.size])
         if all(np.abs(key - other).max() > 1e-6 for other, _ in unique):

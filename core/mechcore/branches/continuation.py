@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mechcore.arrays import Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.limits import find_limit
 from mechcore.errors import Fault, MechanismError
@@ -22,7 +23,6 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import place_all
 from mechcore.kinematics.rates import velocities
 
-Array = Any
 Drives = Callable[[float], tuple[list[float], list[float]]]  # parameter -> drive positions and their derivatives by it
 
 LARGEST_CORRECTION = 0.02  # [rad] of the first Newton correction of an accepted step
@@ -45,13 +45,13 @@ class Track:
 
     ends: tuple[float, float]
     known: tuple[float, float]
-    splines: dict[str, Callable[[Array], Array]]
+    splines: dict[str, Callable[[ArrayLike], Real]]
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
     singular: bool = False
     flat_ends: tuple[bool, bool] = (False, False)
 
-    def starts(self, parameter: Array) -> dict[str, Array]:
+    def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts for parameters (F,)."""
         inside = np.clip(parameter, *self.known)
         return {name: spline(inside) for name, spline in self.splines.items()}
@@ -72,7 +72,7 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
     loose = tuple(dict.fromkeys(name for rows in stopped for name in _loose(model, rows[-1])))
     rows = backward[:0:-1] + forward
     p = np.array([r[0] for r in rows])
-    splines: dict[str, Callable[[Array], Array]] = {}
+    splines: dict[str, Callable[[ArrayLike], Real]] = {}
     for name in assembly.starts:
         x, slope = np.array([r[1][name] for r in rows]), np.array([r[2][name] for r in rows])
         if len(p) == 1:
@@ -93,7 +93,7 @@ def follow(model: Model, assembly: Assembly, drives: Drives, start: float, low: 
 
 
 Row = tuple[
-    float, dict[str, Array], dict[str, Array], dict[str, float], dict[str, Array]
+    float, dict[str, Real], dict[str, Real], dict[str, float], dict[str, Real]
 ]  # place, unknowns, slopes, determinants, singular values
 
 
@@ -185,7 +185,7 @@ def _singular_before(rows: Sequence[Row], p: float) -> bool:
     return False
 
 
-def _along(rows: Sequence[Row], p: float) -> tuple[dict[str, Array], dict[str, Array]]:
+def _along(rows: Sequence[Row], p: float) -> tuple[dict[str, Real], dict[str, Real]]:
     """Position and slope at ``p`` by the polynomial through the positions and slopes of some rows."""
     places = np.array([row[0] for row in rows])
     h = float(np.ptp(places)) or 1.0
@@ -193,7 +193,7 @@ def _along(rows: Sequence[Row], p: float) -> tuple[dict[str, Array], dict[str, A
     n = 2 * len(rows)
     power = np.arange(n)
     matrix = np.concatenate([u[:, None] ** power, power * u[:, None] ** np.maximum(power - 1, 0)])
-    out: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
+    out: tuple[dict[str, Real], dict[str, Real]] = ({}, {})
     for name in rows[-1][1]:
         values = np.array([np.atleast_1d(row[1][name]) for row in rows])
         slopes = np.array([np.atleast_1d(row[2][name]) for row in rows]) * h
@@ -209,7 +209,7 @@ def _loose(model: Model, row: Row) -> list[str]:
     return [name for name, s in row[4].items() if len(s) > 1 and s[-2] < 1e-4 * s[0]]
 
 
-def _extrapolate(rows: Sequence[Row], p: float) -> dict[str, Array]:
+def _extrapolate(rows: Sequence[Row], p: float) -> dict[str, Real]:
     """Hermite extrapolation through the last two points of the walk (tangent where there is only one)."""
     if len(rows) < 2:
         p0, x, slope, *_ = rows[-1]
@@ -224,7 +224,7 @@ def _same_branch(old: Row, new: Row) -> bool:
     return all(old[3][name] * new[3][name] > 0 or old[3][name] == 0.0 for name in new[3])
 
 
-def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict[str, Array]) -> Row | None:
+def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict[str, Real]) -> Row | None:
     """Solve one point of the walk; None where Newton ends too far from its start or nowhere."""
     q, speed = drives(p)
     state = place_all(model, [np.float64(v) for v in q], assembly.modes, starts, constants=assembly.constants)

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.branches.assembly import Assembly
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.model import Block, Model
 from mechcore.kinematics.positions import initial_state
 
-Array = Any
 Drives = Callable[[float], tuple[list[float], list[float]]]
 NEAR = 1e-5  # of the walk's range: what is farther away than this from its last row is not what it came to a stand at
 STEP = 1e-3  # along the curve, relative: the second place from which the extremum is looked for
@@ -74,7 +74,7 @@ def _fold(model: Model, assembly: Assembly, drives: Drives, block: Block, row: A
     start, p0 = np.asarray(row[1][block.name], float) / scale, float(row[0])
     h = 0.1 * near
 
-    def left(x: Array, p: float) -> tuple[Array, Array]:
+    def left(x: Real, p: float) -> tuple[Real, Real]:
         state = _placed_before(model, assembly, drives, row, p, block)
         r, jacobian = bl.equations(model, block, state)(x)
         return r, jacobian
@@ -84,7 +84,7 @@ def _fold(model: Model, assembly: Assembly, drives: Drives, block: Block, row: A
         return None
     along = np.linalg.svd(jacobian)[2][-1]
 
-    def on_curve(s: float, x: Array, p: float) -> tuple[Array, float, float] | None:
+    def on_curve(s: float, x: Real, p: float) -> tuple[Real, float, float] | None:
         """The point of the curve that lies ``s`` along from the start, and how fast the parameter changes there."""
         for _ in range(12):
             r, jacobian = left(x, p)

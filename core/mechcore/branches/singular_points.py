@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Flags, Real
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Block, Model
@@ -23,7 +23,6 @@ from mechcore.kinematics.patching import FAR, TAIL, smooth
 from mechcore.kinematics.positions import initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 
-Array = Any
 SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST = 400_000  # samples of a whole run
 FLAT = 3e-15  # below this `blocks.flatness` is rounding: the triangle is flat
@@ -89,7 +88,7 @@ class Changes:
         return [g for g in moved if g.end > start and g.start < end]
 
     @cached_property
-    def _flips(self) -> dict[int, Array]:
+    def _flips(self) -> dict[int, Real]:
         """When the modes of each block are exchanged."""
         times: dict[int, list[float]] = {}
         for c in self.found:
@@ -97,7 +96,7 @@ class Changes:
                 times.setdefault(c.block, []).append(c.time)
         return {block: np.sort(t) for block, t in times.items()}
 
-    def signs(self, block: int, time: Array) -> Array:
+    def signs(self, block: int, time: Real) -> Real | float:
         """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
         times = self._flips.get(block)
         if times is None:
@@ -112,7 +111,7 @@ class Changes:
         return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
 
 
-def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Array], *, span: float | None = None) -> Changes | None:
+def find_changes(model: Model, modes: Sequence[float], starts: Mapping[str, Real], *, span: float | None = None) -> Changes | None:
     """All changes of a mechanism under its drives' laws; None where there can be none, or where groups are followed by a walk.
 
     With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
@@ -188,7 +187,7 @@ def _sampled(
     samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
     coarse, step = cycle / samples, cycle / samples / finer
     ends = (FAR + WINDOW) * finer
-    time = step * np.arange(-ends, cycles * samples * finer + ends + 1)
+    time: Real = step * np.arange(-ends, cycles * samples * finer + ends + 1, dtype=float)
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
@@ -199,7 +198,7 @@ def _sampled(
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            sign: Array = 1.0
+            sign: Real | float = 1.0
             own: list[Change] = []
             if block.kind in TWO_MODES:
                 instants, missing, sharp = flat_instants(model, block, state, time, blurred, rounding)
@@ -226,7 +225,7 @@ def _sampled(
 
 
 def _smoothed(
-    model: Model, block: Block, state: State, time: Array, c: Change, period: float, step: float, finer: int, blurred: Array
+    model: Model, block: Block, state: State, time: Real, c: Change, period: float, step: float, finer: int, blurred: Flags
 ) -> tuple[Change, bool]:
     """Replace a block's sampled positions next to a change. The change with its step, the largest that resolves the motion."""
     best = np.inf
@@ -255,7 +254,7 @@ def rounding_of(model: Model) -> float:
 
 
 def flat_instants(
-    model: Model, block: Block, state: State, time: Array, blurred: Array, rounding: float
+    model: Model, block: Block, state: State, time: Real, blurred: Flags, rounding: float
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
     """Times at which a group's triangle touches its flat position without leaving its reach, and whether it goes through;
     stretches of time in which its links miss each other; and whether samples are too few to tell some place from a flat one.
@@ -300,7 +299,7 @@ def flat_instants(
     return out, gaps, sharp
 
 
-def _below(time: Array, h: Array, rounding: float) -> list[tuple[float, float]]:
+def _below(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
     """Stretches of samples below zero, their ends between samples by straight lines."""
     below = h < -rounding
     if not below.any():
@@ -318,13 +317,13 @@ def _below(time: Array, h: Array, rounding: float) -> list[tuple[float, float]]:
     return out
 
 
-def passages(changes: Changes, drive: Law, time: Array, q: Array) -> list[Change]:
+def passages(changes: Changes, drive: Law, time: Real, q: Real) -> list[Change]:
     """When a run passes the changes that lie along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
     start = float(changes.laws[0](0.0)[0])
     way = q - start
     along = changes.within(float(np.min(way)), float(np.max(way)))
     place = np.array([c.time + start for c in along])
-    behind: Array = np.searchsorted(place, q)  # how many places each frame is beyond
+    behind = np.searchsorted(place, q)  # how many places each frame is beyond
     many = np.abs(np.diff(behind))
     k = np.repeat(np.arange(len(many)), many)
     order = np.arange(len(k)) - np.repeat(np.cumsum(many) - many, many)

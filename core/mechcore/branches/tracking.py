@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.continuation import REGULAR, Drives, Track, follow
 from mechcore.branches.singular_points import TWO_MODES, Change, Changes, flat_instants, needs_span, rounding_of
@@ -22,7 +23,6 @@ from mechcore.kinematics.patching import FAR, NODES, TAIL, make_patches, tail_of
 from mechcore.kinematics.positions import place_all
 from mechcore.laws.timed import ConstantSpeed, Law
 
-Array = Any
 TURN = 2.0 * np.pi
 STEP = {"angle": np.radians(6.0), "slide": 0.05}  # largest step of a walk: angle, or part of the mechanism's size
 SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
@@ -58,7 +58,7 @@ class Course:
     by_time: bool
     asked: tuple[float, float]
 
-    def starts(self, parameter: Array) -> dict[str, Array]:
+    def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts, and angles beyond one turn, for parameters (F,)."""
         if self.period is None:
             return self.track.starts(parameter)
@@ -74,21 +74,21 @@ class Course:
                 found[name] = found[name] + turns * gain
         return found
 
-    def reached(self, parameter: Array) -> Array:
+    def reached(self, parameter: Real) -> Flags:
         """Whether the walk came as far as parameters (F,)."""
         if self.period is not None:
             return np.ones(np.shape(parameter), bool)
         edge = EDGE * max(1.0, abs(self.track.ends[1]))
         return (parameter >= self.track.ends[0] - edge) & (parameter <= self.track.ends[1] + edge)
 
-    def tells(self, parameter: Array) -> bool:
+    def tells(self, parameter: Real) -> bool:
         """Whether nothing more of parameters (F,) is found by another walk: this one came as far, or met a limit before."""
         low, high = self.asked
         return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
 
 
 def course_of(
-    model: Model, assembly: Assembly, start: Sequence[float], time: Array, positions: Sequence[Array], *, given: bool
+    model: Model, assembly: Assembly, start: Sequence[float], time: Real, positions: Sequence[Real], *, given: bool
 ) -> Course:
     """Walk over what the frames at times (F,) need. ``given``: the frames' drive positions are not those of the laws."""
     drives = model.mechanism.drives
@@ -249,7 +249,7 @@ def _flat_start(model: Model, assembly: Assembly, drives: Drives, start: float, 
     """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
     where that position lies just ahead; 0 where none is near."""
 
-    def dead_point_margin(p: float) -> Array:
+    def dead_point_margin(p: float) -> Real:
         positions = [np.float64(q) for q in drives(p)[0]]
         state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
         found = [np.min([float(h) for h in bl.dead_point_margin(model, b, state)]) for b in model.blocks if b.kind in TWO_MODES]
@@ -324,7 +324,7 @@ def _flat_on(
     return flat, gaps
 
 
-def _positions(laws: tuple[Law, ...], rest: Sequence[float], p: Array) -> list[Array]:
+def _positions(laws: tuple[Law, ...], rest: Sequence[float], p: Real) -> list[Real]:
     return [*(np.asarray(law(p)[0]) for law in laws), *(np.full(np.shape(p), q) for q in rest)]
 
 
@@ -334,7 +334,7 @@ def _change(course: Course, p: float, name: str, rest: Sequence[float], sample: 
     number = next(i for i, b in enumerate(model.blocks) if b.name == name and b.kind == "general")
     block = model.blocks[number]
 
-    def placed(at: Array) -> Any:
+    def placed(at: Real) -> Any:
         return place_all(model, _positions(course.laws, rest, at), assembly.modes, track.starts(at), constants=assembly.constants)
 
     scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.size)
@@ -360,14 +360,14 @@ def _change(course: Course, p: float, name: str, rest: Sequence[float], sample: 
     return Change(place - (0.0 if course.by_time else course.start), number, name, dead, True, width)
 
 
-def _determinant(model: Model, block: Block, state: Any) -> Array:
+def _determinant(model: Model, block: Block, state: Any) -> Real:
     contours = {c: bl.vectors(model, c, state) for c in block.contours}
     matrix, _ = bl.matrix_of(bl.columns(model, block, contours))
     matrix[..., : len(block.angles)] /= model.size
     return np.linalg.det(matrix)
 
 
-def _zero(values: Array, nodes: Array) -> float:
+def _zero(values: Real, nodes: Real) -> float:
     """The zero nearest to 0 of a smooth quantity given at nodes on [-1, 1]."""
     fit = np.polynomial.Chebyshev.fit(nodes, values / np.abs(values).max(), 11, domain=[-1.0, 1.0])
     slope, at = fit.deriv(), 0.0

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Complex, Real
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
 from mechcore.texts import as_length
-
-Array = Any
 
 
 class Line(Effect):
@@ -23,17 +20,17 @@ class Line(Effect):
         Effect.__init__(self, load.name)
         self.ends = tuple(zip(load.links, load.points, strict=True))
 
-    def place(self, at: Configuration, end: int, derivative: int = 0) -> Array:
+    def place(self, at: Configuration, end: int, derivative: int = 0) -> Complex:
         """World position of one of the two points, or its velocity."""
         link, point = self.ends[end]
         k = at.model.index[link]
         return at.of_point(k, at.model.points[k][point], derivative)
 
-    def vector(self, at: Configuration) -> Array:
+    def vector(self, at: Configuration) -> Complex:
         """From the first point to the second [m]."""
         return self.place(at, 1) - self.place(at, 0)
 
-    def direction(self, at: Configuration, vector: Array) -> Array:
+    def direction(self, at: Configuration, vector: Complex) -> Complex:
         """Unit vector from the first point to the second; refused where they meet."""
         length = np.abs(vector)
         if np.any(length == 0.0):
@@ -45,7 +42,7 @@ class Line(Effect):
             )
         return vector / length
 
-    def between(self, at: Configuration, force: Array) -> list[Wrench]:
+    def between(self, at: Configuration, force: Complex) -> list[Wrench]:
         """``force`` on the first link at its point, the opposite on the second link at the same point and line."""
         first, second = (at.model.index[link] for link, _ in self.ends)
         arm = at.model.points[first][self.ends[0][1]] * at.rotation(first)
@@ -70,7 +67,7 @@ class LineSpring(Line):
             force = force + rest * self.direction(at, vector)
         return self.between(at, force)
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real:
         load = self.load
         stretch = np.abs(self.vector(at)) - load.free_length
         return (0.5 * load.stiffness * stretch + load.preload) * stretch
@@ -117,7 +114,7 @@ class LineGasSpring(Line):
             remedy = "Give a greater gas length, or place its points further apart."
             raise MechanismError(Fault(f"loads.{self.name}", why, remedy))
 
-    def _left(self, length: Array) -> Array:
+    def _left(self, length: Real) -> Real:
         """Volume that is left of the gas over its volume when extended; NaN where there is none."""
         left = 1.0 - (self.load.extended - length) / self.load.gas_length
         return np.where(left > 0.0, left, np.nan)
@@ -127,7 +124,7 @@ class LineGasSpring(Line):
         thrust = self.load.force * self._left(np.abs(vector)) ** -self.load.exponent
         return self.between(at, -thrust * self.direction(at, vector))
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real:
         load = self.load
         log, beyond = np.log(self._left(np.abs(self.vector(at)))), load.exponent - 1.0
         return load.force * load.gas_length * (np.expm1(-beyond * log) / beyond if beyond else -log)

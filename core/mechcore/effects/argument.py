@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Index, Real
 from mechcore.effects.base import Configuration
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Table
 from mechcore.spec.loads import Factor
-
-Array = Any
 
 
 def needs_of(factor: Factor | None) -> frozenset[str]:
@@ -23,7 +20,7 @@ def needs_of(factor: Factor | None) -> frozenset[str]:
     return frozenset({"positions"})
 
 
-def coordinate(at: Configuration, pair: str) -> Array:
+def coordinate(at: Configuration, pair: str) -> Real:
     """Relative coordinate of a pair [rad or m], driven or not; nothing else is computed."""
     model = at.model
     j = model.joint_index.get(pair)
@@ -34,7 +31,7 @@ def coordinate(at: Configuration, pair: str) -> Array:
     return at.angles.joint(pair)
 
 
-def rate(at: Configuration, pair: str) -> Array:
+def rate(at: Configuration, pair: str) -> Real:
     """Rate of a pair's relative coordinate [rad/s or m/s]."""
     model = at.model
     if pair in model.joint_index:
@@ -50,7 +47,7 @@ def rate(at: Configuration, pair: str) -> Array:
     return at.speeds.spin[spin[model.index[second]]] - at.speeds.spin[spin[model.index[first]]]
 
 
-def factor_of(at: Configuration, factor: Factor | None, load: str) -> Array:
+def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | float:
     """The factor of a load over the frames. Raises `MechanismError` where its function gives no finite numbers."""
     if factor is None:
         return 1.0
@@ -90,7 +87,7 @@ def counts_turns(factor: Factor | None) -> bool:
     return factor is not None and factor.of == "position" and getattr(factor.function, "period", None) is None
 
 
-def phase_of(at: Configuration, factor: Factor | None) -> Array:
+def phase_of(at: Configuration, factor: Factor | None) -> Index:
     """Between which bends of its table a factor is: a whole number (F,)."""
     if factor is None or not bends(factor):
         return np.zeros(np.shape(at.time), int)
@@ -104,7 +101,7 @@ def breaks_of(factor: Factor | None) -> tuple[float, ...]:
     return () if factor is None or factor.of != "time" else tuple(getattr(factor.function, "breaks", ()))
 
 
-def _argument(at: Configuration, factor: Factor) -> Array:
+def _argument(at: Configuration, factor: Factor) -> Real:
     if factor.of == "time":
         return at.time
     if factor.of in ("position", "velocity"):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.arrays import Complex
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.spec.loads import BeltTension
 
@@ -13,10 +14,7 @@ if TYPE_CHECKING:
     from mechcore.joints.base import Relation
 
 
-Array = Any
-
-
-def spans(at: Configuration, relation: Relation) -> tuple[Array, Array, float]:
+def spans(at: Configuration, relation: Relation) -> tuple[Complex, Complex, float]:
     """Place [m], force on the second pulley per newton in both spans, and by how much the spans' normals lean towards it.
 
     The two pulls are mirrored at the line of centres: their resultant lies on it. The lean is (r1 - r2) / distance of an open belt,

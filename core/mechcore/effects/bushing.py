@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Complex, Real
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.effects.torsion import AngleDamper, AngleSpring
 from mechcore.spec.loads import Bushing, BushingDamper, TorsionDamper, TorsionSpring
-
-Array = Any
 
 
 class _Bushed(Effect):
@@ -22,7 +19,7 @@ class _Bushed(Effect):
         super().__init__(load.name)
         self.ends = tuple(zip(load.links, load.points, strict=True))
 
-    def apart(self, at: Configuration, derivative: int = 0) -> Array:
+    def apart(self, at: Configuration, derivative: int = 0) -> Complex:
         """From the first point to the second in the first link's axes, or its rate there."""
         (k, first), (m, second) = ((at.model.index[link], at.model.points[at.model.index[link]][p]) for link, p in self.ends)
         away = at.of_point(m, second, derivative) - at.of_point(k, first, derivative)
@@ -31,7 +28,7 @@ class _Bushed(Effect):
             away = away - 1j * spin * (at.of_point(m, second) - at.of_point(k, first))
         return away * np.conj(at.rotation(k))
 
-    def between(self, at: Configuration, x: Array, y: Array, moment: Array) -> list[Wrench]:
+    def between(self, at: Configuration, x: Real, y: Real, moment: Real) -> list[Wrench]:
         """Force (x, y) in the first link's axes, and moment, on the first link; the opposite on the second."""
         (k, _), (m, point) = ((at.model.index[link], point) for link, point in self.ends)
         arm = at.offset(m, at.model.points[m][point])
@@ -59,7 +56,7 @@ class BushingSprings(_Bushed):
         d = self.apart(at)
         return self.between(at, self.stiffness[0] * d.real, self.stiffness[1] * d.imag, self.torsion.wrenches(at)[0].moment)
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real:
         d = self.apart(at)
         return 0.5 * (self.stiffness[0] * d.real**2 + self.stiffness[1] * d.imag**2) + self.torsion.potential(at)
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Flags, Index, Real
 from mechcore.effects.argument import coordinate, rate
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import GasPressure
 from mechcore.texts import as_length
 
-Array = Any
 OVER = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres
 
 
@@ -27,11 +25,11 @@ class CylinderGas(Effect):
 
     limited = True
 
-    def _from_top(self, at: Configuration) -> Array:
+    def _from_top(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m]."""
         return (self.load.top - coordinate(at, self.load.pair)) * (1.0 if self.load.head == "ahead" else -1.0)
 
-    def displacement(self, at: Configuration) -> Array:
+    def displacement(self, at: Configuration) -> Real:
         """Distance of the piston from top dead centre [m], within the stroke."""
         return np.clip(self._from_top(at), 0.0, self.load.cycle.stroke)
 
@@ -48,7 +46,7 @@ class CylinderGas(Effect):
             )
             raise MechanismError(Fault(f"loads.{self.name}", why, "Give the dead centres of this mechanism as top and stroke."))
 
-    def _strokes(self, at: Configuration) -> tuple[Array, Array, Array]:
+    def _strokes(self, at: Configuration) -> tuple[Real, Flags, Flags]:
         """Displacement [m], whether the piston moves away from the head, whether the gas fires in this turn."""
         load = self.load
         x = self.displacement(at)
@@ -63,7 +61,7 @@ class CylinderGas(Effect):
             firing = np.mod(turned + np.where(outward, 0.5 * np.pi, 1.5 * np.pi), 4.0 * np.pi) < 2.0 * np.pi
         return x, outward, firing
 
-    def pressure(self, at: Configuration) -> Array:
+    def pressure(self, at: Configuration) -> Real:
         """Absolute pressure in the cylinder [Pa]."""
         return self.load.cycle.pressure(*self._strokes(at))
 
@@ -71,7 +69,7 @@ class CylinderGas(Effect):
     def piecewise(self) -> bool:
         return True
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         x, outward, firing = self._strokes(at)
         part = getattr(self.load.cycle, "part", None)
         return 2 * outward + firing + (0 if part is None else 4 * part(x, outward, firing))

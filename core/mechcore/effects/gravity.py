@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
 from mechcore.kinematics.model import Model
-
-Array = Any
 
 
 def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
@@ -44,5 +41,5 @@ class Gravity(Effect):
     def point_loads(self, model: Model) -> list[PointLoad]:
         return [PointLoad(k, centre, force=weight) for k, weight, centre in model.once(weights)]
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real | float:
         return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.once(weights)), 0.0)

@@ -7,14 +7,12 @@ act on the massless journal of a `mechcore.spec.clearance` pair, so that the rev
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Complex, Index, Real
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.spec.loads import JournalContact, JournalLoss
 
-Array = Any
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"
 IN_PAIRS = (PRESSING, LOSING, RUBBING)
 """Kinds of these wrenches: what they amount to is the reaction of their pair."""
@@ -51,12 +49,12 @@ class _Journal(Effect):
 
     load: JournalContact | JournalLoss
 
-    def eccentricity(self, at: Configuration, derivative: int = 0) -> Array:
+    def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:
         """Journal's centre from the bearing's, or its rate, in the axes of the bearing's link (complex)."""
         x, y = (at.drives[at.model.driven[at.model.joint_index[pair]]][derivative] for pair in self.load.slides)
         return np.asarray(x + 1j * y)
 
-    def indentation(self, at: Configuration) -> tuple[Array, Array, Array]:
+    def indentation(self, at: Configuration) -> tuple[Real, Complex, Real]:
         """How far the journal is pressed in (negative: free), the normal from bearing to journal, and k d^n [N]."""
         e = self.eccentricity(at)
         away = np.abs(e)
@@ -66,7 +64,7 @@ class _Journal(Effect):
         normal = e / np.where(away > 0.0, away, 1.0)
         return depth, normal, load.stiffness * pressed * (pressed / load.radial) ** (load.exponent - 1.0)
 
-    def between(self, at: Configuration, force: Array, name: str, kind: str, moment: Array = 0.0) -> list[Wrench]:
+    def between(self, at: Configuration, force: Complex, name: str, kind: str, moment: Real | float = 0.0) -> list[Wrench]:
         """``force`` (axes of the bearing's link) at the journal's centre on the journal, the opposite on the bearing; ``moment`` on
         the shaft, the opposite on the bearing."""
         model, load = at.model, self.load
@@ -83,7 +81,7 @@ class _Journal(Effect):
     def piecewise(self) -> bool:
         return True
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         """1 where journal and bearing touch."""
         return np.asarray(self.indentation(at)[0] > 0.0, int)
 
@@ -101,7 +99,7 @@ class JournalPressure(_Journal):
         _, normal, force = self.indentation(at)
         return self.between(at, -force * normal, self.name, PRESSING)
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real:
         depth, _, force = self.indentation(at)
         return force * np.maximum(depth, 0.0) / (self.load.exponent + 1.0)
 
@@ -125,7 +123,7 @@ class JournalFriction(_Journal):
         inward = np.real(np.conj(normal) * rate)
         lost = force * np.maximum(load.loss * inward, -1.0)  # surfaces only press on each other
         on_journal = -lost * normal
-        moment: Array = 0.0
+        moment: Real | float = 0.0
         if load.friction:
             spin, model = at.speeds.spin, at.model
             bearing, _, shaft = (model.index[k] for k in load.links)
@@ -136,7 +134,7 @@ class JournalFriction(_Journal):
             moment = -load.radius * rub
         return self.between(at, on_journal, self.name, LOSING, moment)
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         """1 where they touch, 2 where they part so fast that nothing presses any more."""
         depth, normal, _ = self.indentation(at)
         parting = self.load.loss * np.real(np.conj(normal) * self.eccentricity(at, 1)) < -1.0

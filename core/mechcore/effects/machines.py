@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mechcore.arrays import Index, Real
 from mechcore.effects.argument import rate
 from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
 from mechcore.spec.loads import ConstantPower, DcMotor, Governor, InductionMotor, Machine
-
-Array = Any
 
 
 class _ByCharacteristic(Effect):
@@ -23,10 +20,10 @@ class _ByCharacteristic(Effect):
         super().__init__(load.name)
         self.on = load
 
-    def torque(self, speed: Array) -> Array:
+    def torque(self, speed: Real) -> Real:
         raise TypeError(f"{type(self).__name__} has no characteristic")
 
-    def speed(self, at: Configuration) -> Array:
+    def speed(self, at: Configuration) -> Real:
         """Angular velocity of the link, or rate of the pair [rad/s]."""
         if self.on.pair is not None:
             return np.asarray(rate(at, self.on.pair))
@@ -48,7 +45,7 @@ class DirectCurrent(_ByCharacteristic):
         super().__init__(load)
         self.load = load
 
-    def torque(self, speed: Array) -> Array:
+    def torque(self, speed: Real) -> Real:
         return self.load.stall_torque * (1.0 - speed / self.load.no_load_speed)
 
 
@@ -59,7 +56,7 @@ class Induction(_ByCharacteristic):
         super().__init__(load)
         self.load = load
 
-    def torque(self, speed: Array) -> Array:
+    def torque(self, speed: Real) -> Real:
         load = self.load
         slip, most = 1.0 - speed / load.synchronous_speed, load.breakdown_slip
         size = np.sign(load.synchronous_speed) * load.breakdown_torque
@@ -73,7 +70,7 @@ class ConstantPowerMachine(_ByCharacteristic):
         super().__init__(load)
         self.load = load
 
-    def torque(self, speed: Array) -> Array:
+    def torque(self, speed: Real) -> Real:
         load = self.load
         forward = np.maximum(speed * np.sign(load.torque_limit), load.power / abs(load.torque_limit))
         return np.sign(load.torque_limit) * load.power / forward
@@ -82,7 +79,7 @@ class ConstantPowerMachine(_ByCharacteristic):
     def piecewise(self) -> bool:
         return True
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         load = self.load
         return (self.speed(at) * np.sign(load.torque_limit) > load.power / abs(load.torque_limit)).astype(int)
 
@@ -94,7 +91,7 @@ class Governed(_ByCharacteristic):
         super().__init__(load)
         self.load = load
 
-    def torque(self, speed: Array) -> Array:
+    def torque(self, speed: Real) -> Real:
         load = self.load
         return np.clip(load.gain * (load.set_speed - speed), load.least, load.most)
 
@@ -102,7 +99,7 @@ class Governed(_ByCharacteristic):
     def piecewise(self) -> bool:
         return True
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         load = self.load
         wanted = load.gain * (load.set_speed - self.speed(at))
         return (wanted > load.least).astype(int) + (wanted > load.most)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from mechcore.arrays import Index
 from mechcore.effects.argument import bends, bends_in_time, breaks_of, counts_turns, factor_of, needs_of, phase_of
 from mechcore.effects.base import Configuration, Effect, PointLoad, Wrench
 from mechcore.kinematics.model import Model
 from mechcore.spec.loads import Force, Torque
-
-Array = Any
 
 
 class Varied(Effect):
@@ -32,7 +31,7 @@ class Varied(Effect):
     def counts_turns(self) -> bool:
         return counts_turns(self.load.factor)
 
-    def phase(self, at: Configuration) -> Array:
+    def phase(self, at: Configuration) -> Index:
         return phase_of(at, self.load.factor)
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from mechcore.arrays import Real
 from mechcore.effects.argument import coordinate, rate
 from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Law
 from mechcore.spec.loads import Servo
-
-Array = Any
 
 
 class PositionServo(Effect):
@@ -33,7 +30,7 @@ class PositionServo(Effect):
     def integrates(self) -> bool:
         return self.load.integral != 0.0
 
-    def state_rate(self, at: Configuration) -> Array:
+    def state_rate(self, at: Configuration) -> Real:
         return self.load.target(at.time)[0] - coordinate(at, self.load.pair)
 
     def wrenches(self, at: Configuration) -> list[Wrench]:

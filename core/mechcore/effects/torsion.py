@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from mechcore.arrays import Real
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.spec.loads import TorsionDamper, TorsionSpring
-
-Array = Any
 
 
 class AngleSpring(Effect):
@@ -19,7 +16,7 @@ class AngleSpring(Effect):
         super().__init__(load.name)
         self.load = load
 
-    def _turned(self, at: Configuration) -> Array:
+    def _turned(self, at: Configuration) -> Real:
         first, second = (at.model.index[k] for k in self.load.links)
         free = self.load.free_angle
         return at.angles.relative(first, second, (free, free)) - free
@@ -33,7 +30,7 @@ class AngleSpring(Effect):
         moment = self.load.stiffness * self._turned(at)
         return [Wrench(self.name, "torsion spring", first, 0j, moment, 0j, self.cause, second)]
 
-    def potential(self, at: Configuration) -> Array:
+    def potential(self, at: Configuration) -> Real:
         return 0.5 * self.load.stiffness * self._turned(at) ** 2
 
 

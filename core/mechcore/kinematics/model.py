@@ -210,7 +210,7 @@ class Model:
         """``work(self)``, done once for this model: for what later stages look up in it again and again."""
         if work not in self._once:
             self._once[work] = work(self)
-        return self._once[work]  # type: ignore[no-any-return]
+        return self._once[work]
 
     @cached_property
     def _terms(self) -> dict[tuple[int, Array], Terms | None]:

@@ -12,9 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mechcore.arrays import Flags
-
-Array = Any
+from mechcore.arrays import Flags, Real
 
 
 class Cycle(Protocol):
@@ -30,7 +28,7 @@ class Cycle(Protocol):
         """Strokes of a cycle: 2 or 4."""
         ...
 
-    def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         """Absolute pressure [Pa] at displacements x (...) [m]; ``outward``: away from the head; ``firing``: compression and
         expansion, else exhaust and intake (four strokes only)."""
         ...
@@ -47,7 +45,7 @@ class Compressor:
     clearance: float = 0.05  # volume at top dead centre over the swept volume
     strokes: int = 2
 
-    def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         v = np.maximum(self.clearance + x / self.stroke, 0.0)  # volumes over the swept volume; rounding may pass the dead centre
         with np.errstate(divide="ignore", over="ignore"):  # without clearance nothing is left at the dead centre: delivery there
             squeezed = self.suction * ((self.clearance + 1.0) / v) ** self.exponent
@@ -55,7 +53,7 @@ class Compressor:
         expanded = np.maximum(self.delivery * left, self.suction)
         return np.where(outward, expanded, np.minimum(squeezed, self.delivery))
 
-    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
         """Whether a valve is open (...): 1, else 0."""
         p = self.pressure(x, outward, firing)
         return np.where(outward, p <= self.suction, p >= self.delivery).astype(int)
@@ -87,7 +85,7 @@ class FourStroke:
     cutoff: float = 1.0
     strokes: int = 4
 
-    def _volume(self, x: Array) -> Array:
+    def _volume(self, x: Real) -> Real:
         """Volume over the clearance."""
         return 1.0 + (self.ratio - 1.0) * x / self.stroke
 
@@ -96,14 +94,14 @@ class FourStroke:
         """Highest pressure [Pa]."""
         return self.intake * self.ratio**self.exponent * self.rise
 
-    def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         v = self._volume(x)
         m = self.exponent if self.expansion is None else self.expansion
         squeezed = self.intake * (self.ratio / v) ** self.exponent
         fired = self.highest * np.minimum(1.0, self.cutoff / v) ** m
         return np.where(firing, np.where(outward, fired, squeezed), np.where(outward, self.intake, self.exhaust))
 
-    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
         """Whether heat is still supplied at constant pressure (...): 1, else 0."""
         return np.asarray(self._volume(x) < self.cutoff).astype(int)
 
@@ -130,10 +128,10 @@ class Diagram:
     inward: Any
     strokes: int = 2
 
-    def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         return np.where(outward, self.outward(x), self.inward(x))
 
-    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
         """Between which of its points the diagram is (...)."""
         return np.where(outward, _part(self.outward, x), _part(self.inward, x))
 
@@ -149,15 +147,15 @@ class FourStrokeDiagram:
     compression: Any
     strokes: int = 4
 
-    def pressure(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         fired = np.where(outward, self.power(x), self.compression(x))
         return np.where(firing, fired, np.where(outward, self.intake(x), self.exhaust(x)))
 
-    def part(self, x: Array, outward: Flags, firing: Flags) -> Array:
+    def part(self, x: Real, outward: Flags, firing: Flags) -> Real:
         """Between which of its points the diagram is (...)."""
         fired = np.where(outward, _part(self.power, x), _part(self.compression, x))
         return np.where(firing, fired, np.where(outward, _part(self.intake, x), _part(self.exhaust, x)))
 
 
-def _part(branch: Any, x: Array) -> Array:
+def _part(branch: Any, x: Real) -> Real:
     return branch.part(x) if hasattr(branch, "part") else np.zeros(np.shape(x), int)

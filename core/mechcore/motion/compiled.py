@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.singular_points import TWO_MODES, Changes, find_changes, needs_span, passages
 from mechcore.branches.tracking import Course, course_of
@@ -22,8 +23,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
-Array = Any
-DriveValues = list[tuple[Array, Array, Array]]  # position, speed, acceleration (F,) of each drive; rates may be single numbers
+DriveValues = list[tuple[Real, Real | float, Real | float]]  # position, speed, acceleration (F,) of each drive
 TURN = 2.0 * np.pi
 MOST_TURNS = 50_000  # of a drive in one run; of one that slides, that many circumferences of a circle as large as the mechanism
 
@@ -56,7 +56,7 @@ class Compiled:
 
 
 def drive_values(
-    mechanism: Mechanism, time: Array, given: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
+    mechanism: Mechanism, time: Real, given: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
 ) -> DriveValues:
     """Where the drives are at times (F,) by their laws, or as ``given`` by the names of their pairs."""
     values: DriveValues = []
@@ -85,18 +85,18 @@ class Placed(NamedTuple):
 
     motion: Motion
     course: Course | None
-    parameter: Array | None
+    parameter: Real | None
     changes: Changes | None
 
 
-def place(compiled: Compiled, time: Array, values: DriveValues, *, given: bool) -> Placed:
+def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -> Placed:
     """The motion at times (F,) [s] and values of the drives; ``given``: other ones than their laws'."""
     model = compiled.model
     positions = [v[0] for v in values]
     constants = compiled.assembly.constants
     solved, parameter, course = model, None, None
-    starts: Mapping[str, Array] | None = None
-    modes: Sequence[Array] = compiled.assembly.modes
+    starts: Mapping[str, Real] | None = None
+    modes: Sequence[Real | float] = compiled.assembly.modes
     patches, passed = None, []
     changes = compiled.changes
     still = not given and not model.mechanism.led
@@ -110,7 +110,7 @@ def place(compiled: Compiled, time: Array, values: DriveValues, *, given: bool) 
         parameter = time if course.by_time else positions[0]
         starts = course.starts(parameter)
     elif changes is None and not given and len(time) and needs_span(model):
-        changes = find_changes(model, modes, compiled.assembly.starts, span=float(np.max(time)))
+        changes = find_changes(model, compiled.assembly.modes, compiled.assembly.starts, span=float(np.max(time)))
     if changes is not None and changes.found:
         law_time, scale = _law_time(compiled, changes, time, values, given=given)
         if law_time is not None:
@@ -123,7 +123,7 @@ def place(compiled: Compiled, time: Array, values: DriveValues, *, given: bool) 
                 passed = changes.within(float(np.min(law_time)), float(np.max(law_time)))
     state = place_all(solved, positions, modes, starts, patches, constants, compiled.accuracy.position)
     led = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
-    again: Callable[[Array], Motion] | None = None if given else lambda t: follow(led, t)
+    again: Callable[[Real], Motion] | None = None if given else lambda t: follow(led, t)
     in_time = course.by_time if course is not None else len(positions) > 1 or not (changes is None or changes.by_drive)
     frames = positions, state, (*model.designs, len(time))
     angles = led.angles.still(frames) if still else _angles(led, frames, time, in_time=not given and in_time)
@@ -131,11 +131,11 @@ def place(compiled: Compiled, time: Array, values: DriveValues, *, given: bool) 
     return Placed(motion, course, parameter, changes)
 
 
-def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -> LinkAngles:
+def _angles(compiled: Compiled, frames: Frames, time: Real, *, in_time: bool) -> LinkAngles:
     """Angles of the links at frames; ``in_time``: the laws lead there, and only the time tells where they are."""
     drives, unwrapped = compiled.mechanism.drives, compiled.angles
 
-    def placed(time: Array, given: Array | None = None) -> Frames:
+    def placed(time: Real, given: Real | None = None) -> Frames:
         rest = np.zeros(len(time))
         led = None if given is None else {d.pair: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
         motion = follow(compiled, time, led)
@@ -148,7 +148,7 @@ def _angles(compiled: Compiled, frames: Frames, time: Array, *, in_time: bool) -
     return unwrapped.along(frames, frames[0][0], lambda x: placed(np.zeros(len(x)), x))
 
 
-def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, given: bool) -> Course:
+def _course(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> Course:
     """The walk that the frames need: one that has been made already, if it covers them."""
     for course in compiled.courses:
         if not (course.by_time and given):
@@ -163,7 +163,7 @@ def _course(compiled: Compiled, time: Array, positions: Sequence[Array], *, give
     return course
 
 
-def reached(compiled: Compiled, q: Array) -> Array:
+def reached(compiled: Compiled, q: Real) -> Flags:
     """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
     are followed Newton's method may have found other branches. True everywhere where none are followed."""
     for course in compiled.courses:
@@ -172,14 +172,14 @@ def reached(compiled: Compiled, q: Array) -> Array:
     return np.ones(np.shape(q), bool)
 
 
-def _own_starts(course: Course, law_time: Array) -> dict[str, Array]:
+def _own_starts(course: Course, law_time: Real) -> dict[str, Real]:
     """Newton starts at times of the laws that lead along a walk."""
     return course.starts(law_time if course.by_time else law_time + course.start)
 
 
 def _law_time(
-    compiled: Compiled, changes: Changes, time: Array, values: Sequence[tuple[Array, Array, Array]], *, given: bool
-) -> tuple[Array | None, tuple[Array, Array]]:
+    compiled: Compiled, changes: Changes, time: Real, values: DriveValues, *, given: bool
+) -> tuple[Real | None, tuple[Real | float, Real | float]]:
     """Where the frames are on the way along which changes are known, and its first two derivatives by time.
 
     None where the frames' drive positions are given and that way is the laws' time.

@@ -8,20 +8,18 @@ of the lecture: positions read off with the resolution of the drawing, the slope
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.arrays import Real
 from mechcore.kinematics.rates import Rates
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
 
 
-Array = Any
-
-
-def differentiate(time: Array, values: Array, order: int, derivative: int = 1) -> Array:
+def differentiate(time: Real, values: Real, order: int, derivative: int = 1) -> Real:
     """First or second derivative by time (F,) of values (..., F), from polynomials through ``order`` + 1 neighbouring frames."""
     count = min(order + 1, len(time))
     if count < 2 or (derivative == 2 and count < 3):
@@ -40,19 +38,19 @@ def differentiate(time: Array, values: Array, order: int, derivative: int = 1) -
 
 
 @lru_cache
-def _even_weights(count: int, derivative: int) -> Array:
+def _even_weights(count: int, derivative: int) -> Real:
     """Weights (count, count) at each node of ``count`` evenly spaced ones, a unit apart."""
     nodes = np.arange(count, dtype=float)
     return np.array([_weights(nodes - node, derivative) for node in nodes])
 
 
-def _weights(x: Array, derivative: int) -> Array:
+def _weights(x: Real, derivative: int) -> Real:
     """Weights of values at offsets ``x`` for a derivative at zero: exact for all polynomials through the nodes."""
     scale = float(np.abs(x).max())
     rows = np.vander(x / scale, increasing=True).T
     rhs = np.zeros(len(x))
     rhs[derivative] = float(derivative) / scale**derivative  # 1! = 1, 2! = 2
-    return np.linalg.solve(rows, rhs)
+    return np.asarray(np.linalg.solve(rows, rhs), float)
 
 
 def numerical_rates(motion: Motion, derivative: int) -> Rates:
@@ -63,7 +61,7 @@ def numerical_rates(motion: Motion, derivative: int) -> Rates:
     drawn = accuracy.differentiation == "graphical"
     order = 2 if drawn else accuracy.differences
 
-    def slope(values: Array, unit: float) -> Array:
+    def slope(values: Real, unit: float) -> Real:
         values = np.broadcast_to(values, motion.shape)
         if drawn and accuracy.resolution > 0.0:
             values = accuracy.resolution * unit * np.round(values / (accuracy.resolution * unit))

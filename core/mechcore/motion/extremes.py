@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from mechcore.arrays import Real
 from mechcore.motion.motion import Motion
 
-Array = Any
-Metric = Callable[[Motion], Array]  # motion -> a smooth quantity (F,)
+Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
 NODES = -np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
 FIT = np.linalg.inv(chebyshev.chebvander(NODES, 8))
 ROUNDS = 2  # the second one in a window that is narrower by
@@ -51,7 +50,7 @@ def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
     return (float(at[top]), float(refined[top])) if refined[top] >= found[1] else found
 
 
-def _highest(values: Array) -> float:
+def _highest(values: Real) -> float:
     """Where on [-1, 1] the polynomial through values at the nodes is highest; NaN where these are not finite."""
     if not np.isfinite(values).all():
         return np.nan
@@ -62,7 +61,7 @@ def _highest(values: Array) -> float:
     return float(places[np.argmax(chebyshev.chebval(places, coefficients))])
 
 
-def _again(motion: Motion, metric: Metric, times: Array) -> Array:
+def _again(motion: Motion, metric: Metric, times: Real) -> Real:
     """A quantity at other times (...)."""
     assert motion.again is not None
     flat = np.ravel(times)
@@ -72,7 +71,7 @@ def _again(motion: Motion, metric: Metric, times: Array) -> Array:
     return out.reshape(np.shape(times))
 
 
-def zeros(motion: Motion, rows: Callable[[Motion], Array], times: Array) -> Array:
+def zeros(motion: Motion, rows: Callable[[Motion], Real], times: Real) -> Real:
     """Zeros (n,) [s] of a quantity, from good estimates, by Newton's method; ``rows``: motion -> its value and rate (F, 2)."""
     if motion.again is None or not len(times) or motion.frames < 2:
         return times

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Flags, Real
 from mechcore.branches.singular_points import TWO_MODES, flat_instants, rounding_of
 from mechcore.branches.tracking import STEP, walk
 from mechcore.kinematics.blocks import dead_point_margin
@@ -17,7 +17,6 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.slots import has_ends, room_in_slots, within_slots
 from mechcore.spec.mechanism import Cylinder
 
-Array = Any
 SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
 HALVINGS = 40
 INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
@@ -56,13 +55,13 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     else:
         low, high = q0 - half, q0 + half
 
-    def solved(q: Array) -> Motion:
+    def solved(q: Real) -> Motion:
         given = {d.pair: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
             model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
         given[model.mechanism.drives[0].pair] = (q, np.ones_like(q), np.zeros_like(q))
         return follow(compiled, np.zeros(len(q)), given)
 
-    def assembled(q: Array) -> Array:
+    def assembled(q: Real) -> Flags:
         motion = solved(q)
         fits = np.isfinite(np.sum([np.broadcast_to(np.abs(r), len(q)) for r in motion.state.rot], axis=0)) & np.isfinite(
             np.sum([np.zeros(len(q)), *(np.broadcast_to(s, len(q)) for s in motion.state.slide.values())], axis=0)
@@ -98,7 +97,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
 
 
-def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
+def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
     """The range of the first drive's position (rad or m) about its start in which every group can be put together wherever the
     laws of the other drives take these at times of a run, from the first of ``time`` to the last; None where there is none, or
     where groups have to be followed."""
@@ -111,7 +110,7 @@ def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
     t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
     places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]
 
-    def fits(q: Array) -> Array:
+    def fits(q: Real) -> Flags:
         state = place_all(
             model, [q[:, None], *places], compiled.assembly.modes, compiled.assembly.starts, constants=compiled.assembly.constants
         )
@@ -125,7 +124,7 @@ def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
     step = 2.0 * half / (SAMPLES - 1)
     ends = []
     for sign in (-1.0, 1.0):
-        ok = fits(q0 + sign * step * np.arange(SAMPLES // 2 + 1))
+        ok = fits(q0 + sign * step * np.arange(SAMPLES // 2 + 1, dtype=float))
         if not ok[0]:
             return None
         steps = len(ok) - 1 if ok.all() else int(np.argmin(ok)) - 1
@@ -138,7 +137,7 @@ def range_beside(compiled: Compiled, time: Array) -> tuple[float, float] | None:
     return (low, high) if low < q0 < high else None
 
 
-def _least(rows: Array) -> Array:
+def _least(rows: Real) -> Real:
     """Least values of smooth functions sampled evenly, (..., t) -> (...), between the samples too: of the parabola there."""
     before, here, after = rows[..., :-2], rows[..., 1:-1], rows[..., 2:]
     slope, bend = 0.5 * (after - before), after - 2.0 * here + before

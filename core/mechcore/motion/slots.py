@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from mechcore.arrays import Flags, Real
 from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Model
 from mechcore.motion.extremes import peak
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Cylinder, Mechanism, PinSlot, Prismatic
 
-Array = Any
 SLACK = 1e-9  # of the mechanism's size: rounding may carry one so far beyond an end
 
 
@@ -26,7 +26,7 @@ class Escape:
     joint: str
     end: float
     beyond: float
-    frames: Array
+    frames: Flags
     time: float
 
 
@@ -48,23 +48,23 @@ def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
         j = model.joint_index[name]
         for end, sign in zip(ends, (-1.0, 1.0), strict=True):
 
-            def excess(at: Motion, j: int = j, end: float = end, sign: float = sign) -> Array:
+            def excess(at: Motion, j: int = j, end: float = end, sign: float = sign) -> Real:
                 beyond = sign * (np.asarray(at.state.slide[j]) - end)
                 return np.broadcast_to(beyond, np.broadcast_shapes(beyond.shape, (at.frames,)))
 
             yield name, end, excess
 
 
-def room_in_slots(model: Model, state: State) -> list[Array]:
+def room_in_slots(model: Model, state: State) -> list[Real]:
     """How far pins and sliders are from their ends [m] (...), negative beyond, by end."""
     joints = [(state.slide[model.joint_index[name]], ends) for name, ends in ends_of(model.mechanism).items()]
     return [room for slide, (low, high) in joints for room in (slide - low, high - slide)]
 
 
-def within_slots(motion: Motion) -> Array:
+def within_slots(motion: Motion) -> Flags:
     """Whether all pins and sliders are between their ends (F,)."""
     slack = SLACK * motion.model.size
-    found: Array = np.ones(motion.frames, bool)
+    found: Flags = np.ones(motion.frames, bool)
     for _, _, excess in _excesses(motion):
         found = found & ~(excess(motion) > slack)
     return found

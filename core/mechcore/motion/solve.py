@@ -6,12 +6,12 @@ import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.accuracy import DEFAULT, Accuracy
+from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements, other_modes
 from mechcore.branches.singular_points import Changes, find_changes
 from mechcore.branches.sketch import at_sketch, sketched_drives
@@ -30,8 +30,6 @@ from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
-
-Array = Any
 
 
 def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT) -> Compiled:
@@ -95,7 +93,7 @@ def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[f
     return [(start[0] - float(np.copysign(TURN, start[0] - drawn[0])),)]
 
 
-def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Array:
+def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Real:
     """Frame times (frames + 1,) [s], uniform over whole cycles, see `Mechanism.cycle`; both ends included. One frame where a cycle
     takes no time: statics."""
     if mechanism.cycle == 0.0:
@@ -148,7 +146,7 @@ def _check_statics(motion: Motion) -> None:
         raise MechanismError(Fault("drives", why, "Add a pair or a drive that holds it, or let it stand in another position."))
 
 
-def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
+def _check_way(compiled: Compiled, positions: Sequence[Real]) -> None:
     """Drives that go on for so many turns that nobody would wait for all the change points and angles on their way."""
     near = compiled.near
     for q in positions:
@@ -168,7 +166,7 @@ def _check_way(compiled: Compiled, positions: Sequence[Array]) -> None:
             raise MechanismError(Fault(f"joints.{drive.pair}.drive", why, "Run fewer cycles, or give it a shorter travel."))
 
 
-def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
+def _check_gaps(compiled: Compiled, changes: Changes, time: Real) -> None:
     """No stretch between the frames, however short, may be one that cannot be assembled."""
     for gap in changes.gaps_within(float(np.min(time)), float(np.max(time))):
         motion = follow(compiled, np.linspace(gap.start, gap.end, 101))
@@ -177,7 +175,7 @@ def _check_gaps(compiled: Compiled, changes: Changes, time: Array) -> None:
             raise MechanismError(faults)
 
 
-def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: Array) -> None:
+def _check_gaps_on(compiled: Compiled, course: Course, time: Real, parameter: Real) -> None:
     """No stretch of a walk between the frames, however short, may be one that cannot be assembled."""
     low, high = float(np.min(parameter)), float(np.max(parameter))
     if not course.by_time:
@@ -199,7 +197,7 @@ def _check_gaps_on(compiled: Compiled, course: Course, time: Array, parameter: A
             raise MechanismError(faults)
 
 
-def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Array | None, time: Array) -> list[Fault]:
+def _faults(compiled: Compiled, motion: Motion, course: Course | None, parameter: Real | None, time: Real) -> list[Fault]:
     """What keeps frames of a run over ``time`` from being assembled: the first group in solving order that fails, per range of the
     drive."""
     model = compiled.model
@@ -236,7 +234,7 @@ def _all_placed(model: Model, motion: Motion) -> bool:
     return True
 
 
-def _placed(model: Model, block: Block, motion: Motion) -> Array:
+def _placed(model: Model, block: Block, motion: Motion) -> Flags:
     ok = np.ones(motion.frames, bool)
     for g in block.angles:
         ok &= np.isfinite(motion.state.rot[model.angles.spins_of[g][0]])
@@ -245,7 +243,7 @@ def _placed(model: Model, block: Block, motion: Motion) -> Array:
     return ok
 
 
-def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, miss: float, time: Array, *, loose: bool) -> Fault:
+def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, miss: float, time: Real, *, loose: bool) -> Fault:
     """Words for a group that cannot be put together at some frames of a run over ``time``, its links missing each other by
     ``miss`` [m] at the most."""
     model = compiled.model
@@ -276,7 +274,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Array, 
     return Fault(f"joints.{block.name}", words, f"{remedy}.")
 
 
-def _in_other_mode(compiled: Compiled, block: Block, time: Array) -> str:
+def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
     """The rest of a remedy: an assembly mode of another group in which a run over ``time`` can be assembled, if there is one."""
     for other, remedy in other_modes(compiled.mechanism, beside=block.name):
         try:
@@ -302,7 +300,7 @@ def _out_of_slot(compiled: Compiled, motion: Motion, escape: Escape) -> Fault:
     return Fault(f"joints.{escape.joint}", words, f"Give {longer} a greater length{within}.")
 
 
-def _ranges(motion: Motion, bad: Array) -> str:
+def _ranges(motion: Motion, bad: Flags) -> str:
     """Positions of the first drive at frames (F,), in words; none of a structure without drives."""
     if not motion.mechanism.drives:
         return ""
@@ -318,7 +316,7 @@ def _ranges(motion: Motion, bad: Array) -> str:
     return f" for positions of drive {motion.mechanism.drives[0].pair} {', '.join(ranges[:3])}{more}"
 
 
-def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -> str:
+def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real) -> str:
     """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where there is
     one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
     if not compiled.mechanism.drives:
@@ -336,7 +334,7 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Array, time: Array) -
     return f", or end the motion at {end:.6g} s ({at_drive(motion, end)})" if bad.any() and end > float(np.min(time)) else ""
 
 
-def _runs(flags: Array) -> list[tuple[int, int]]:
+def _runs(flags: Flags) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
