@@ -265,7 +265,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
             name = getattr(load, key)
             if name == reading.document.frame and name not in reading.document.joints:
                 yield Fault(
-                    f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute pair or a moving link."
+                    f"{path}.{key}", f"'{name}' is the fixed link: it does not turn.", "Name a revolute joint or a moving link."
                 )
             elif name is not None and name not in link_names(reading):
                 yield from _pair(reading, f"{path}.{key}", name, ("revolute",), "revolute pair")

@@ -52,7 +52,7 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
     for name, c in clearances.items():
         pair = pairs.get(name)
         if not isinstance(pair, Revolute):
-            faults.append(Fault(f"joints.{name}", "clearance is for revolute joints.", "Name a revolute pair."))
+            faults.append(Fault(f"joints.{name}", "clearance is for revolute joints.", "Name a revolute joint."))
         for key in ("radial", "stiffness"):
             if not getattr(c, key) > 0.0:
                 faults.append(Fault(f"joints.{name}.clearance", f"its {key} of {getattr(c, key):g} is not positive.", ""))

@@ -115,7 +115,7 @@ def _names(m: Mechanism, load: Load) -> Iterator[tuple[str, str]]:
         if (load.link is None) == (load.pair is None):
             yield "it has to act on a link or on a pair.", "Give one of them."
         elif load.pair is not None and not isinstance(pairs.get(load.pair), Revolute):
-            yield f"'{load.pair}' is no revolute pair.", "Name a revolute pair, or a link."
+            yield f"'{load.pair}' is no revolute pair.", "Name a revolute joint, or a link."
     if isinstance(load, GasPressure) and load.drive is not None and load.drive not in pairs:
         yield f"there is no pair '{load.drive}'.", ""
 

@@ -158,7 +158,7 @@ def test_it_is_taken_out_again():
     made = with_clearances(ideal, {"B": Clearance(radial=1e-4, stiffness=1e7, friction=0.1, radius=0.01)})
     assert as_drawn(made) == ideal
     assert len(made.links) == len(ideal.links) + 2 and len(made.loads) == 2
-    with pytest.raises(MechanismError, match="clearance is for revolute pairs"):
+    with pytest.raises(MechanismError, match="clearance is for revolute joints"):
         with_clearances(ideal, {"guide": Clearance(radial=1e-4, stiffness=1e7)})
 
 
