@@ -78,6 +78,8 @@ def test_what_cannot_be_done_is_refused_with_a_remedy(run, played, tmp_path):
         (lambda: played.record(tmp_path / "b.rrd"), "is a recording"),
         (lambda: mv.open(tmp_path / "none.rrd"), "There is no file"),
         (lambda: run.share(tmp_path / "no" / "a.html"), "does not exist"),
+        (lambda: run.shot(tmp_path / "a.svg", at=9.0), "^The time 9 s is outside the run"),
+        (lambda: run.shot(tmp_path / "a.svg", angle=400), "^The angle 400° is outside what the drive does, 0° to 360°"),
         (lambda: run.shot(tmp_path / "a.gif"), "neither in .png nor in .svg"),
         (lambda: run.shot(tmp_path / "a.svg", view="iso"), "cannot be taken from the view 'iso'"),
         (lambda: run.plot(path=tmp_path / "a.gif"), "SVG, PNG or PDF"),

@@ -62,24 +62,24 @@ def moment(recording: Recording, *, at: float | None = None, frame: int | None =
     if at is not None:
         if not time[0] <= at <= time[-1]:
             raise OutputError(
-                f"--at {at:g} s is outside the run, which goes from {time[0]:g} s to {time[-1]:g} s.", "Name a time in it."
+                f"The time {at:g} s is outside the run, which goes from {time[0]:g} s to {time[-1]:g} s.", "Name a time in it."
             )
         return Moment(at)
     if frame is not None:
         if not 0 <= frame < len(time):
-            raise OutputError(f"--frame {frame} is not in the run, whose frames are 0 to {len(time) - 1}.", "Name one of them.")
+            raise OutputError(f"Frame {frame} is not in the run, whose frames are 0 to {len(time) - 1}.", "Name one of them.")
         return Moment(float(time[frame]))
     if angle is None:
         return Moment()
     if "drive_mdeg" not in rows.drives:
-        raise OutputError("--angle: no drive of this mechanism turns.", "Use --at with a time, or --frame.")
+        raise OutputError("There is no angle to go to: no drive of this mechanism turns.", "Name a time or a frame.")
     ticks = rows.drives["drive_mdeg"].astype(float)
     wanted = 1e3 * float(np.degrees(angle))
     low, high = np.minimum(ticks[:-1], ticks[1:]), np.maximum(ticks[:-1], ticks[1:])
     reached = np.flatnonzero((low <= wanted) & (wanted <= high))
     if not len(reached):
         span = f"{ticks.min() / 1e3:g}° to {ticks.max() / 1e3:g}°"
-        raise OutputError(f"--angle {wanted / 1e3:g}° is outside what the drive does, {span}.", "Name an angle in it.")
+        raise OutputError(f"The angle {wanted / 1e3:g}° is outside what the drive does, {span}.", "Name an angle in it.")
     k = int(reached[0])
     part = 0.0 if ticks[k + 1] == ticks[k] else (wanted - ticks[k]) / (ticks[k + 1] - ticks[k])
     return Moment(float(time[k] + part * (time[k + 1] - time[k])))
