@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from pathlib import Path
 
 __all__ = ["Curve", "draw_curves", "precision_curves", "slug"]
 
-LEFT, TOP, WIDTH, HEIGHT, NAMES = 76.0, 48.0, 480.0, 330.0, 22.0
 OURS = ("#c8553d", "#e08e45", "#8c2f39", "#d6336c")
 PACKAGES = {  # the same colour in all diagrams
     "exudyn": "#1b6ca8", "MuJoCo": "#3a7d44", "Pinocchio": "#7b4b94", "pylinkage": "#b08900", "mechanism": "#2a9d8f",
@@ -19,7 +17,6 @@ PACKAGES = {  # the same colour in all diagrams
 }  # fmt: skip
 OTHERS = ("#9d4edd", "#c77dff", "#5e548e")
 BY_HAND = ("#868e96", "#adb5bd")
-FRONT = "#c9ced6"
 LEAST, MOST = 1e-16, 1e2  # errors that are drawn: what is smaller is rounding, what is larger is no result
 
 
@@ -59,49 +56,28 @@ def slug(title: str) -> str:
 
 def draw_curves(title: str, error: str, curves: Sequence[Curve], path: Path) -> Path:
     """Draw curves and points, with the Pareto front below them and their names beside them; ``error``: what it is relative to."""
-    from mechviz.accuracy.diagram import Canvas, decades, seconds_words, time_ticks
+    from mechviz.accuracy.diagram import FRONT, precision_axes
+    from mechviz.figures import chart, save_chart
 
-    seconds, errors = ([v for c in curves for v in getattr(c, name)] for name in ("seconds", "errors"))
-    ticks, (low, high) = time_ticks(seconds), decades(errors)
-    sheet = Canvas(LEFT + WIDTH + 330, max(TOP + HEIGHT + 52, TOP + 17 * len(curves) + 60))
-
-    def place(time: float, off: float) -> tuple[float, float]:
-        u = math.log(time / ticks[0]) / math.log(ticks[-1] / ticks[0])
-        return LEFT + WIDTH * u, TOP + HEIGHT * (high - math.log10(off)) / (high - low)
-
-    sheet.text(14, 22, title, size=14)
-    for tick in ticks:
-        x, y = place(tick, 10.0**low)
-        sheet.line([(x, TOP), (x, y)], "#e3e6ea")
-        sheet.text(x, y + 16, seconds_words(tick), size=10.5, anchor="middle")
-    for decade in range(low, high + 1, max(1, math.ceil((high - low) / 8))):
-        x, y = place(ticks[0], 10.0**decade)
-        sheet.line([(x, y), (x + WIDTH, y)], "#e3e6ea")
-        sheet.text(x - 7, y + 4, f"1e{decade}", size=10.5, anchor="end")
-    sheet.text(14, TOP - 9, error, size=11)
-    sheet.text(LEFT + 0.5 * WIDTH, TOP + HEIGHT + 38, "time", size=11, anchor="middle")
-    front = [place(t, e) for t, e in _front(curves)]
-    sheet.line(front, FRONT, 8.0)
-    for x, y in front:
-        sheet.dot(x, y, 8.0, FRONT)
-    below = _coloured(curves)
-    for curve, color in reversed(below):  # ours above all others
-        points = [place(t, e) for t, e in zip(curve.seconds, curve.errors, strict=True)]
-        sheet.line(points, color, 2.2 if curve.ours else 1.4)
-        for (x, y), setting, time, off in zip(points, curve.settings, curve.seconds, curve.errors, strict=True):
-            words = f"{curve.who}, {setting}: {off:.1e} in {1e3 * time:.3g} ms"
-            sheet.dot(x, y, 4.6 if len(points) == 1 else 3.4, color, title=words)
-    at = LEFT + WIDTH + NAMES
-    for k, (curve, color) in enumerate(below):
-        y = TOP + 8 + 17 * k
-        if len(curve.settings) > 1:
-            sheet.line([(at, y - 4), (at + 20, y - 4)], color, 2.2 if curve.ours else 1.4)
-        sheet.dot(at + 10, y - 4, 4.0, color)
-        sheet.text(at + 27, y, curve.who, size=11)
-    y = TOP + 8 + 17 * len(below) + 8
-    sheet.line([(at, y - 4), (at + 20, y - 4)], FRONT, 8.0)
-    sheet.text(at + 27, y, "nothing is quicker and more exact", size=11)
-    path.write_text(sheet.svg(), encoding="utf-8")
+    words: dict[str, str] = {}
+    with chart(9.4, max(4.4, 0.6 + 0.22 * len(curves))) as figure:
+        axes = figure.subplots()
+        precision_axes(axes, [t for c in curves for t in c.seconds])
+        axes.set(title=title, ylabel=error, xlabel="time")
+        for k, (curve, color) in enumerate(_coloured(curves)):
+            above = {"color": color, "zorder": 4.0 - 0.01 * k}  # ours above all others
+            points = list(zip(curve.seconds, curve.errors, strict=True))
+            width, line = (2.2 if curve.ours else 1.3), "o-" if len(points) > 1 else "o"
+            axes.plot([], [], line, **above, linewidth=width, markersize=5.0, label=curve.who)
+            axes.plot(curve.seconds, curve.errors, **above, linewidth=width)
+            for (time, off), setting in zip(points, curve.settings, strict=True):
+                gid = f"setting-{len(words)}"
+                words[gid] = f"{curve.who}, {setting}: {off:.1e} in {1e3 * time:.3g} ms"
+                axes.plot(time, off, "o", **above, markersize=6.0 if len(points) == 1 else 4.5, gid=gid)
+        front = {"color": FRONT, "linewidth": 7.0, "marker": "o", "markersize": 9.0, "label": "nothing is quicker and more exact"}
+        axes.plot(*zip(*_front(curves), strict=True), **front, zorder=2.0)
+        figure.legend(loc="outside right upper")
+    save_chart(figure, path, words)
     return path
 
 

@@ -12,7 +12,6 @@ a word. A part that fails says so in its place; the report is written anew after
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import platform
 import re
@@ -87,12 +86,6 @@ def draw_precision(text: str, folder: Path) -> list[Path]:
     return drawn
 
 
-def _on_sheet(across: tuple[float, float], up: tuple[int, int], x: float, y: float) -> tuple[float, float]:
-    """Where a point lies, both axes logarithmic, between the given powers of ten."""
-    u = (math.log10(x) - across[0]) / (across[1] - across[0])
-    return 70 + 450 * u, 280 - 230 * (math.log10(y) - up[0]) / (up[1] - up[0])
-
-
 NUMBERS = re.compile(r"\d\.?\d*e-\d+")
 
 
@@ -113,71 +106,43 @@ def draw_peers(text: str, folder: Path) -> list[Path]:
 
 def _numbered(title: str, points: list[tuple[str, float, float]], path: Path) -> Path:
     """Numbered points on logarithmic axes, and who they are."""
-    from mechviz.accuracy.diagram import Canvas
+    from mechviz.accuracy.diagram import precision_axes
+    from mechviz.figures import chart, save_chart
 
-    sheet = Canvas(940, 330)
-    across = tuple(
-        f(math.log10(p[1]) + d)
-        for f, p, d in ((math.floor, min(points, key=lambda p: p[1]), 0.0), (math.ceil, max(points, key=lambda p: p[1]), 1e-9))
-    )
-    up = (min(-16, *(math.floor(math.log10(e)) for _, _, e in points)), max(-2, *(math.ceil(math.log10(e)) for _, _, e in points)))
-    sheet.text(70, 24, title, size=13)
-    for decade in range(across[0], across[1] + 1):
-        x, _ = _on_sheet(across, up, 10.0**decade, 10.0 ** up[0])
-        sheet.line([(x, 50), (x, 280)], "#e3e6ea")
-        sheet.text(x, 298, f"{10.0 ** (decade + 3):g} ms", size=10, anchor="middle")
-    for decade in range(up[0], up[1] + 1, 2):
-        _, y = _on_sheet(across, up, 10.0 ** across[0], 10.0**decade)
-        sheet.line([(70, y), (520, y)], "#e3e6ea")
-        sheet.text(64, y + 4, f"1e{decade}", size=10, anchor="end")
-    sheet.text(64, 40, "error", size=11, anchor="end")
-    sheet.text(295, 320, "time", size=11, anchor="middle")
-    for k, (who, seconds, error) in enumerate(points, 1):
-        x, y = _on_sheet(across, up, seconds, max(error, 1e-16))
-        color = "#c8553d" if who.startswith(("mechviz", "mechcore")) else "#1b6ca8"
-        sheet.dot(x, y, 4.0, color)
-        sheet.text(x + 6, y - 5, str(k), size=10, color=color)
-        sheet.text(540, 50 + 19 * (k - 1), f"{k}  {who}", size=10.5, color=color)
-    path.write_text(sheet.svg(), encoding="utf-8")
+    with chart(9.4, max(3.3, 0.6 + 0.19 * len(points))) as figure:
+        axes = figure.subplots()
+        precision_axes(axes, [seconds for _, seconds, _ in points])
+        axes.set(title=title, xlabel="time", ylabel="error")
+        for k, (who, seconds, error) in enumerate(points, 1):
+            color, place = ("#c8553d" if who.startswith(("mechviz", "mechcore")) else "#1b6ca8"), (seconds, max(error, 1e-16))
+            axes.plot(*place, "o", color=color, markersize=5.0, label=f"{k}  {who}", gid=f"who-{k}")
+            axes.annotate(str(k), place, xytext=(4, 4), textcoords="offset points", color=color)
+        figure.legend(loc="outside right upper")
+    save_chart(figure, path)
     return path
 
 
 def draw_growth(text: str, folder: Path) -> list[Path]:
     """Time against size, both logarithmic, of the tables whose first column counts something."""
-    from mechviz.accuracy.diagram import Canvas
+    from mechviz.figures import chart, save_chart
 
     drawn = []
     for k, (_, table) in enumerate(tables(text)):
         head, rows = table[0], [[number(c) for c in row] for row in table[1:]]
         if head[0] not in ("loops", "N", "frames") or len(rows) < 2:
             continue
-        columns = [c for c in range(1, len(head)) if head[c].startswith(("compile", "motion", "energy", "memory"))]
-        sheet = Canvas(560, 330)
-        lows = [math.floor(math.log10(min(r[c] for r in rows))) for c in columns]
-        highs = [math.ceil(math.log10(max(r[c] for r in rows))) for c in columns]
-        left, right = math.log10(rows[0][0]), math.log10(rows[-1][0])
-        low, high = min(lows), max(highs)
-
-        def place(
-            x: float, y: float, low: int = low, high: int = high, left: float = left, right: float = right
-        ) -> tuple[float, float]:
-            return 70 + 450 * (math.log10(x) - left) / (right - left), 280 - 230 * (math.log10(y) - low) / (high - low)
-
-        for row in rows:
-            x, _ = place(row[0], 10.0**low)
-            sheet.text(x, 298, f"{row[0]:g}", size=10, anchor="middle")
-        for decade in range(low, high + 1):
-            _, y = place(rows[0][0], 10.0**decade)
-            sheet.line([(70, y), (520, y)], "#e3e6ea")
-            sheet.text(64, y + 4, f"1e{decade}", size=10, anchor="end")
-        for c, color in zip(columns, ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94"), strict=False):
-            sheet.line([place(r[0], r[c]) for r in rows], color, 1.6)
-            for r in rows:
-                sheet.dot(*place(r[0], r[c]), 3, color)
-            sheet.text(74 + 150 * columns.index(c), 30, head[c], size=11, color=color)
-        sheet.text(295, 320, head[0], size=11, anchor="middle")
+        sizes = [row[0] for row in rows]
+        with chart(5.6, 3.4) as figure:
+            axes = figure.subplots()
+            for c, name in enumerate(head):
+                if name.startswith(("compile", "motion", "energy", "memory")):
+                    axes.plot(sizes, [row[c] for row in rows], "o-", markersize=4.0, label=name)
+            axes.set(xscale="log", yscale="log", xlabel=head[0])
+            axes.set_xticks(sizes, [f"{size:g}" for size in sizes], minor=False)
+            axes.set_xticks([], minor=True)
+            figure.legend(loc="outside upper left", ncols=4)
         path = folder / f"growth-{k + 1}.svg"
-        path.write_text(sheet.svg(), encoding="utf-8")
+        save_chart(figure, path)
         drawn.append(path)
     return drawn
 

@@ -20,11 +20,10 @@ from dynamic_mechanisms import double_pendulum, slider_crank, squeezer, swinging
 
 from mechcore.dynamics.simulate import simulate
 from mechcore.motion.solve import compile_mechanism
+from mechviz.figures import chart, save_chart
 from mechviz.hard_cases.mechanisms import bars
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)
-WIDTH, HEIGHT, EDGE = 560, 420, 60
-COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e")
 
 
 def reference(name: str, case: str) -> dict:
@@ -40,29 +39,16 @@ def errors_of(mechanism, duration: float) -> np.ndarray:
     return np.array([np.abs(q - exact).max() for q in runs])
 
 
-def svg(found: dict[str, np.ndarray]) -> str:
-    def x(t: float) -> float:
-        return EDGE + (WIDTH - 2 * EDGE) * (-3.0 - np.log10(t)) / 6.0
-
-    def y(e: float) -> float:
-        return EDGE + (HEIGHT - 2 * EDGE) * (-2.0 - np.log10(max(e, 1e-14))) / 12.0
-
-    out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="12">']
-    out.append('<rect width="100%" height="100%" fill="white"/>')
-    for d in range(3, 10):
-        out.append(f'<text x="{x(10.0**-d) - 12:.0f}" y="{HEIGHT - EDGE + 18}">1e-{d}</text>')
-    for d in range(2, 15, 2):
-        out.append(f'<text x="14" y="{y(10.0**-d) + 4:.0f}">1e-{d}</text>')
-        out.append(f'<path d="M {EDGE} {y(10.0**-d):.1f} H {WIDTH - EDGE}" stroke="#ddd"/>')
-    out.append(f'<path d="M {x(1e-3):.1f} {y(1e-3):.1f} L {x(1e-9):.1f} {y(1e-9):.1f}" stroke="#888" stroke-dasharray="5 4"/>')
-    for k, (name, errors) in enumerate(found.items()):
-        points = " L ".join(f"{x(t):.1f} {y(e):.1f}" for t, e in zip(TOLERANCES, errors, strict=True))
-        out.append(f'<path d="M {points}" fill="none" stroke="{COLOURS[k]}" stroke-width="2"/>')
-        out.append(f'<text x="{WIDTH - 190}" y="{EDGE + 16 * k}" fill="{COLOURS[k]}">{name}</text>')
-    out.append(
-        f'<text x="{WIDTH / 2 - 60}" y="{HEIGHT - 16}">requested tolerance</text><text x="14" y="30">error [rad, m]</text></svg>'
-    )
-    return "\n".join(out)
+def draw(found: dict[str, np.ndarray], path: Path) -> None:
+    with chart(6.4, 4.4) as figure:
+        axes = figure.subplots()
+        for name, errors in found.items():
+            axes.plot(TOLERANCES, np.maximum(errors, 1e-14), "o-", markersize=4.0, label=name)
+        axes.plot(TOLERANCES, TOLERANCES, "--", color="#888888", label="error = tolerance")
+        axes.set(xscale="log", yscale="log", xlabel="requested tolerance", ylabel="error [rad, m]")
+        axes.invert_xaxis()
+        figure.legend(loc="outside upper left", ncols=3)
+    save_chart(figure, path)
 
 
 def main() -> None:
@@ -84,7 +70,7 @@ def main() -> None:
     slopes = [np.polyfit(np.log10(TOLERANCES[:6]), np.log10(e[:6] + 1e-15), 1)[0] for e in found.values()]
     print("| slope over five decades | " + " | ".join(f"{s:.2f}" for s in slopes) + " |")
     if out is not None:
-        out.write_text(svg(found), encoding="utf-8")
+        draw(found, out)
 
 
 if __name__ == "__main__":

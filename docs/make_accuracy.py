@@ -15,12 +15,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import MultipleLocator
 
 from mechviz.accuracy.cache import keep, kept
-from mechviz.accuracy.diagram import Canvas, diagram, write_diagram
+from mechviz.accuracy.diagram import diagram
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder
 from mechviz.accuracy.timing import machine, used
+from mechviz.figures import chart, save_chart
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 
@@ -49,50 +51,20 @@ def code(lines: list[str]) -> str:
     return "\n".join(["```text", *lines, "```"])
 
 
-def round_values(low: float, high: float, unit: str) -> np.ndarray:
-    """At most eight round values between two, of an angle multiples of 5 degrees."""
-    steps = [5.0, 15.0, 30.0, 45.0, 90.0, 180.0] if "deg" in unit else []
-    steps += [k * 10.0**d for d in range(-6, 7) for k in (1, 2, 5)]
-    step = next(s for s in steps if (high - low) / s <= 8.0)
-    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0  # no -0
-
-
 def plot(path: Path, title: str, across: str, up: str, curves: list[Curve], *, equal: bool = False) -> None:
     """Curves over each other; gaps where a value is not finite."""
-    width, height = (620.0, 340.0) if not equal else (460.0, 460.0)
-    sheet = Canvas(width, height)
-    xs, ys = (np.concatenate([c[k][np.isfinite(c[1])] for c in curves]) for k in (0, 1))
-    (x0, x1), (y0, y1) = ((float(v.min()), float(v.max())) for v in (xs, ys))
-    if equal:
-        half = 0.53 * max(x1 - x0, y1 - y0)
-        x0, x1, y0, y1 = (0.5 * (x0 + x1) - half, 0.5 * (x0 + x1) + half, 0.5 * (y0 + y1) - half, 0.5 * (y0 + y1) + half)
-    else:
-        y0, y1 = y0 - 0.05 * (y1 - y0), y1 + 0.05 * (y1 - y0)
-    left, top, right, bottom = 64.0, 44.0, 16.0, 46.0
-
-    def place(x: float, y: float) -> tuple[float, float]:
-        u, v = (x - x0) / (x1 - x0), (y - y0) / (y1 - y0)
-        return left + u * (width - left - right), height - bottom - v * (height - top - bottom)
-
-    sheet.text(left, 20, title, size=13)
-    for x in round_values(x0, x1, across):
-        sheet.line([place(x, y0), place(x, y1)], "#e3e6ea")
-        sheet.text(place(x, y0)[0], height - bottom + 15, f"{x:.4g}", size=10, anchor="middle")
-    for y in round_values(y0, y1, up):
-        sheet.line([place(x0, y), place(x1, y)], "#e3e6ea")
-        sheet.text(left - 6, place(x0, y)[1] + 4, f"{y:.4g}", size=10, anchor="end")
-    sheet.text(left + 0.5 * (width - left - right), height - 10, across, size=11, anchor="middle")
-    sheet.text(6, top - 8, up, size=11)
-    at = left + 110.0
-    for x, y, color, label in curves:
-        good = np.isfinite(y)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
-            sheet.line([place(float(p), float(q)) for p, q in zip(x[a:b], y[a:b], strict=True)], color, 1.8)
-        if label:
-            sheet.text(at, top - 8, label, size=11, color=color)
-            at += 30.0 + 6.2 * len(label)
-    write_diagram(sheet, path)
+    with chart(*((4.8, 4.8) if equal else (6.4, 3.6))) as figure:
+        axes = figure.subplots()
+        for x, y, color, label in curves:
+            axes.plot(x, y, color=color, label=label)
+        axes.set(title=title, xlabel=across, ylabel=up)
+        if "deg" in across:
+            axes.xaxis.set_major_locator(MultipleLocator(90.0))
+        if equal:
+            axes.set_aspect("equal", adjustable="datalim")
+        if any(label for *_, label in curves):
+            figure.legend(loc="outside lower center", ncols=len(curves))
+    save_chart(figure, path)
 
 
 # -- accuracy.md ----------------------------------------------------------------------------------------------------------------
@@ -125,7 +97,8 @@ def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
                 points = ladder(scene, TARGET, budget=0.02 if quick else 0.25)
             measured = keep(scene, TARGET, points, quick, share())
         title = f"{scene.title}: what accuracy costs"
-        write_diagram(diagram(measured.points, title, measured.foot, TARGET), IMAGES / f"accuracy-{name}.svg")
+        figure, words = diagram(measured.points, title, measured.foot, TARGET)
+        save_chart(figure, IMAGES / f"accuracy-{name}.svg", words)
         found[name] = measured.points
     return found
 
@@ -255,10 +228,11 @@ def input_picture() -> None:
         Scene.build(name="mine", **seven_slips())
     except SceneError as error:
         lines = [part for line in str(error).splitlines() for part in re.findall(r".{1,112}(?:\s|$)", line) or [""]]
-    sheet = Canvas(900, 30 + 17 * len(lines))
-    for k, line in enumerate(lines):
-        sheet.text(14 + 7 * (len(line) - len(line.lstrip())), 26 + 17 * k, line.strip(), size=12, color="#222222" if k else RED)
-    write_diagram(sheet, IMAGES / "hard-input.svg")
+    with chart(9.0, height := 0.3 + 0.19 * len(lines)) as figure:
+        for k, line in enumerate(lines):
+            top, words = height - 0.3 - 0.19 * k, line.rstrip().replace(" ", "\N{NO-BREAK SPACE}")
+            figure.text(0.015, top / height, words, color="#222222" if k else RED, family="monospace", parse_math=False)
+    save_chart(figure, IMAGES / "hard-input.svg")
 
 
 def main() -> None:

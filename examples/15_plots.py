@@ -1,4 +1,4 @@
-"""Plots of any quantity by matplotlib (pip install 'mechviz[plot]'); a figure comes back, to be changed at will."""
+"""Plots of any quantity by matplotlib; a figure comes back, to be changed at will."""
 
 import sys
 import tempfile

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechviz.figures import chart, save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.images.drawing import write_svg
 from mechviz.outputs.images.pictures import VIEWS, Look, moment
@@ -193,23 +194,22 @@ class Result:
         """A figure of matplotlib, a panel for each quantity, also written to ``path`` (.svg, .png, .pdf) if that is given.
 
         ``against``: ``"time"`` or the joint of a drive; by default the first drive that runs one way, else time. Without keys it
-        shows what the viewer opens with. Raises `UnknownKey`, `OutputError` where matplotlib is missing or cannot write.
+        shows what the viewer opens with. Raises `UnknownKey`, `OutputError` where it cannot be written.
         """
         quantities = [self.quantity(key) for key in keys] or list(self.catalogue.first)
         axis = self._axis(against)
-        figure = _figure(len(quantities))
-        figure.suptitle(self.title)
-        panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
-        for panel, quantity in zip(panels, quantities, strict=True):
-            panel.plot(axis.values, quantity.values(), label=quantity.curves)
-            panel.set_ylabel(quantity.unit)
-            panel.set_title(quantity.label, loc="left", fontsize="medium")
-            panel.grid(alpha=0.3)
-            if len(quantity.curves) > 1:
-                panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
-        panels[-1].set_xlabel(axis.title)
+        width, height = PANEL
+        with chart(width, height * len(quantities) + 0.8) as figure:
+            figure.suptitle(self.title)
+            panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
+            for panel, quantity in zip(panels, quantities, strict=True):
+                panel.plot(axis.values, quantity.values(), label=quantity.curves)
+                panel.set(ylabel=quantity.unit, title=quantity.label)
+                if len(quantity.curves) > 1:
+                    panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+            panels[-1].set_xlabel(axis.title)
         if path is not None:
-            _save(figure, Path(path))
+            save_chart(figure, Path(path))
         return figure
 
     def _axis(self, against: str | None) -> Axis:
@@ -246,20 +246,3 @@ def run(
 def open(path: str | Path, *, most: int | None = None) -> Result:
     """Read a recording (.rrd); of a long one ``most`` frames, spread evenly, if that is given. Raises `RecordingError`."""
     return Result(Recording(path, most=most))
-
-
-def _figure(panels: int) -> Figure:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise OutputError("Plots need matplotlib, which is not installed.", "Install it: pip install 'mechviz[plot]'") from error
-    width, height = PANEL
-    return Figure(figsize=(width, height * panels + 0.8), layout="constrained")
-
-
-def _save(figure: Figure, path: Path) -> None:
-    check_target(path)
-    if path.suffix.lower() not in (".svg", ".png", ".pdf"):
-        raise OutputError(f"'{path}': a plot is written as SVG, PNG or PDF.", "Give a name that ends in .svg, .png or .pdf.")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix[1:].lower())

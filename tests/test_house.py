@@ -19,8 +19,8 @@ LAYERS = {
         ("kinematics",), ("branches",), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"), ("constructions",),
     ),
     "mechviz": (
-        ("files",), ("scene",), ("quantities",), ("runs",), ("running", "picture"), ("accuracy", "editor", "studies"), ("outputs",),
-        ("hard_cases",), ("facade",), ("commands",), ("__main__",),
+        ("files",), ("figures", "scene"), ("quantities",), ("runs",), ("running", "picture"), ("accuracy", "editor", "studies"),
+        ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
     ),
 }  # fmt: skip
 

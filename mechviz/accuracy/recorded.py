@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from mechviz.accuracy.diagram import COLOURS, PANEL, Canvas, dials_of, draw_panel
+from mechviz.accuracy.diagram import PANEL, dials_of, draw_panel
 from mechviz.accuracy.ladder import Point
+from mechviz.figures import COLOURS, DOTS, chart
 from mechviz.files import replacing
-
-SCALE = 2.0  # dots of a picture for a pixel of the sheet
 
 
 def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
@@ -29,10 +28,12 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
         if not own:
             continue
         root = f"accuracy/{dial}".replace(" ", "_")
-        sheet = Canvas(PANEL[0] + 8.0, PANEL[1] + 8.0)
-        place = draw_panel(sheet, 0.0, 8.0, dial, own, target)
-        picture = BytesIO()
-        sheet.png(SCALE).save(picture, format="PNG")
+        with chart(*PANEL) as figure:
+            axes = figure.add_subplot()
+            draw_panel(axes, dial, own, target)
+            picture = BytesIO()
+            figure.savefig(picture, format="png", dpi=DOTS)
+            figure.dpi = DOTS
         stream.log(
             f"{root}/axes", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png", draw_order=-1.0), static=True
         )
@@ -40,7 +41,7 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
             some = [p for p in own if p.method == method]
             entity = f"{root}/{method}".replace(" ", "_")
             look = rr.Points2D(
-                [[SCALE * c for c in place(p.seconds, p.error)] for p in some],
+                [[x, DOTS * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
                 colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
                 radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
                 labels=[f"{method}, {p.value}: {p.error:.1e} in {1e3 * p.seconds:.3g} ms" for p in some],

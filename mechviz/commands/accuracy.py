@@ -10,13 +10,14 @@ import typer
 
 from mechcore.accuracy import accuracy_for
 from mechviz.accuracy.cache import keep, kept
-from mechviz.accuracy.diagram import diagram, dials_of, write_diagram
+from mechviz.accuracy.diagram import diagram, dials_of
 from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
 from mechviz.accuracy.recorded import write_rrd
 from mechviz.accuracy.timing import machine, used
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
 from mechviz.commands.solving import QuickOpt, SceneArg, clear_errors, load_scene
+from mechviz.figures import check_ending, save_chart
 
 
 def accuracy(
@@ -24,7 +25,7 @@ def accuracy(
     target: Annotated[
         float | None, typer.Option("--target", "-t", metavar="ERROR", help="wanted relative error, such as 1e-6")
     ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg or .png)")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg, .png or .pdf)")] = None,
     rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
     dial: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
     again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
@@ -35,9 +36,9 @@ def accuracy(
     Times are medians on one thread after a warm-up. Marked: * on the Pareto front (nothing is quicker and more exact), <- what the
     scene uses now. Results are kept by scene and machine; --again measures anew.
     """
-    if output is not None and output.suffix.lower() not in (".svg", ".png"):
-        fail(f"{output}: diagrams are written as SVG or PNG. Give a name that ends in .svg or .png.")
     with clear_errors(scene):
+        if output is not None:
+            check_ending(output)
         if target is not None:
             accuracy_for(target)  # refuses what is none
         check_targets(scene, output, rrd)
@@ -57,9 +58,10 @@ def accuracy(
         print("\n".join([title, *table_lines(shown, target), "", found.foot, *_answer(shown, target)]))
         if before:
             print("\nkept from then; --again measures anew")
-        with interruptible("PIL.Image", *(["rerun"] if rrd is not None else [])):
+        with interruptible(*(["matplotlib.figure"] if output is not None else []), *(["rerun"] if rrd is not None else [])):
             if output is not None:
-                write_diagram(diagram(shown, title, found.foot, target), output)
+                figure, words = diagram(shown, title, found.foot, target)
+                save_chart(figure, output, words)
                 print(output)
             if rrd is not None:
                 write_rrd(shown, rrd, title, "\n".join(f"    {line}" for line in table_lines(shown, target)), target)

@@ -33,7 +33,7 @@ def forces(
         float | None,
         typer.Option("--flywheel", metavar="DELTA", help="flywheel for a coefficient of fluctuation such as 0.02"),
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots of shaking force and moment (.svg)")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots of the shaking force (.svg, .png or .pdf)")] = None,
     steady: Annotated[
         int | None,
         typer.Option(
@@ -65,7 +65,7 @@ def forces(
         print("\n".join(force_lines(run.forces) if run.motion.mechanism.led else statics_lines(run.forces, run.scene.units)))
         if fluctuation is not None:
             print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation))))
-        with interruptible():
+        with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             if csv is not None:
                 print(power_csv(run.forces, csv))
             if plot is not None:

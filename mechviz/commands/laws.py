@@ -1,9 +1,9 @@
-"""``mechviz laws``: the table of motion laws with their peak factors, and their curves over each other as SVG."""
+"""``mechviz laws``: the table of motion laws with their peak factors, and their curves over each other as a chart."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -12,32 +12,33 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import RISES, rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import peak_factors
-from mechviz.commands.common import fail, interruptible
+from mechviz.commands.common import interruptible
 from mechviz.commands.solving import clear_errors
-from mechviz.files import check_target, replacing
+from mechviz.figures import COLOURS, chart, check_ending, save_chart
+from mechviz.files import check_target
 
-_COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
-_PANELS = ("s", "s'", "s''", "s'''")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PANELS = ("displacement s", "velocity s'", "acceleration s''", "jerk s'''")
 
 
 def laws(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="[LAW]...", help="laws, such as cycloidal or parabolic:skew=0.4 [default: all]")
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="write the curves over each other (.svg)")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write the curves over each other (.svg, .png or .pdf)")] = None,
 ) -> None:
     """Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; plot them over each other."""
     with clear_errors("laws"):
         chosen = {name: _parse(name) for name in (names or list(RISES))}
-        if plot is not None and plot.suffix.lower() != ".svg":
-            fail(f"{plot}: curves are written as SVG. Give a name that ends in .svg.")
         if plot is not None:
+            check_ending(plot)
             check_target(plot)
         print("\n".join(laws_table(chosen)))
         if plot is not None:
-            text = laws_svg(chosen)
-            with interruptible(), replacing(plot) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            with interruptible("matplotlib.figure"):
+                save_chart(laws_figure(chosen), plot)
             print(plot)
 
 
@@ -69,53 +70,23 @@ def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
     return lines
 
 
-def laws_svg(chosen: dict[str, MotionCurve], width: int = 760, height: int = 190) -> str:
+def laws_figure(chosen: dict[str, MotionCurve]) -> Figure:
     """Four panels, one over the other: displacement, velocity, acceleration, jerk over the range; a step is a gap in the line."""
-    left, top, gap = 64, 34 + 18 * ((len(chosen) + 2) // 3), 26
-    colours = [_COLOURS[k % len(_COLOURS)] for k in range(len(chosen))]
-    parts = []
-    for k, name in enumerate(chosen):
-        x, y = left + (k % 3) * (width - left) / 3.0, 30 + 18 * (k // 3)
-        parts.append(f'<line x1="{x:.1f}" y1="{y - 4}" x2="{x + 22:.1f}" y2="{y - 4}" stroke="{colours[k]}" stroke-width="2"'
-                     f'{_dash(k)}/><text x="{x + 28:.1f}" y="{y}">{name}</text>')  # fmt: skip
-    for order, label in enumerate(_PANELS):
-        lines, low, high = [], 0.0, 0.0
-        for curve in chosen.values():
-            strokes = []
-            for piece, x0 in zip(curve.pieces, curve.knots, strict=False):
-                u = np.linspace(0.0, piece.length, max(int(240 * piece.length / curve.length), 8))
-                f = np.empty((1, u.size))
-                piece.fill(u, f, order)
-                strokes.append((x0 + u, f[0]))
-                low, high = min(low, float(f.min())), max(high, float(f.max()))
-            lines.append(strokes)
-        high = high if high > low else low + 1.0
-        y0 = top + order * (height + gap)
-        inner = width - left - 16
-
-        def place(x: float, y: float, y0: float = y0, low: float = low, high: float = high, inner: float = inner) -> str:
-            return f"{left + inner * x:.2f},{y0 + height * (1.0 - (y - low) / (high - low)):.2f}"
-
-        parts.append(f'<rect x="{left}" y="{y0}" width="{inner}" height="{height}" fill="none" stroke="#cccccc"/>')
-        zero = place(0.0, 0.0).split(",")[1]
-        parts.append(f'<line x1="{left}" y1="{zero}" x2="{left + inner}" y2="{zero}" stroke="#cccccc"/>')
-        parts.append(f'<text x="10" y="{y0 + height / 2:.0f}" font-size="15">{label}</text>')
-        for value in (low, high):
-            level = place(0.0, value).split(",")[1]
-            parts.append(f'<text x="{left - 6}" y="{level}" text-anchor="end" dy="4" font-size="11">{value:.4g}</text>')
-        for k, strokes in enumerate(lines):
-            for x, y in strokes:
-                points = " ".join(place(float(a), float(b)) for a, b in zip(x, y, strict=True))
-                parts.append(f'<polyline points="{points}" fill="none" stroke="{colours[k]}" stroke-width="1.6"{_dash(k)}/>')
-    total = top + 4 * (height + gap)
-    parts.append(f'<text x="{left + (width - left) / 2:.0f}" y="{total - 4}" text-anchor="middle">x = angle / range</text>')
-    body = "\n".join(parts)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{total + 6}" font-family="sans-serif" font-size="12">\n'
-        f'<rect width="100%" height="100%" fill="#ffffff"/>\n{body}\n</svg>\n'
-    )
-
-
-def _dash(k: int) -> str:
-    """Every second round through the colours is dashed, so that no two of sixteen laws look alike."""
-    return ' stroke-dasharray="6 3"' if (k // len(_COLOURS)) % 2 else ""
+    with chart(7.6, 9.0 + 0.2 * (len(chosen) // 3)) as figure:
+        panels = figure.subplots(len(_PANELS), sharex=True)
+        for order, (panel, label) in enumerate(zip(panels, _PANELS, strict=True)):
+            panel.set_ylabel(label)
+            for k, (name, curve) in enumerate(chosen.items()):
+                x, y = [], []
+                for piece, x0 in zip(curve.pieces, curve.knots, strict=False):
+                    u = np.linspace(0.0, piece.length, max(int(240 * piece.length / curve.length), 8))
+                    f = np.empty((1, u.size))
+                    piece.fill(u, f, order)
+                    x += [x0 + u, [np.nan]]
+                    y += [f[0], [np.nan]]
+                style = ("-", "--", ":")[k // len(COLOURS) % 3]  # no two of twenty-four laws look alike
+                panel.plot(np.concatenate(x), np.concatenate(y), style, color=COLOURS[k % len(COLOURS)], label=name)
+        panels[-1].set(xlabel="angle / range", xlim=(0.0, 1.0))
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        figure.align_ylabels()
+    return figure

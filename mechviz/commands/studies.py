@@ -26,7 +26,7 @@ def balance(
     fraction: Annotated[
         float | None, typer.Option(help="how much is balanced, 0 to 1 (slider-crank: of what goes to and fro)")
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots, before and after (.svg)")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots, before and after (.svg, .png or .pdf)")] = None,
 ) -> None:
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     with clear_errors(scene):
@@ -36,7 +36,7 @@ def balance(
         first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
         found = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
         print("\n".join(found.lines()))
-        with interruptible():
+        with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             if output is not None:
                 _dump(found.scene, output)
             if plot is not None:

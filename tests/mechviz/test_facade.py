@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -87,12 +85,6 @@ def test_what_cannot_be_done_is_refused_with_a_remedy(run, played, tmp_path):
         with pytest.raises(OutputError, match=words):
             ask()
     assert not {p.name for p in tmp_path.iterdir()}
-
-
-def test_plots_without_matplotlib_tell_how_to_install_it(run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(OutputError, match=r"pip install 'mechviz\[plot\]'"):
-        run.plot()
 
 
 def test_a_recording_shows_itself_in_a_notebook(played):

@@ -416,6 +416,8 @@ def test_the_command_prints_the_table_and_plots(tmp_path):
 
     from typer.testing import CliRunner
 
+    from mechcore.laws.catalogue import rise
+    from mechviz.commands.laws import laws_figure
     from mechviz.commands.main import app
 
     picture = tmp_path / "laws.svg"
@@ -423,8 +425,14 @@ def test_the_command_prints_the_table_and_plots(tmp_path):
     assert out.exit_code == 0, out.output
     assert "5.52796" in out.output
     root = ElementTree.fromstring(picture.read_text())
-    lines = root.findall(".//{http://www.w3.org/2000/svg}polyline")
-    assert len(lines) == 4 * (4 + 2), "four derivatives of the pieces of both laws"
+    words = {t.text for t in root.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"modified-sine", "parabolic:skew=0.3", "jerk s'''", "angle / range"} <= words
+    law = rise("parabolic", skew=0.3)
+    for order, panel in enumerate(laws_figure({"sine": rise("modified-sine"), "parabolic": law}).axes):
+        x, y = panel.lines[1].get_xydata().T
+        assert np.isnan(y).sum() == len(law.pieces), "a gap after each piece"
+        inside = np.isfinite(y) & (np.abs(x[:, None] - law.knots).min(axis=1) > 1e-9)
+        np.testing.assert_allclose(y[inside], law(x[inside], order)[order], atol=1e-9)
     assert CliRunner().invoke(app, ["laws", "sinus"]).exit_code == 2
     assert CliRunner().invoke(app, ["laws", "parabolic:skew=x"]).exit_code == 2
-    assert CliRunner().invoke(app, ["laws", "--plot", "laws.png"]).exit_code == 2
+    assert CliRunner().invoke(app, ["laws", "--plot", "laws.gif"]).exit_code == 2

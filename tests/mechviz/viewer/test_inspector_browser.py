@@ -247,7 +247,7 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     tab.measure()
     tab.wait()
     caught_up(viewer, page)
-    page.locator("circle").filter(has_text="quintics, 90 frames").dispatch_event("click")
+    page.locator("g[id^=setting]").filter(has_text="quintics, 90 frames").dispatch_event("click")
     heard(viewer)
     assert tab.choice.value.startswith("frames: quintics, 90 frames")
     assert viewer.studio.wait()

@@ -13,6 +13,7 @@ import viser
 from mechviz.accuracy.apply import in_use, setting_changes, target_changes
 from mechviz.accuracy.diagram import setting_words
 from mechviz.accuracy.ladder import Point, ladder, pareto
+from mechviz.figures import chart_svg
 from mechviz.outputs.rerun.describe import accuracy_words
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
@@ -23,10 +24,10 @@ WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1
 DIALS = (  # that change what is shown
     "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
 )  # fmt: skip
-SIZE = (276.0, 260.0)  # of a diagram [px]: as wide as the tab
+SIZE = (3.4, 2.8)  # of a diagram [in], as wide as the tab
 
 # A click on a setting in the diagram is told as if it had been chosen from the list, in the way of viser's own controls
-PICK = """const dot = event.target.closest('circle'), title = dot && dot.querySelector('title'), viser = window.__viserMutable;
+PICK = """const title = event.target.closest('g[id^=setting]')?.querySelector('title'), viser = window.__viserMutable;
 if (title && viser) {
   const message = { type: 'GuiUpdateMessage', uuid: %s, updates: { value: title.textContent } };
   viser.messageQueue.push(message);
@@ -101,10 +102,12 @@ class AccuracyTab:
         from mechviz.accuracy.diagram import diagram
 
         target = self._studio.run.accuracy.target
-        sheet = diagram(self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE)
+        figure, words = diagram(
+            self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE
+        )
         code = escape(PICK % json.dumps(self.choice._impl.uuid), quote=True)
-        size = f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" style="max-width:100%;height:auto;cursor:pointer"'
-        self.diagram.content = f'<div onclick="{code}">{sheet.svg().replace("<svg ", f"<svg {size} ", 1)}</div>'
+        svg = chart_svg(figure, words).partition("<svg ")[2]  # without the prolog of a file
+        self.diagram.content = f'<div onclick="{code}"><svg style="width:100%;height:auto;cursor:pointer" {svg}</div>'
 
     def _pick(self, _: Any) -> None:
         point = self._named.get(str(self.choice.value))

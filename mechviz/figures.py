@@ -1,0 +1,69 @@
+"""Charts: figures of matplotlib in one style, written as SVG, PNG or PDF; the same chart gives the same file.
+
+matplotlib is loaded when the first chart is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from html import escape
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mechviz.files import OutputError, replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
+ENDINGS = (".svg", ".png", ".pdf")
+DOTS = 160.0  # an inch of a PNG
+STYLE = {
+    "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
+    "axes.axisbelow": True, "axes.edgecolor": "#9aa3ad", "axes.grid": True, "axes.labelsize": "medium",
+    "axes.titlelocation": "left", "axes.titlesize": "medium", "figure.titlesize": "large", "font.size": 9.0,
+    "grid.color": "#e3e6ea", "legend.fontsize": "small", "legend.frameon": False, "lines.linewidth": 1.5, "text.color": "#222222",
+    "svg.fonttype": "none", "svg.hashsalt": "mechviz",  # texts stay texts; the same names in every file
+}  # fmt: skip
+
+
+@contextmanager
+def chart(width: float, height: float) -> Iterator[Figure]:
+    """An empty figure of some size [in] in our style, to be filled within the ``with`` block."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        yield Figure(figsize=(width, height), layout="constrained")
+
+
+def check_ending(path: Path) -> None:
+    """Raise `OutputError` where no chart can be written to a file of this name."""
+    if path.suffix.lower() not in ENDINGS:
+        raise OutputError(f"'{path}': charts are written as SVG, PNG or PDF.", "Give a name that ends in .svg, .png or .pdf.")
+
+
+def save_chart(figure: Figure, path: Path, titles: Mapping[str, str] | None = None) -> None:
+    """Write a figure, replaced as a whole; ``titles`` as in `chart_svg`. Raises `OutputError`."""
+    check_ending(path)
+    ending = path.suffix.lower()
+    with replacing(path) as temporary:
+        if ending == ".svg":
+            temporary.write_text(chart_svg(figure, titles), encoding="utf-8")
+        else:
+            figure.savefig(temporary, format=ending[1:], dpi=DOTS, metadata={"CreationDate": None} if ending == ".pdf" else None)
+
+
+def chart_svg(figure: Figure, titles: Mapping[str, str] | None = None) -> str:
+    """A figure as SVG, without a date. ``titles``: words that appear where the pointer is on an artist, by the artist's gid."""
+    import matplotlib
+
+    stream = StringIO()
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    text = stream.getvalue().replace("*{", "#figure_1 *{", 1)  # the style of a page that shows it stays as it is
+    for gid, words in (titles or {}).items():
+        text = text.replace(f'<g id="{gid}">', f'<g id="{gid}"><title>{escape(words)}</title>', 1)
+    return text
