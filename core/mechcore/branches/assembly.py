@@ -99,7 +99,7 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
             )
     if faults:
         raise MechanismError(faults)
-    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.wound}
+    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.multi_turn}
     return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
 
 
@@ -339,7 +339,7 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
 def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
     """Take a relation's constant from the start: its unknown is where the sketch has it, else at zero."""
     r = block.relations[0]
-    given = model.sums[r].constant
+    given = model.constraints[r].constant
     if given is not None:
         constants[r] = given
         return []
@@ -356,7 +356,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
                 if len(arms) > 1:  # pins off its axis: where they stand at the start matters
                     faults.append(
                         Fault(
-                            f"joints.{model.sums[r].name}",
+                            f"joints.{model.constraints[r].name}",
                             f"nothing says how '{model.links[k]}' stands at the start.",
                             f"Sketch it: [sketch] {model.links[k]} = {{ at = [x, y], angle = ... }}.",
                         )
@@ -436,7 +436,7 @@ def _fix_relations_of_group(
     start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
     faults = []
     for r in block.relations:
-        given = model.sums[r].constant
+        given = model.constraints[r].constant
         if given is not None:
             state.constants[r] = given  # type: ignore[index]  # a list while the mechanism is put together
             continue
@@ -444,7 +444,7 @@ def _fix_relations_of_group(
         if any(start[u] is None for u in unknown):
             faults.append(
                 Fault(
-                    f"joints.{model.sums[r].name}",
+                    f"joints.{model.constraints[r].name}",
                     "nothing says how its links stand to each other at the start.",
                     "Give a [sketch] with the angles of its links: the sketch sets the phase of the gears.",
                 )

@@ -253,7 +253,7 @@ def _at(model: Model, assembly: Assembly, drives: Drives, p: float, starts: dict
         singular[block.name] = s = np.linalg.svd(matrix, compute_uv=False)
         if matrix.shape[-1] == matrix.shape[-2] and s[-1] < REGULAR * s[0]:
             return None  # the sign of its determinant says nothing
-    for g in model.wound:
+    for g in model.multi_turn:
         name = f"angle {g}"
         x[name], slope[name] = np.asarray(bl.real_angle(model, state, g)), np.asarray(rates.group[g])
         if not np.isfinite(x[name]) or not np.isfinite(slope[name]) or abs(float(x[name] - starts[name])) > 0.5:

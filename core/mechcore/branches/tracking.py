@@ -281,7 +281,7 @@ def _beside(model: Model, assembly: Assembly, drives: Drives, p: float) -> Assem
     positions = [np.float64(q) for q in drives(p)[0]]
     state = place_all(model, positions, assembly.modes, assembly.starts, constants=assembly.constants)
     starts = {name: np.asarray(found.x) for name, found in state.newton.items()}
-    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.wound}
+    starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.multi_turn}
     return replace(assembly, starts=starts, state=state)
 
 

@@ -94,7 +94,7 @@ def _reached(model: Model, assembly: Assembly, first: Real, starts: Starts, driv
         q = first + k / count * (drives - first)
         state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)
         found = {name: newton.x for name, newton in state.newton.items()}
-        starts = found | {f"angle {g}": np.broadcast_to(bl.real_angle(model, state, g), len(q)) for g in model.wound}
+        starts = found | {f"angle {g}": np.broadcast_to(bl.real_angle(model, state, g), len(q)) for g in model.multi_turn}
     return starts
 
 

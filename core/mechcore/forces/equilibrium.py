@@ -131,7 +131,7 @@ def _later(model: Model) -> Mapping[tuple[str, int], tuple[tuple[int, ...], tupl
         for u in [("angle", g) for g in groups] + [("slide", j) for j, _, _ in contour.slides]:
             if u in own and c not in own[u].contours:
                 found[u][0].append(c)
-    for r, t in enumerate(model.sums):
+    for r, t in enumerate(model.constraints):
         terms = (t,) if t.curve is None else (t, t.curve)
         own_terms = [u for x in terms for u in [*(("angle", g) for g, _ in x.groups), *(("slide", j) for j, _ in x.slides)]]
         for u in dict.fromkeys(own_terms):
@@ -163,8 +163,8 @@ def joint_forces(
         return least_norm(motion, [0j if f is None else f for f in force], [0.0 if m is None else m for m in moment], flanks)
     plan = model.once(balance_plan)
     contacts: dict[str, tuple[Array, Array]] = {}  # relation -> place, force on its second link
-    cuts, ties = _cut_forces(motion, *_subtree_wrenches(motion, force, moment, plan.subtrees_of_cuts))
-    for r, multiplier in ties.items():
+    cuts, multipliers = _cut_forces(motion, *_subtree_wrenches(motion, force, moment, plan.subtrees_of_cuts))
+    for r, multiplier in multipliers.items():
         relation = model.relations[r]
         place, direction = relation.contact(motion, multiplier if flanks is None else flanks[r])
         contacts[relation.name] = (place, multiplier * direction)
@@ -178,7 +178,7 @@ def joint_forces(
             for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                 k = model.index[link]
                 moment[k] = plus(moment[k], sign * couple)
-    if ties:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
+    if multipliers:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
         cuts, _ = _cut_forces(motion, *_subtree_wrenches(motion, force, moment, plan.subtrees_of_cuts))
     transmitted: list[tuple[Array, Array]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
@@ -199,7 +199,7 @@ def joint_forces(
             transmitted[j] = transmitted[j][0], -couple if second else couple
             if other:
                 unbalanced[other] = plus(unbalanced[other], couple)
-    return transmitted, contacts, ties
+    return transmitted, contacts, multipliers
 
 
 def _subtree_wrenches(
@@ -230,11 +230,11 @@ def _cut_forces(motion: Motion, subtree: Sequence[Array], unbalanced: Sequence[A
     """Forces on the second links of the closing joints and in the relations, from the last block back to the first."""
     model, columns = motion.model, motion.columns
     cuts: dict[int, Array] = {}
-    ties: dict[int, Array] = {}
+    multipliers: dict[int, Array] = {}
     for i, block, balances in model.once(balance_plan).balances:
         if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
             cuts.update(dict.fromkeys(block.contours, 0j))
-            ties.update(dict.fromkeys(block.relations, 0.0))
+            multipliers.update(dict.fromkeys(block.relations, 0.0))
             continue
         q = []
         for unknown, links, child, back, contours, relations in balances:
@@ -250,11 +250,11 @@ def _cut_forces(motion: Motion, subtree: Sequence[Array], unbalanced: Sequence[A
                 if col is not None:
                     total = minus(total, (np.conj(col) * cuts[c]).real)
             for r in relations:
-                total = minus(total, bl.tie_coefficient(model, r, unknown, motion.state.bends) * ties[r])
+                total = minus(total, bl.constraint_coefficient(model, r, unknown, motion.state.bends) * multipliers[r])
             q.append(0.0 if total is None else total)
-        found, tied = bl.transposed(block, columns[i], q)
+        found, solved = bl.transposed(block, columns[i], q)
         for c, cut in zip(block.contours, found, strict=True):
             cuts[c] = cut
-        for r, tie in zip(block.relations, tied, strict=True):
-            ties[r] = tie
-    return cuts, ties
+        for r, multiplier in zip(block.relations, solved, strict=True):
+            multipliers[r] = multiplier
+    return cuts, multipliers

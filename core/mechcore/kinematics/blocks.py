@@ -15,7 +15,7 @@ import numpy as np
 
 from mechcore.accuracy import DEFAULT
 from mechcore.kinematics import dyads as cf
-from mechcore.kinematics.model import Block, CurveSum, Model
+from mechcore.kinematics.model import Block, Model, NonlinearTerm
 from mechcore.numerics.frames import added, imaginary, minus, nothing, plus
 from mechcore.numerics.newton import newton, solve_many
 
@@ -100,16 +100,14 @@ class Vectors(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero; ``ties[r][u]``: of
-    its r-th relation.
-
-    Where there is one contour and two unknowns (every dyad) ``pair`` and ``dual`` stand for the table: the two columns, both turned
-    back by a right angle, and the dual basis, such that unknown k of ``columns @ x + r = 0`` is ``Im(r dual[k])``; the force that
-    balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``, where ``1 / inverse`` is their cross product.
-    """
+    """``table[c][u]``: derivative of the c-th contour of a block by its u-th unknown, or None where it is zero;
+    ``constraints[r][u]``: of its r-th relation. Where there is one contour and two unknowns (every dyad) ``pair`` and ``dual``
+    stand for the table: the two columns, both turned back by a right angle, and the dual basis, such that unknown k of ``columns @
+    x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] pair[1] - q[1] pair[0]) inverse``,
+    where ``1 / inverse`` is their cross product."""
 
     table: tuple[tuple[Array, ...], ...]
-    ties: tuple[tuple[float, ...], ...] = ()
+    constraints: tuple[tuple[float, ...], ...] = ()
     pair: tuple[Array, Array] | None = None
     dual: tuple[Array, Array] | None = None
     inverse: Array = None
@@ -167,7 +165,7 @@ def relation_sum(
     model: Model, relation: int, state: State, block: Block | None = None
 ) -> tuple[Array, dict[tuple[str, int], float]]:
     """A relation's known terms [m], its constant subtracted, and the coefficients of the unknowns of ``block``."""
-    t = model.sums[relation]
+    t = model.constraints[relation]
     known: Array = -state.constants[relation] if state.constants else 0.0
     unknown: dict[tuple[str, int], float] = {}
     for d, c in t.drives:
@@ -188,7 +186,7 @@ def relation_sum(
     return known, unknown
 
 
-def _argument(model: Model, curve: CurveSum, state: State) -> Array:
+def _argument(model: Model, curve: NonlinearTerm, state: State) -> Array:
     """The argument of a relation's curve, which is known before the relation is solved."""
     total: Array = curve.shift
     for d, c in curve.drives:
@@ -321,15 +319,15 @@ def equations(model: Model, block: Block, state: State, frames: Any = None) -> C
     for c in block.contours:
         known, arms, slides = _split(model, block, c, state)
         parts.append((at(known), {g: at(a) for g, a in arms.items()}, [(j, at(d)) for j, d in slides]))
-    ties = [(at(known), unknown) for known, unknown in (relation_sum(model, k, state, block) for k in block.relations)]
+    constraints = [(at(known), unknown) for known, unknown in (relation_sum(model, k, state, block) for k in block.relations)]
     n_angles = len(block.angles)
     angle_at = {g: k for k, g in enumerate(block.angles)}
     slide_at = {j: k for k, j in enumerate(block.slides, n_angles)}
     carrier = {j: model.angles.spin_group[g] for c in block.contours for j, g, _ in model.spin_contours[c].slides}
     # in units of the size: what a relation has, and the place and the factor of each of its unknowns; likewise of the contours
-    tied = [
+    linear = [
         (known / size, [(angle_at[g], c / size) if what == "angle" else (slide_at[g], c) for (what, g), c in unknown.items()])
-        for known, unknown in ties
+        for known, unknown in constraints
     ]
     contours = [
         (-target / size, [(angle_at[g], a / size) for g, a in arms.items()], [(slide_at[j], carrier[j], d) for j, d in slides])
@@ -338,10 +336,10 @@ def equations(model: Model, block: Block, state: State, frames: Any = None) -> C
 
     def residual(x: Array) -> tuple[Array, Array]:
         e = np.exp(1j * x[..., :n_angles])
-        rows = 2 * len(parts) + len(ties)
+        rows = 2 * len(parts) + len(constraints)
         r = np.empty((*x.shape[:-1], rows))
         jac = np.zeros((*x.shape[:-1], rows, x.shape[-1]))
-        for i, (total, unknowns) in enumerate(tied, 2 * len(parts)):
+        for i, (total, unknowns) in enumerate(linear, 2 * len(parts)):
             for k, c in unknowns:
                 total = total + c * x[..., k]
                 jac[..., i, k] = c
@@ -412,13 +410,15 @@ def columns(model: Model, block: Block, contours: dict[int, Vectors]) -> Columns
         return Columns((), pair=(u, v), dual=(first, mirrored * over), inverse=inverse)
     unknowns = block.unknowns
     table = tuple(tuple(column(model, contours[c], x) for x in unknowns) for c in block.contours)
-    ties = tuple(tuple(tie_coefficient(model, r, x) for x in unknowns) for r in block.relations)
-    return Columns(table, ties)
+    constraints = tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations)
+    return Columns(table, constraints)
 
 
-def tie_coefficient(model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Array] | None = None) -> Array:
+def constraint_coefficient(
+    model: Model, relation: int, unknown: tuple[str, int], bends: Mapping[int, Array] | None = None
+) -> Array:
     """Derivative of a relation by an unknown; with ``bends`` that of its curve too, which unknowns of its own block never have."""
-    t = model.sums[relation]
+    t = model.constraints[relation]
     c: Array = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
     if t.curve is not None and bends is not None and (slope := t.curve.slope(unknown)):
         c = c + slope * bends[relation][1]
@@ -451,23 +451,23 @@ def _turned_back(v: Vectors, places: Sequence[tuple[Sequence[int], Array]], angl
     return out
 
 
-def rates(block: Block, cols: Columns, drift: list[Array], tie_rhs: Sequence[Array] = ()) -> list[Array]:
+def rates(block: Block, cols: Columns, drift: list[Array], constraint_rhs: Sequence[Array] = ()) -> list[Array]:
     """Unknown rates (angles, then slides) from ``columns @ rates + drift = 0``, one drift per contour (what is known makes of it
-    while the unknowns rest), and from ``ties @ rates = tie_rhs``."""
+    while the unknowns rest), and from ``constraints @ rates = constraint_rhs``."""
     if block.kind == "relation":
-        return [tie_rhs[0] / cols.ties[0][0]]
+        return [constraint_rhs[0] / cols.constraints[0][0]]
     if cols.dual is not None:
         return [(drift[0] * d).imag for d in cols.dual]
     first = cols.table[0]
-    if len(drift) == 1 and len(first) == 1 and not tie_rhs:
+    if len(drift) == 1 and len(first) == 1 and not constraint_rhs:
         (c,) = first
         return [-(c.real * drift[0].real + c.imag * drift[0].imag) / (c.real**2 + c.imag**2)]
     matrix, shape = matrix_of(cols)
-    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *tie_rhs)))  # guides on the frame: constant columns
+    shape = np.broadcast_shapes(shape, *(np.shape(r) for r in (*drift, *constraint_rhs)))  # guides on the frame: constant columns
     flat = np.empty((*shape, matrix.shape[-2]))
     for i, r in enumerate(drift):
         flat[..., 2 * i], flat[..., 2 * i + 1] = -r.real, -r.imag
-    for i, value in enumerate(tie_rhs, 2 * len(drift)):
+    for i, value in enumerate(constraint_rhs, 2 * len(drift)):
         flat[..., i] = value
     x = solve_many(matrix, flat)
     return [x[..., k] for k in range(x.shape[-1])]
@@ -476,7 +476,7 @@ def rates(block: Block, cols: Columns, drift: list[Array], tie_rhs: Sequence[Arr
 def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array], list[Array]]:
     """Contour forces (complex) and relation forces that balance the generalised forces ``q`` of the block's unknowns."""
     if block.kind == "relation":
-        return [], [q[0] / cols.ties[0][0]]
+        return [], [q[0] / cols.constraints[0][0]]
     if cols.pair is not None:
         (u, v), (a, b) = cols.pair, q
         total = None if nothing(a) else v * (a * cols.inverse)
@@ -484,7 +484,7 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
             total = minus(total, u * (b * cols.inverse))
         return [0j if total is None else total], []
     first = cols.table[0]
-    if len(cols.table) == 1 and len(first) == 1 and not cols.ties:  # one left over: the shortest force that balances
+    if len(cols.table) == 1 and len(first) == 1 and not cols.constraints:  # one left over: the shortest force that balances
         (c,) = first
         return [c * (q[0] / (c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
@@ -494,7 +494,7 @@ def transposed(block: Block, cols: Columns, q: list[Array]) -> tuple[list[Array]
         flat[..., i] = value
     x = solve_many(np.swapaxes(matrix, -1, -2), flat)
     n = len(cols.table)
-    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.ties))]
+    return [x[..., 2 * i] + 1j * x[..., 2 * i + 1] for i in range(n)], [x[..., 2 * n + i] for i in range(len(cols.constraints))]
 
 
 def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
@@ -506,10 +506,10 @@ def matrix_of(cols: Columns) -> tuple[Array, tuple[int, ...]]:
             matrix[..., 0, k], matrix[..., 1, k] = -np.imag(c), np.real(c)
         return matrix, shape
     shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if c is not None))
-    width = len(cols.table[0] if cols.table else cols.ties[0])
-    matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.ties), width))
-    for i, tie in enumerate(cols.ties, 2 * len(cols.table)):
-        matrix[..., i, :] = tie
+    width = len(cols.table[0] if cols.table else cols.constraints[0])
+    matrix = np.zeros((*shape, 2 * len(cols.table) + len(cols.constraints), width))
+    for i, row in enumerate(cols.constraints, 2 * len(cols.table)):
+        matrix[..., i, :] = row
     for i, row in enumerate(cols.table):
         for k, c in enumerate(row):
             if c is not None:

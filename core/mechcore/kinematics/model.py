@@ -38,8 +38,8 @@ class SpinContour:
 
 
 @dataclass(frozen=True)
-class CurveSum:
-    """The nonlinear term of a relation, its argument summed up as in `Sum`, ``shift`` included."""
+class NonlinearTerm:
+    """The nonlinear term of a relation, its argument summed up as in `LinearConstraint`, ``shift`` included."""
 
     function: Callable[[Any], Any]
     groups: tuple[tuple[int, float], ...]
@@ -53,14 +53,14 @@ class CurveSum:
 
 
 @dataclass(frozen=True)
-class Sum:
+class LinearConstraint:
     """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + curve = constant``."""
 
     name: str
     groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
     drives: tuple[tuple[int, float], ...]  # turning drives inside groups
     slides: tuple[tuple[int, float], ...]  # sliding joints
-    curve: CurveSum | None = None
+    curve: NonlinearTerm | None = None
     constant: float | None = None  # None: taken from the start
 
 
@@ -116,8 +116,8 @@ class Model:
     contours: tuple[Contour, ...]
     spin_contours: tuple[SpinContour, ...]
     relations: tuple[Relation, ...]
-    sums: tuple[Sum, ...]  # of the relations
-    wound: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
+    constraints: tuple[LinearConstraint, ...]  # of the relations
+    multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
     free: tuple[str, ...]  # pairs around freedoms that no drive takes
     turn: tuple[complex, ...]  # of each link: rotation from its spin's axes to its own
@@ -260,13 +260,13 @@ def build_model(mechanism: Mechanism) -> Model:
         raise MechanismError([Fault(f"links.{k}", "no chain of pairs joins it to the frame.", "Add a pair.") for k in lost])
     closed = contours(ends, joints, tree)
     turn = tuple(cmath.exp(1j * o) for o in turning.offset)
-    sums = tuple(_by_spin(c, turning, turn) for c in closed)
+    spin_contours = tuple(_by_spin(c, turning, turn) for c in closed)
     size = _size(mechanism)
-    tied = tuple(_sum(r, turning, index, joint_index) for r in parts.relations)
-    blocks, loose = _blocks(sums, tied, turning, joints, ends, driven, size)
-    _check_curves(blocks, tied)
+    constraints = tuple(_linear_constraint(r, turning, index, joint_index) for r in parts.relations)
+    blocks, loose = _blocks(spin_contours, constraints, turning, joints, ends, driven, size)
+    _check_curves(blocks, constraints)
     free_angles = {g for b in blocks if b.kind in ("general", "relation") for g in b.angles}
-    wound = {g for t in tied for g, _ in t.groups} - free_angles
+    multi_turn = {g for t in constraints for g, _ in t.groups} - free_angles
     return Model(
         mechanism=mechanism,
         links=names,
@@ -277,10 +277,10 @@ def build_model(mechanism: Mechanism) -> Model:
         tree=tree,
         order=order,
         contours=closed,
-        spin_contours=sums,
+        spin_contours=spin_contours,
         relations=tuple(parts.relations),
-        sums=tied,
-        wound=tuple(sorted(wound)),
+        constraints=constraints,
+        multi_turn=tuple(sorted(multi_turn)),
         blocks=blocks,
         free=_free_pairs(loose, turning, joints, ends),
         turn=turn,
@@ -312,7 +312,9 @@ def _size(m: Mechanism) -> float:
     return 1.0
 
 
-def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> Sum:
+def _linear_constraint(
+    relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]
+) -> LinearConstraint:
     groups: dict[int, float] = {}
     drives: dict[int, float] = {}
     offset = 0.0  # what the links' own angles are ahead of those of their groups
@@ -323,36 +325,38 @@ def _sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_in
             drives[d] = drives.get(d, 0.0) + c * sign
         offset += c * turning.offset[k]
     scale = max((abs(c) for _, c in relation.angles), default=0.0)
-    return Sum(
+    return LinearConstraint(
         name=relation.name,
         groups=tuple((g, c) for g, c in groups.items() if g and abs(c) > 1e-14 * scale),
         drives=tuple((d, c) for d, c in drives.items() if c != 0.0),
         slides=tuple((joint_index[j], c) for j, c in relation.slides),
-        curve=_curve_sum(relation, turning, index, joint_index),
+        curve=_nonlinear_term(relation, turning, index, joint_index),
         constant=None if relation.constant is None else relation.constant - offset,
     )
 
 
-def _curve_sum(relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]) -> CurveSum | None:
+def _nonlinear_term(
+    relation: Relation, turning: Angles, index: Mapping[str, int], joint_index: Mapping[str, int]
+) -> NonlinearTerm | None:
     curve = relation.curve
     if curve is None:
         return None
     inner = replace(relation, angles=curve.angles, slides=curve.slides, curve=None, constant=curve.shift)
-    argument = _sum(inner, turning, index, joint_index)
+    argument = _linear_constraint(inner, turning, index, joint_index)
     shift = 2.0 * curve.shift - float(argument.constant or 0.0)  # the links' offsets belong to the argument
-    return CurveSum(curve.function, argument.groups, argument.drives, argument.slides, shift)
+    return NonlinearTerm(curve.function, argument.groups, argument.drives, argument.slides, shift)
 
 
-def _check_curves(blocks: tuple[Block, ...], tied: tuple[Sum, ...]) -> None:
+def _check_curves(blocks: tuple[Block, ...], constraints: tuple[LinearConstraint, ...]) -> None:
     """A curve's argument must be known where its relation is solved: a cam is driven, it is not driven by its follower."""
     faults = []
     for block in blocks:
         for r in block.relations:
-            curve = tied[r].curve
+            curve = constraints[r].curve
             if curve is not None and any(curve.slope(u) for u in block.unknowns):
                 faults.append(
                     Fault(
-                        f"joints.{tied[r].name}",
+                        f"joints.{constraints[r].name}",
                         "here the follower drives the cam: a dwell or a reversal then leaves the cam's place open.",
                         "Drive the cam (its revolute pair, or what turns it), and let it drive the follower.",
                     )
@@ -362,8 +366,8 @@ def _check_curves(blocks: tuple[Block, ...], tied: tuple[Sum, ...]) -> None:
 
 
 def _blocks(
-    sums: tuple[SpinContour, ...],
-    tied: tuple[Sum, ...],
+    spin_contours: tuple[SpinContour, ...],
+    constraints: tuple[LinearConstraint, ...],
     turning: Angles,
     joints: tuple[Joint, ...],
     ends: tuple[tuple[int, int], ...],
@@ -375,59 +379,63 @@ def _blocks(
     columns |= {("slide", j): turning.groups - 1 + i for i, j in enumerate(sliding)}
     unknown = list(columns)
     pattern: list[list[int]] = []
-    for c in sums:
+    for c in spin_contours:
         groups = {turning.spin_group[g] for g, a in c.arms if abs(a) > 1e-14 * size}
         groups |= {turning.spin_group[g] for _, g, _ in c.slides}
         row = [columns["angle", g] for g in sorted(groups - {0})]
         row += [columns["slide", j] for j, _, _ in c.slides if j not in driven]
         pattern += [row, row]
-    for t in tied:
+    for t in constraints:
         terms = (t,) if t.curve is None else (t, t.curve)
         row = [columns["angle", g] for x in terms for g, _ in x.groups]
         pattern.append(list(dict.fromkeys(row + [columns["slide", j] for x in terms for j, _ in x.slides if j not in driven])))
     order = block_order(pattern, len(columns))
-    last = 2 * len(sums)
+    last = 2 * len(spin_contours)
     rows = [{e // 2 for e in equations if e < last} for equations, _ in order.blocks]
-    ties = [tuple(sorted(e - last for e in equations if e >= last)) for equations, _ in order.blocks]
+    relations = [tuple(sorted(e - last for e in equations if e >= last)) for equations, _ in order.blocks]
     placed = {c for r in rows for c in r}
-    tied_up = {r for t in ties for r in t}
+    solved = {r for t in relations for r in t}
     between: dict[frozenset[int], int] = {}
     for j, (p, q) in enumerate(ends):
         between.setdefault(frozenset((turning.group[p], turning.group[q])), j)
     blocks = []
-    for found, own_ties, (_, unknowns) in zip(rows, ties, order.blocks, strict=True):
+    for found, own_relations, (_, unknowns) in zip(rows, relations, order.blocks, strict=True):
         picked = [unknown[u] for u in unknowns]
         group = tuple(i for what, i in picked if what == "angle")
         slides = tuple(i for what, i in picked if what == "slide")
         own = tuple(sorted(found))
         blocks.append(
             Block(
-                kind=_kind(own, own_ties, group, slides, sums, turning),
+                kind=_kind(own, own_relations, group, slides, spin_contours, turning),
                 contours=own,
                 angles=group,
                 slides=slides,
-                name=joints[_inner_pair(own, group, slides, sums, between)].name if own else tied[own_ties[0]].name,
-                redundant=2 * len(own) + len(own_ties) - len(unknowns),
-                relations=own_ties,
+                name=joints[_inner_pair(own, group, slides, spin_contours, between)].name
+                if own
+                else constraints[own_relations[0]].name,
+                redundant=2 * len(own) + len(own_relations) - len(unknowns),
+                relations=own_relations,
             )
         )
-    for i, contour in enumerate(sums):
+    for i, contour in enumerate(spin_contours):
         if i not in placed:
             blocks.append(Block("check", (i,), (), (), joints[contour.closing].name, redundant=2))
-    blocks += [Block("check", (), (), (), t.name, redundant=1, relations=(i,)) for i, t in enumerate(tied) if i not in tied_up]
+    blocks += [
+        Block("check", (), (), (), t.name, redundant=1, relations=(i,)) for i, t in enumerate(constraints) if i not in solved
+    ]
     return tuple(blocks), [unknown[u] for u in sorted(order.loose)]
 
 
 def _kind(
     own: tuple[int, ...],
-    ties: tuple[int, ...],
+    relations: tuple[int, ...],
     group: tuple[int, ...],
     slides: tuple[int, ...],
-    sums: tuple[SpinContour, ...],
+    spin_contours: tuple[SpinContour, ...],
     turning: Angles,
 ) -> str:
-    if ties:
-        return "general" if own or len(ties) > 1 else "relation"
+    if relations:
+        return "general" if own or len(relations) > 1 else "relation"
     if len(own) > 1:
         return "general"
     if len(group) + len(slides) == 1:
@@ -436,7 +444,7 @@ def _kind(
         return "theta_theta"
     if len(slides) == 2:
         return "slide_slide"
-    carrier = next(turning.spin_group[g] for j, g, _ in sums[own[0]].slides if j == slides[0])
+    carrier = next(turning.spin_group[g] for j, g, _ in spin_contours[own[0]].slides if j == slides[0])
     return "arm_slide" if carrier == group[0] else "theta_slide"
 
 
@@ -444,13 +452,13 @@ def _inner_pair(
     own: tuple[int, ...],
     group: tuple[int, ...],
     slides: tuple[int, ...],
-    sums: tuple[SpinContour, ...],
+    spin_contours: tuple[SpinContour, ...],
     between: Mapping[frozenset[int], int],
 ) -> int:
     """The joint by which a group is known: the one between its two unknown links, else the one that slides, else the closing."""
     if len(group) == 2 and frozenset(group) in between:
         return between[frozenset(group)]
-    return slides[0] if slides else sums[own[0]].closing
+    return slides[0] if slides else spin_contours[own[0]].closing
 
 
 def _free_pairs(

@@ -13,7 +13,7 @@ import numpy as np
 
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.blocks import Columns, Vectors
-from mechcore.kinematics.model import Block, CurveSum, Model
+from mechcore.kinematics.model import Block, Model, NonlinearTerm
 from mechcore.numerics.frames import added, imaginary, lazy, purely_imaginary
 
 Array = Any
@@ -83,11 +83,11 @@ class Rates:
                 self.spin[spin] = rate + self.spin[spin]
                 self.turns[spin] = imaginary(self.spin[spin])
 
-    def tied(self, model: Model, block: Block) -> list[Array]:
+    def constraint_drift(self, model: Model, block: Block) -> list[Array]:
         """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
         out = []
         for r in block.relations:
-            t = model.sums[r]
+            t = model.constraints[r]
             total: Array = 0.0
             for d, c in t.drives:
                 total = total - c * self.drives[d]
@@ -105,7 +105,7 @@ class Rates:
             out.append(total)
         return out
 
-    def argument(self, curve: CurveSum) -> Array:
+    def argument(self, curve: NonlinearTerm) -> Array:
         """Rate of a curve's argument."""
         total: Array = 0.0
         for d, c in curve.drives:
@@ -163,7 +163,7 @@ def _solve(
     if cols.dual is not None and not patches:
         found.solve_dyad(model, block, cols, drift[0])
         return
-    solved = bl.rates(block, cols, drift, found.tied(model, block))
+    solved = bl.rates(block, cols, drift, found.constraint_drift(model, block))
     for patch in patches.get(k, ()) if patches else ():
         patch.into(solved, derivative)
     found.settle(model, block, solved)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechcore.kinematics.model import Model, Sum
+from mechcore.kinematics.model import LinearConstraint, Model
 from mechcore.motion.motion import Motion
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
@@ -61,8 +61,8 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
             turn = np.zeros((1, 3 * (n + 1)))
             turn[0, 3 * p + 2], turn[0, 3 * q + 2] = 1.0, -1.0
             rows.append(turn)
-    for tie in model.sums:
-        rows.append(_tie_row(model, motion, tie, frame))
+    for constraint in model.constraints:
+        rows.append(_constraint_row(model, motion, constraint, frame))
     jacobian = np.concatenate(rows)[:, 3:] if rows else np.zeros((0, 3 * n))
     if 0 in jacobian.shape:
         return 3 * n
@@ -70,16 +70,16 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     return int(3 * n - (s > tolerance * s[0]).sum())
 
 
-def _tie_row(model: Model, motion: Motion, tie: Sum, frame: int) -> np.ndarray:
+def _constraint_row(model: Model, motion: Motion, constraint: LinearConstraint, frame: int) -> np.ndarray:
     """A relation's rate by the links' absolute coordinates, lengths in units of the size."""
     row = np.zeros((1, 3 * len(model.links)))
-    relation = next(r for r in model.relations if r.name == tie.name)
-    angles, slides = list(relation.angles), list(tie.slides)
-    if relation.curve is not None and tie.curve is not None:
+    relation = next(r for r in model.relations if r.name == constraint.name)
+    angles, slides = list(relation.angles), list(constraint.slides)
+    if relation.curve is not None and constraint.curve is not None:
         bend = motion.state.bends[model.relations.index(relation)][1]
         slope = float(np.broadcast_to(bend, motion.frames)[frame])
         angles += [(link, slope * c) for link, c in relation.curve.angles]
-        slides += [(j, slope * c) for j, c in tie.curve.slides]
+        slides += [(j, slope * c) for j, c in constraint.curve.slides]
     for link, c in angles:
         row[0, 3 * model.index[link] + 2] += c / model.size
     for j, c in slides:
@@ -108,15 +108,15 @@ def groups(model: Model) -> tuple[Group, ...]:
             rank[u // 3 + 1] = max(rank[u // 3 + 1], k)
     for u in model.order.free:
         rank[u // 3 + 1] = last
-    ties: list[tuple[tuple[int, ...], int]] = [
+    constraints: list[tuple[tuple[int, ...], int]] = [
         (e, 3 - joint.freedoms + (j in model.driven)) for j, (joint, e) in enumerate(zip(model.joints, model.ends, strict=True))
     ]
-    for r, t in zip(model.relations, model.sums, strict=True):
+    for r, t in zip(model.relations, model.constraints, strict=True):
         angles = r.angles if r.curve is None else (*r.angles, *r.curve.angles)
         slides = t.slides if t.curve is None else (*t.slides, *t.curve.slides)
-        ties.append((tuple(model.index[k] for k, _ in angles) + tuple(x for j, _ in slides for x in model.ends[j]), 1))
+        constraints.append((tuple(model.index[k] for k, _ in angles) + tuple(x for j, _ in slides for x in model.ends[j]), 1))
     at: dict[int, list[int]] = {}
-    for i, (e, _) in enumerate(ties):
+    for i, (e, _) in enumerate(constraints):
         for k in set(e):
             at.setdefault(k, []).append(i)
     left = sorted(range(1, len(model.links)), key=lambda k: rank[k])
@@ -125,13 +125,13 @@ def groups(model: Model) -> tuple[Group, ...]:
 
     def count(own: set[int]) -> int:
         inside = solved | own
-        return sum(ties[i][1] for i in {i for k in own for i in at.get(k, ())} if set(ties[i][0]) <= inside)
+        return sum(constraints[i][1] for i in {i for k in own for i in at.get(k, ())} if set(constraints[i][0]) <= inside)
 
     while left:
         own = next(({k} for k in fresh if k not in solved and count({k}) >= 3), None)
         if own is None:
             fresh = []
-            pairs = (set(e) for e, _ in ties if len(set(e)) == 2 and not set(e) & solved)
+            pairs = (set(e) for e, _ in constraints if len(set(e)) == 2 and not set(e) & solved)
             own = next((p for p in pairs if count(p) >= 6), None)
         if own is None:
             own = set()
@@ -143,7 +143,7 @@ def groups(model: Model) -> tuple[Group, ...]:
         found.append(_group(model, members, [j for j, e in enumerate(model.ends) if set(e) & own and set(e) <= solved | own]))
         solved |= own
         left = [k for k in left if k not in own]
-        fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in ties[i][0] if n not in solved)]
+        fresh = [*fresh, *(n for k in members for i in at.get(k, ()) for n in constraints[i][0] if n not in solved)]
     return tuple(found)
 
 

@@ -76,6 +76,6 @@ def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
             old = motion.model.joint_index
             slid = [float(np.ravel(motion.state.slide[old[model.joints[j].name]])[0]) for j in block.slides]
             found[block.name] = np.array([*turned, *slid])
-    for g in model.wound:
+    for g in model.multi_turn:
         found[f"angle {g}"] = np.asarray(known[f"angle {g}"] + group(at, g) - group(first, g))
     return found
