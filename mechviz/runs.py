@@ -245,7 +245,7 @@ def _resimulate(
             method=method or compiled.accuracy.method or spec.method,
             stops=spec.stops,
             watches=spec.watches,
-            liftoffs=spec.liftoffs,
+            separable_cams=spec.separable_cams,
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda stretch: look(stretch, duration),
             like=like,

@@ -40,7 +40,7 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
     from mechcore.forces.cam_events import limit_events
     from mechcore.forces.cam_rating import placed_cams
 
-    lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.liftoffs}
+    lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.separable_cams}
     for cam in placed_cams(run.motion):
         changes = lanes[cam.name] if cam.name in lifting else [(0.0, "touches")]
         place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
@@ -53,7 +53,7 @@ def lanes_of(simulation: Simulation) -> dict[str, list[tuple[float, str]]]:
     lanes: dict[str, list[tuple[float, str]]] = {}
     for stop in simulation.stops:
         lanes[f"stop {stop.name}"] = [(0.0, "free")]
-    for liftoff in simulation.liftoffs:
+    for liftoff in simulation.separable_cams:
         lanes[liftoff.pair] = [(0.0, "touches")]
     rubs = {pair: f"{pair} friction" if pair in lanes else pair for pair in simulation.rubbing}
     for lane in rubs.values():

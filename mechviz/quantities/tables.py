@@ -225,7 +225,7 @@ def _cams(run: Run) -> Iterator[Table]:
         unit = "m" if cam.arm == 0.0 else "rad"
         per = "m" if cam.bed else "rad"
         lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
-        if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.liftoffs):
+        if run.simulation is not None and any(each.pair == cam.name for each in run.simulation.separable_cams):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
             yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])

@@ -59,7 +59,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         span = f"over {scene.cycles * scene.mechanism.cycle:g} s" if scene.mechanism.cycle else "at one instant, time zero"
         lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
-        lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.liftoffs]
+        lifting = [f"whether the follower of {cam.pair} stays on it" for cam in scene.simulation.separable_cams]
         moving = [p for p in free if p not in made_pairs(scene.mechanism)]
         moved = [f"the motion of {', '.join(moving)}"] if moving else []
         moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.pairs if isinstance(p, Planar)]
@@ -100,7 +100,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(
             f"passes     {count} change or dead point{'s' if count != 1 else ''}, the first at {motion.changes[0].time:.6g} s"
         )
-    decided = [cam.pair for cam in scene.simulation.liftoffs] if scene.simulation is not None else []
+    decided = [cam.pair for cam in scene.simulation.separable_cams] if scene.simulation is not None else []
     loaded = bool(scene.mechanism.effects or scene.mechanism.loads)
     forces = solve_forces(motion) if loaded and not free else None
     if forces is not None:

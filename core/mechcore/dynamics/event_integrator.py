@@ -15,8 +15,8 @@ from mechcore.dynamics.contact.impacts import impact, jacobian_at, rates_at
 from mechcore.dynamics.contact.separation import (
     SAMPLES,
     SHARE,
-    Lifting,
-    Liftoff,
+    FollowerSeparation,
+    SeparableCam,
     driven_windows,
     first_beyond,
     pressing,
@@ -73,7 +73,7 @@ class EventIntegrator:
         method: Method,
         stops: Sequence[Stop],
         watches: Sequence[EventTrigger],
-        liftoffs: Sequence[Liftoff],
+        separable_cams: Sequence[SeparableCam],
         progress: Callable[[float], None] | None,
         observe: Callable[[Simulation], None] | None = None,
         like: Simulation | None = None,
@@ -85,12 +85,12 @@ class EventIntegrator:
         self.original = compiled
         self.log = Log()
         self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON * duration, self.log)
-        self.liftoffs = tuple(liftoffs)
-        self.lifting = Lifting(compiled, liftoffs) if liftoffs else None
-        self.lifted: frozenset[str] = frozenset()  # cams that their followers have left
+        self.separable_cams = tuple(separable_cams)
+        self.separation = FollowerSeparation(compiled, separable_cams) if separable_cams else None
+        self.separated: frozenset[str] = frozenset()  # cams that their followers have left
         self._use_chart(compiled, *system)
         self.known = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
-        plain = not (self.friction.counts or liftoffs or journals_of(compiled.mechanism))
+        plain = not (self.friction.counts or separable_cams or journals_of(compiled.mechanism))
         self.unwatched = 0  # windows in which nothing can come near enough to matter
         self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.contours else []
         self.segments: list[Segment] = []
@@ -188,7 +188,7 @@ class EventIntegrator:
                 if at is not None:
                     first.append((at, ("boundary", 0)))
             for name, event_function, limit in cams:
-                at = first_beyond(event_function, window, t, limit, self._samples(window), again=name in self.lifted)
+                at = first_beyond(event_function, window, t, limit, self._samples(window), again=name in self.separated)
                 if at is not None:
                     first.append((at, ("cam", name)))
             strained = self._strained(window) if self.charted and not first else None
@@ -244,7 +244,7 @@ class EventIntegrator:
             elif kind == "dry":
                 v = self._settle(time, q, v, k)
             elif kind == "cam":
-                q, v = self._land(time, q, v, k) if k in self.lifted else self._let_go(time, q, v, k)
+                q, v = self._land(time, q, v, k) if k in self.separated else self._let_go(time, q, v, k)
             elif kind == "release":
                 v = self._leave(time, q, v, k)
             else:
@@ -273,7 +273,7 @@ class EventIntegrator:
         """What a motion that is nearly this one says of the segment that begins at ``t`` [s]; None where it has other segments."""
         segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
-            same = segment.independent == list(self.coordinates) and segment.lifted == tuple(sorted(self.lifted))
+            same = segment.independent == list(self.coordinates) and segment.separated == tuple(sorted(self.separated))
             if same and abs(segment.start - t) <= SHIFTED * (segment.end - segment.start):
                 return segment.known(self.scale)
         return None
@@ -332,7 +332,7 @@ class EventIntegrator:
 
     def _segment(self, start: float, end: float, way: Solution, system: Any) -> Segment:
         """A segment in which the present stops and contacts hold."""
-        return Segment(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.lifted)))
+        return Segment(start, end, self.compiled, way, system, self._rested(), tuple(sorted(self.separated)))
 
     def _rested(self) -> tuple[Stop, ...]:
         return tuple(self.resting[k] for k in sorted(self.resting))
@@ -344,7 +344,7 @@ class EventIntegrator:
     def _simulation(self, segments: Sequence[Segment], evaluations: int, happened: Happened) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
         found = happened.events, method, self.tolerance, evaluations, happened.lost
-        return Simulation(self.original, tuple(segments), *found, tuple(self.stops), happened.pushed, self.liftoffs)
+        return Simulation(self.original, tuple(segments), *found, tuple(self.stops), happened.pushed, self.separable_cams)
 
     def _touching(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Stops that are touched at the beginning of a segment: what moves against them hits, what only presses rests."""
@@ -387,21 +387,21 @@ class EventIntegrator:
     def _contacts(self) -> list[tuple[str, Gauge, float]]:
         """What ends contact or flight of every cam and follower: an event function and the value that it then exceeds."""
         out: list[tuple[str, Gauge, float]] = []
-        if self.lifting is None:
+        if self.separation is None:
             return out
-        for name, contact in self.lifting.contacts.items():
-            if name in self.lifted:
+        for name, contact in self.separation.contacts.items():
+            if name in self.separated:
                 noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.size)
-                out.append((name, self.lifting.overlap(name, self.lifted), noise))
+                out.append((name, self.separation.overlap(name, self.separated), noise))
             else:
                 out.append((name, self._parting(name), 0.0))
         return out
 
     def _parting(self, name: str) -> Gauge:
         """Positive where a cam in contact would have to pull."""
-        assert self.lifting is not None
+        assert self.separation is not None
         if not self.friction.counts:
-            return self.lifting.parting(name, self.lifted)
+            return self.separation.parting(name, self.separated)
         system = self._system()
         resting = self._rested()
 
@@ -413,30 +413,30 @@ class EventIntegrator:
 
     def _samples(self, window: Window) -> int:
         """Places at which contacts are looked at in a window."""
-        assert self.lifting is not None
+        assert self.separation is not None
         q, v, _ = window(np.array([window.start]))
-        turned = self.lifting.pace(self.compiled, q[0], v[0], window.start) * window.length
+        turned = self.separation.pace(self.compiled, q[0], v[0], window.start) * window.length
         return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
 
     def _share(self, q: Real, v: Real, t: float) -> float:
         """Length of a window from ``t`` on in which all is prescribed [s]."""
-        assert self.lifting is not None
-        pace = self.lifting.pace(self.compiled, q, v, t)
+        assert self.separation is not None
+        pace = self.separation.pace(self.compiled, q, v, t)
         return float(np.clip(SHARE / max(pace, 1e-300), self.duration / 20_000, self.duration / 8.0))
 
     def _let_go(self, t: float, q: Real, v: Real, loose: str | None = None) -> tuple[Real, Real]:
         """Followers that would have to be pulled leave their cams, ``loose`` is known to; coordinates and rates after it."""
-        if self.lifting is None:
+        if self.separation is None:
             return q, v
-        for name in self.lifting.contacts:
-            if name in self.lifted:
+        for name in self.separation.contacts:
+            if name in self.separated:
                 continue
             if name != loose and not float(self._parting(name)(q[None], v[None], np.array([t]))[0]) > 0.0:
                 continue
-            where = self.lifting.where(name, self.compiled, q, v, t)
-            more = self.lifted | {name}
-            compiled, q, v = self.lifting.compiled(more, q, v, t, name)
-            self.lifted = more
+            where = self.separation.where(name, self.compiled, q, v, t)
+            more = self.separated | {name}
+            compiled, q, v = self.separation.compiled(more, q, v, t, name)
+            self.separated = more
             self._use_chart(compiled, Chart(compiled), None)
             self.log.tell(SimulationEvent(t, "lost", name, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
@@ -446,8 +446,8 @@ class EventIntegrator:
     def _part(self, t: float, q: Real, v: Real, stop: Stop) -> tuple[Real, Real]:
         """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
         sense = -1.0 if stop.side == "upper" else 1.0
-        for name, contact in {} if self.lifting is None else self.lifting.contacts.items():
-            if name not in self.lifted and contact.guide == stop.pair and contact.away == sense:
+        for name, contact in {} if self.separation is None else self.separation.contacts.items():
+            if name not in self.separated and contact.guide == stop.pair and contact.away == sense:
                 q, v = self._let_go(t, q, v, name)
         return q, v
 
@@ -460,27 +460,27 @@ class EventIntegrator:
 
     def _land(self, t: float, q: Real, v: Real, name: str) -> tuple[Real, Real]:
         """A follower comes back to its cam: an impact, after which it bounces or stays."""
-        assert self.lifting is not None
-        e = self.lifting.contacts[name].restitution
-        k, fewer = self.lifting.place(name, self.lifted), self.lifted - {name}
-        rebound, hit, lost = self.lifting.landing(name, self.lifted, t, q, v, e)
+        assert self.separation is not None
+        e = self.separation.contacts[name].restitution
+        k, fewer = self.separation.place(name, self.separated), self.separated - {name}
+        rebound, hit, lost = self.separation.landing(name, self.separated, t, q, v, e)
         held = np.delete(q, k)
-        stay, _, all_lost = self.lifting.landing(name, self.lifted, t, q, v, 0.0)
+        stay, _, all_lost = self.separation.landing(name, self.separated, t, q, v, 0.0)
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         gone = all_lost if stays else lost
         self.log.lose(t, gone)
         self._push(t, gone, q, v, stay if stays else rebound)
-        where = self.lifting.where(name, self.compiled, q, v, t)
-        pace = as_quantity(hit, "angular speed" if self.lifting.contacts[name].rotary else "linear speed", 4)
+        where = self.separation.where(name, self.compiled, q, v, t)
+        pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
         kind = "regained" if stays else "impact"
         self.log.tell(SimulationEvent(t, kind, name, f"{what} at {where}, hit at {pace}"))
         if not stays:
             self._off(t, q, rebound)
             return q, self._settle(t, q, rebound)
-        self.lifted = fewer
-        compiled = self.lifting.known[fewer]
+        self.separated = fewer
+        compiled = self.separation.known[fewer]
         enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
         self._use_chart(compiled, Chart(compiled), None)
         v = np.delete(stay, k)
@@ -490,9 +490,9 @@ class EventIntegrator:
 
     def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Real, v: Real) -> float:
         """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
-        assert self.lifting is not None
+        assert self.separation is not None
         friction = partial(self.friction.equations_of, rests=self._rests())
-        return float(self.lifting.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
+        return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
 
     def _rates(self, stop: Stop, q: Real, v: Real, t: float) -> tuple[float, float]:
         """Rate and second rate of a stop's coordinate: prescribed drives have their share in them."""

@@ -71,7 +71,7 @@ class Segment:
     solution: Any
     system: Any
     resting: tuple[Stop, ...] = ()  # stops that something rests on
-    lifted: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
+    separated: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
     def __call__(self, t: Real) -> tuple[Real, Real, Real]:
         """Positions, speeds (n, f) by the dense output, accelerations by the equations of motion."""
@@ -110,7 +110,7 @@ class Segment:
         """Whether a later segment is more of the same: windows of one integration."""
         if not (isinstance(self.solution, Solution) and isinstance(later.solution, Solution)):
             return False
-        same = self.system is later.system and (self.resting, self.lifted) == (later.resting, later.lifted)
+        same = self.system is later.system and (self.resting, self.separated) == (later.resting, later.separated)
         return same and self.end == later.start
 
     def with_windows(self, later: Sequence[Segment]) -> Segment:

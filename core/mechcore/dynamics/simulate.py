@@ -14,7 +14,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.phases import braking_elements
-from mechcore.dynamics.contact.separation import Liftoff
+from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import curve_around
 from mechcore.dynamics.equations.curve import Curve
@@ -47,7 +47,7 @@ def simulate(
     method: Method = "auto",
     stops: Sequence[Stop] = (),
     watches: Sequence[EventTrigger] = (),
-    liftoffs: Sequence[Liftoff] = (),
+    separable_cams: Sequence[SeparableCam] = (),
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
     like: Simulation | None = None,
@@ -55,29 +55,29 @@ def simulate(
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
-    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one
-    freedom and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Cams with ``liftoffs`` only
-    press on their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
+    ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom
+    and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. ``separable_cams`` only press on
+    their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` is told the time reached, ``observe`` gets every segment of the motion as soon as it is
-    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion
-    to another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long,
+    known, in order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to
+    another tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` is told what will take long,
     before it does. Raises `MechanismError`.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
-    _validate(compiled, duration, tolerance, liftoffs)
+    _validate(compiled, duration, tolerance, separable_cams)
     compiled = replace(compiled, angles=compiled.angles.fresh(compiled.angles.start.with_stops(stops)))
     drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     system: Any = Chart(compiled)
     valid_range: tuple[float, float] | None = None
-    alone = len(q) == len(compiled.mechanism.drives) == 1 and not liftoffs and not integrating(compiled)
+    alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
     if alone and not braking_elements(compiled, q, v):
         system, valid_range = curve_around(compiled, q[0], table_tolerance(tolerance))
     if len(q):
         _weigh(compiled, q, system)
-    word = None if stops or liftoffs else _rest(compiled, q, v, system)
+    word = None if stops or separable_cams else _rest(compiled, q, v, system)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
         rest = Simulation(compiled, (Segment(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
@@ -114,7 +114,7 @@ def simulate(
         if words is not None and warn is not None:
             warn(words)
     integrator = EventIntegrator(
-        compiled, (system, valid_range), duration, tolerance, method, stops, watches, liftoffs, progress, observe, like
+        compiled, (system, valid_range), duration, tolerance, method, stops, watches, separable_cams, progress, observe, like
     )
     run = integrator.go(q, v)
     if unseen is None:
@@ -130,7 +130,7 @@ def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: f
     return (alone or method == "radau") and fast.steps_over(duration, tolerance)
 
 
-def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: Sequence[Liftoff]) -> None:
+def _validate(compiled: Compiled, duration: float, tolerance: float, separable_cams: Sequence[SeparableCam]) -> None:
     faults = []
     if not (np.isfinite(duration) and duration > 0):
         faults.append(Fault("run.duration", f"{duration!r} s is no duration.", "Give a time above zero."))
@@ -144,7 +144,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, liftoffs: S
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     _check_turns(compiled, free, duration, faults)
-    if not free and not liftoffs:
+    if not free and not separable_cams:
         faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a pair a free start."))
     if faults:
         raise MechanismError(faults)

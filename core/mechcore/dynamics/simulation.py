@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem
-from mechcore.dynamics.contact.separation import Lifting, Liftoff
+from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCam
 from mechcore.dynamics.energy_account import WorkIntegrals, kinetic_energy_of, powers_of, work_integrals
 from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
@@ -48,7 +48,7 @@ class Simulation:
     lost: tuple[tuple[float, float], ...] = ()  # time and energy [J] of every impact
     stops: tuple[Stop, ...] = ()
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
-    liftoffs: tuple[Liftoff, ...] = ()
+    separable_cams: tuple[SeparableCam, ...] = ()
     unseen: tuple[float, float] = (0.0, 0.0)
     joined_works: WorkIntegrals | None = None  # of segments put together that all knew theirs
 
@@ -89,7 +89,7 @@ class Simulation:
         t = np.atleast_1d(np.asarray(t, float))
         out = np.empty((3, len(t), len(free_of(self.compiled))))
         for segment, rows in self._rows(t):
-            if segment.compiled is self.compiled or segment.lifted:
+            if segment.compiled is self.compiled or segment.separated:
                 for found, x in zip(out, segment(t[rows]), strict=True):
                     found[rows] = x[:, : out.shape[2]]
             else:
@@ -128,7 +128,7 @@ class Simulation:
     @property
     def _model(self) -> Any:
         """The model that has all pairs, where some segments lack a cam."""
-        return self.compiled.model if self.liftoffs else None
+        return self.compiled.model if self.separable_cams else None
 
     def view(self, t: ArrayLike) -> JoinedMotion:
         """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
@@ -160,11 +160,11 @@ class Simulation:
 
     def gap(self, cam: str, motion: JoinedMotion) -> Real:
         """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""
-        lifting = Lifting(self.compiled, self.liftoffs)
-        guide = lifting.contacts[cam].guide
-        wanted = motion.joined(lambda m: lifting.followed(cam, m))
-        away = lifting.contacts[cam].away * (motion.coordinate(guide)[:, 0] - wanted)
-        return np.asarray(np.mod(away + np.pi, TURN) - np.pi if lifting.contacts[cam].rotary else away)
+        separation = FollowerSeparation(self.compiled, self.separable_cams)
+        guide = separation.contacts[cam].guide
+        wanted = motion.joined(lambda m: separation.followed(cam, m))
+        away = separation.contacts[cam].away * (motion.coordinate(guide)[:, 0] - wanted)
+        return np.asarray(np.mod(away + np.pi, TURN) - np.pi if separation.contacts[cam].rotary else away)
 
     @cached_property
     def _work_integrals(self) -> WorkIntegrals:

@@ -312,7 +312,7 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
     if run.forces is not None and run.simulation is None:
         views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
     rubbing = run.forces is not None and run.forces.friction is not None
-    if rubbing or (run.simulation is not None and (run.simulation.stops or run.simulation.liftoffs)):
+    if rubbing or (run.simulation is not None and (run.simulation.stops or run.simulation.separable_cams)):
         name = "States" if run.simulation is not None else "Friction: states"
         views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name=name))
     if run.forces is not None and run.forces.friction is not None:

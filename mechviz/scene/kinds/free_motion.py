@@ -30,7 +30,7 @@ from mechviz.scene.fields import (
 from mechviz.scene.kinds.friction import clearance_faults
 
 if TYPE_CHECKING:
-    from mechcore.dynamics.contact.separation import Liftoff
+    from mechcore.dynamics.contact.separation import SeparableCam
     from mechcore.dynamics.events import EventTrigger, Stop
     from mechcore.laws.timed import Free, Law
     from mechviz.scene.convert import Converter
@@ -149,7 +149,7 @@ class SimulationSpec:
     method: Method
     stops: tuple[Stop, ...]
     watches: tuple[EventTrigger, ...]
-    liftoffs: tuple[Liftoff, ...] = ()
+    separable_cams: tuple[SeparableCam, ...] = ()
     steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
 
 
@@ -199,11 +199,11 @@ def simulation_spec(
 
     if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
         return None
-    from mechcore.dynamics.contact.separation import Liftoff
+    from mechcore.dynamics.contact.separation import SeparableCam
     from mechcore.dynamics.events import EventTrigger, Stop
 
-    liftoffs = tuple(
-        Liftoff(pair=name, restitution=entry.liftoff.restitution)
+    separable_cams = tuple(
+        SeparableCam(pair=name, restitution=entry.liftoff.restitution)
         for name, entry in document.joints.items()
         if entry.liftoff is not None
     )
@@ -230,7 +230,7 @@ def simulation_spec(
     run = document.run
     duration = math.nan if run.duration is None else _duration(document, convert)
     tolerance = TOLERANCE if run.tolerance is None else run.tolerance
-    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), liftoffs, run.steady)
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), separable_cams, run.steady)
 
 
 def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter) -> float:

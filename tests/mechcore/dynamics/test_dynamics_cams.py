@@ -14,7 +14,7 @@ from cam_mechanisms import oscillating, translating
 import mechviz
 from mechcore.cams.followers import Flat, Roller
 from mechcore.cams.forces import Closure, first_separation
-from mechcore.dynamics.contact.separation import Liftoff
+from mechcore.dynamics.contact.separation import SeparableCam
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import contact_force, placed_cams
@@ -55,7 +55,7 @@ def contact_at(mechanism: Mechanism, speed: float) -> np.ndarray:
 
 
 def turns(mechanism: Mechanism, speed: float, count: float = 1.0, e: float = 0.3):
-    return simulate(at_speed(mechanism, speed), count * 2 * np.pi / speed, liftoffs=[Liftoff(pair="K", restitution=e)])
+    return simulate(at_speed(mechanism, speed), count * 2 * np.pi / speed, separable_cams=[SeparableCam(pair="K", restitution=e)])
 
 
 def test_onset_speed_and_place_agree_with_the_closed_form():
@@ -148,7 +148,7 @@ def test_a_free_camshaft_feels_the_impact():
         drives=(Drive(pair="O", law=Free(0.0, 1.12 * speed)),),
         loads=(*mechanism.loads, Torque(name="motor", link="cam", moment=5.0)),
     )
-    found = simulate(free, 0.03, liftoffs=[Liftoff(pair="K", restitution=0.5)])
+    found = simulate(free, 0.03, separable_cams=[SeparableCam(pair="K", restitution=0.5)])
     hits = np.array([h.time for h in found.events if h.kind == "impact"])
     knocks = found(hits + 1e-7)[1] - found(hits - 1e-7)[1]
     assert np.abs(knocks).max() > 1e-3 * speed
@@ -159,12 +159,12 @@ def test_a_free_camshaft_feels_the_impact():
 
 def test_what_is_not_named_is_not_looked_at(monkeypatch):
     from mechcore.dynamics import event_integrator as progress
-    from mechcore.dynamics.contact import separation as liftoff
+    from mechcore.dynamics.contact import separation
 
     def never(*_, **__):
         raise AssertionError
 
-    monkeypatch.setattr(liftoff.Lifting, "__init__", never)
+    monkeypatch.setattr(separation.FollowerSeparation, "__init__", never)
     monkeypatch.setattr(progress, "first_beyond", never)
     from simulated_scenes import STOPPED
 
@@ -174,7 +174,7 @@ def test_what_is_not_named_is_not_looked_at(monkeypatch):
 def test_bad_input_is_refused_in_words():
     mechanism, speed, _ = onset()
     with pytest.raises(MechanismError, match="no cam that its follower could leave"):
-        simulate(at_speed(mechanism, speed), 0.1, liftoffs=[Liftoff(pair="S")])
+        simulate(at_speed(mechanism, speed), 0.1, separable_cams=[SeparableCam(pair="S")])
     text = mechviz.load("valve-float").text
     for old, new, words in (
         ('frames = 960\nduration = "180 ms"', "frames = 960", "'duration' is missing"),
@@ -271,7 +271,11 @@ def test_a_follower_that_its_guide_holds_hangs_where_the_cam_has_left_it():
     with pytest.raises(MechanismError, match=r"joints\.K\.friction: friction between a cam and its follower while forces move"):
         rough = with_brake(mechanism, 6.0)
         pairs = tuple(replace(p, friction=Friction(coefficient=0.1)) if p.name == "K" else p for p in rough.pairs)
-        simulate(replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)), 0.1, liftoffs=[Liftoff(pair="K")])
+        simulate(
+            replace(rough, pairs=pairs, drives=(Drive(pair="O", law=Free(0.3, 20.0)),)),
+            0.1,
+            separable_cams=[SeparableCam(pair="K")],
+        )
 
 
 def let_free(name: str, start: float, speed: float) -> Mechanism:

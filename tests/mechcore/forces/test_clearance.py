@@ -200,7 +200,7 @@ def test_a_loose_pin_beside_dry_friction_and_a_follower_that_flies():
     """Valve train: the tappet leaves the cam and lands, its pin rattles, guide and rocker rub; all balances hold."""
     scene = mechviz.loads(VALVE)
     assert mechviz.loads(scene.to_toml()) == scene and scene.simulation is not None
-    found = simulate(scene.mechanism, scene.simulation.duration, tolerance=1e-6, liftoffs=scene.simulation.liftoffs)
+    found = simulate(scene.mechanism, scene.simulation.duration, tolerance=1e-6, separable_cams=scene.simulation.separable_cams)
     assert {("lost", "K"), ("impact", "K"), ("slip", "S"), ("slip", "P")} <= {(h.kind, h.item) for h in found.events}
     t = np.linspace(0.0, found.duration, 181)
     view = found.view(t)

@@ -40,7 +40,7 @@ PARTS = 17
 
 
 @dataclass(frozen=True, kw_only=True)
-class Liftoff:
+class SeparableCam:
     """A cam ``pair`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
 
     pair: str
@@ -61,31 +61,31 @@ class _Contact:
     slope: float
 
 
-class Lifting:
-    """The mechanism with every set of its followers lifted, and how far they are from their cams.
+class FollowerSeparation:
+    """The mechanism with every set of its followers separated, and how far they are from their cams.
 
-    Coordinates: the free ones of the mechanism, then those of the lifted followers' guides in the order of ``contacts``.
+    Coordinates: the free ones of the mechanism, then those of the separated followers' guides in the order of ``contacts``.
     """
 
-    def __init__(self, compiled: Compiled, liftoffs: Sequence[Liftoff]):
+    def __init__(self, compiled: Compiled, separable_cams: Sequence[SeparableCam]):
         model = compiled.model
         relations = {r.name: r for r in model.relations}
         self.free = len(free_of(compiled))
         self.contacts: dict[str, _Contact] = {}
-        for liftoff in liftoffs:
-            relation = relations.get(liftoff.pair)
+        for each in separable_cams:
+            relation = relations.get(each.pair)
             if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form:
                 raise MechanismError(
-                    Fault(f"joints.{liftoff.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
+                    Fault(f"joints.{each.pair}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
                 )
             cam = relation.geometry
             rotary = model.joints[model.joint_index[cam.guide]].coordinate == "angle"
             slope = _slope(compiled, relation, cam.guide)
-            self.contacts[liftoff.pair] = _Contact(
-                name=liftoff.pair,
+            self.contacts[each.pair] = _Contact(
+                name=each.pair,
                 guide=cam.guide,
                 away=float(np.sign(slope)),
-                restitution=liftoff.restitution,
+                restitution=each.restitution,
                 cam=cam,
                 rotary=rotary,
                 level=-slope * float(relation.constant or 0.0),
@@ -93,23 +93,23 @@ class Lifting:
             )
         self.known: dict[frozenset[str], Compiled] = {frozenset(): compiled}
 
-    def place(self, name: str, lifted: frozenset[str]) -> int:
-        """Number of a lifted follower's coordinate."""
-        return self.free + sum(other in lifted for other in list(self.contacts)[: list(self.contacts).index(name)])
+    def place(self, name: str, separated: frozenset[str]) -> int:
+        """Number of a separated follower's coordinate."""
+        return self.free + sum(other in separated for other in list(self.contacts)[: list(self.contacts).index(name)])
 
-    def compiled(self, lifted: frozenset[str], q: Real, v: Real, t: float, name: str) -> tuple[Compiled, Real, Real]:
-        """The mechanism in which ``name`` is lifted beside others, and its coordinates and rates (f,), from those without it."""
-        held = self.known[lifted - {name}]
+    def compiled(self, separated: frozenset[str], q: Real, v: Real, t: float, name: str) -> tuple[Compiled, Real, Real]:
+        """The mechanism in which ``name`` is separated beside others, and its coordinates and rates (f,), from those without it."""
+        held = self.known[separated - {name}]
         motion = motion_at(held, q[None], v[None], np.array([t]))
         contact = self.contacts[name]
         at, rate = (float(x) for x in motion.coordinate(contact.guide)[0, :2])
-        k = self.place(name, lifted)
+        k = self.place(name, separated)
         place = np.insert(q, k, at)
-        if lifted not in self.known:
-            self.known[lifted] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
-            self._weigh(lifted, name, q, v, t, at)
-        enter(self.known[lifted], place, t, motion)
-        return self.known[lifted], place, np.insert(v, k, rate)
+        if separated not in self.known:
+            self.known[separated] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
+            self._weigh(separated, name, q, v, t, at)
+        enter(self.known[separated], place, t, motion)
+        return self.known[separated], place, np.insert(v, k, rate)
 
     def _compile(self, held: Compiled, motion: Motion, contact: _Contact, at: float) -> Compiled:
         mechanism = held.mechanism
@@ -128,9 +128,9 @@ class Lifting:
         placed = compile_mechanism(replace(loose, drives=start))
         return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
 
-    def _weigh(self, lifted: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
-        k = self.place(name, lifted)
-        inertia = reduce(self.known[lifted], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
+    def _weigh(self, separated: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
+        k = self.place(name, separated)
+        inertia = reduce(self.known[separated], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
         values = np.linalg.eigvalsh(inertia)
         if not values[0] > 1e-14 * values[-1]:
             guide = self.contacts[name].guide
@@ -138,14 +138,14 @@ class Lifting:
                 Fault(f"joints.{name}.liftoff", f"no mass moves with {guide} once the cam lets go.", "Give the follower a mass.")
             )
 
-    def overlap(self, name: str, lifted: frozenset[str]) -> Callable[[Real, Real, Real], Real]:
-        """How far a lifted follower would be in its cam (n,), in its guide's coordinate [m or rad]; negative while it is away."""
-        return lambda q, v, t: -self.gap(name, lifted, q, v, t)[0]
+    def overlap(self, name: str, separated: frozenset[str]) -> Callable[[Real, Real, Real], Real]:
+        """How far a separated follower would be in its cam (n,), in its guide's coordinate [m or rad]; negative while away."""
+        return lambda q, v, t: -self.gap(name, separated, q, v, t)[0]
 
-    def gap(self, name: str, lifted: frozenset[str], q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """How far a lifted follower is from its cam (n,), in its guide's coordinate [m or rad], and the rate of that."""
-        contact, k = self.contacts[name], self.place(name, lifted)
-        held = self.known[lifted - {name}]
+    def gap(self, name: str, separated: frozenset[str], q: Real, v: Real, t: Real) -> tuple[Real, Real]:
+        """How far a separated follower is from its cam (n,), in its guide's coordinate [m or rad], and the rate of that."""
+        contact, k = self.contacts[name], self.place(name, separated)
+        held = self.known[separated - {name}]
         motion = motion_at(held, np.delete(q, k, axis=1), np.delete(v, k, axis=1), t)
         h = motion.coordinate(contact.guide)
         gap = contact.away * (q[:, k] - h[:, 0])
@@ -154,16 +154,16 @@ class Lifting:
         return gap, contact.away * (v[:, k] - h[:, 1])
 
     def parting(
-        self, name: str, lifted: frozenset[str], system: Callable[[Compiled, Real, Real, float], Any] | None = None
+        self, name: str, separated: frozenset[str], system: Callable[[Compiled, Real, Real, float], Any] | None = None
     ) -> Callable[[Real, Real, Real], Real]:
         """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
 
         ``system``: the equations of motion of a mechanism at an instant, where they are not those of its chart, but of friction.
         """
-        contact, more = self.contacts[name], lifted | {name}
+        contact, more = self.contacts[name], separated | {name}
 
         def parting(q: Real, v: Real, t: Real) -> Real:
-            held = self.known[lifted]
+            held = self.known[separated]
             h = motion_at(held, q, v, t).coordinate(contact.guide)
             k = self.place(name, more)
             if more not in self.known:
@@ -177,15 +177,15 @@ class Lifting:
         return parting
 
     def landing(
-        self, name: str, lifted: frozenset[str], t: float, q: Real, v: Real, restitution: float
+        self, name: str, separated: frozenset[str], t: float, q: Real, v: Real, restitution: float
     ) -> tuple[Real, float, float]:
         """Rates (f,) after the impact of a follower on its cam; speed of approach; energy that is lost [J]."""
-        compiled, row = self.known[lifted], np.array([t])
-        k = self.place(name, lifted)
+        compiled, row = self.known[separated], np.array([t])
+        k = self.place(name, separated)
         contact = self.contacts[name]
-        _, rate = self.gap(name, lifted, q[None], v[None], row)
+        _, rate = self.gap(name, separated, q[None], v[None], row)
         hit = float(rate[0])
-        held = self.known[lifted - {name}]
+        held = self.known[separated - {name}]
         motion = motion_at(held, np.delete(q, k)[None], np.delete(v, k)[None], row)
         slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
