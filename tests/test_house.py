@@ -30,6 +30,7 @@ UPWARDS = {
     ("runs", "outputs"), ("scene", "outputs"), ("scene", "picture"), ("scene", "runs"),
 }  # fmt: skip
 MOST_ON_CIRCLES = 31  # modules of mechviz that reach themselves by imports
+MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
 MOST_LAZY = 266  # imports of ours within functions of mechviz
 
 
@@ -129,3 +130,9 @@ def test_nothing_private_crosses_modules() -> None:
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
                 private = [a.name for a in node.names if a.name.startswith("_")]
                 assert not private, f"{name} imports {private} from {node.module}"
+
+
+def test_types_of_arrays_are_defined_once() -> None:
+    core = {name: path.read_text(encoding="utf-8") for name, path in modules().items() if name.startswith("mechcore.")}
+    assert not [name for name, text in core.items() if "\nReal = " in text and name != "mechcore.arrays"]
+    assert len([name for name, text in core.items() if "\nArray = Any\n" in text]) <= MOST_UNTYPED

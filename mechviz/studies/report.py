@@ -14,13 +14,12 @@ from mechcore.forces.load_events import idle_table, load_events
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.equations import contour_equations
-from mechcore.motion.events import overshoots
+from mechcore.motion.events import overshoots, strokes
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.redundancy import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.strokes import strokes
 from mechcore.motion.structure import contour_pairs, groups, gruebler, rank_mobility, redundant_pairs
 from mechcore.spec.clearance import journals_of, made_pairs
 from mechcore.spec.loads import BeltTension, Factor

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.forces.load_events import load_events
+from mechcore.motion.events import strokes
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.strokes import strokes
 from mechviz.commands.main import app
 from mechviz.quantities.events import events_of
 from mechviz.runs import run_scene
