@@ -42,15 +42,15 @@ def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | None) -> dict[str, str]:
-    """Draw the finite points of a dial: words of each setting by the gid of its dot.
+def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | None, columns: int = 2) -> dict[str, str]:
+    """Draw the finite points of a dial, with its methods in columns above: words of each setting by the gid of its dot.
 
     The settings of each method are joined in the order of the ladder; fitted ones stand by themselves.
     """
     precision_axes(axes, [p.seconds for p in points])
     front = pareto(points)
     axes.plot([p.seconds for p in front], [p.error for p in front], "o-", color=FRONT, linewidth=6.0, markersize=8.0)
-    words = {}
+    words: dict[str, str] = {}
     for k, method in enumerate(dict.fromkeys(p.method for p in points)):
         own, color = [p for p in points if p.method == method], COLOURS[k % len(COLOURS)]
         joined = [p for p in own if not p.note.startswith("fitted") and p.value != "as it is"]
@@ -69,8 +69,7 @@ def draw_panel(axes: Axes, dial: str, points: Sequence[Point], target: float | N
     low, high = axes.get_ylim()
     if target is not None and low < target < high:
         axes.axhline(target, color="#222222", linestyle="--", linewidth=1.0)
-    wide = axes.figure.get_figwidth() > 4.0
-    axes.legend(title=dial, alignment="left", title_fontsize="medium", ncols=1 + wide, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.legend(title=dial, alignment="left", title_fontsize="medium", ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return words
 
 
@@ -98,7 +97,7 @@ def diagram(
             axes = figure.add_subplot(rows, columns, k + 1)
             own = [p for p in points if p.dial == dial and math.isfinite(p.error)]
             if own:
-                words |= draw_panel(axes, dial, own, target)
+                words |= draw_panel(axes, dial, own, target, 2 if size[0] > 4.0 else 1)
             else:
                 axes.set_title(f"{dial}: no setting gives numbers")
                 axes.set_axis_off()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -56,7 +56,7 @@ class Point:
         return asdict(self)
 
 
-def pareto(points: list[Point]) -> list[Point]:
+def pareto(points: Sequence[Point]) -> list[Point]:
     """The settings than which no other is at once quicker and more exact, the quickest first."""
     front: list[Point] = []
     for p in sorted(points, key=lambda p: (p.seconds, p.error)):
@@ -65,7 +65,7 @@ def pareto(points: list[Point]) -> list[Point]:
     return front
 
 
-def cheapest(points: list[Point], target: float) -> Point | None:
+def cheapest(points: Sequence[Point], target: float) -> Point | None:
     """The quickest setting whose error is at most the target."""
     good = [p for p in points if p.error <= target]
     return min(good, key=lambda p: p.seconds) if good else None

@@ -88,8 +88,8 @@ def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: st
         p = complex(*(np.interp(k * STEP, sense * degrees, part) for part in (tip.real, tip.imag)))
         yield p
         if k % 3 == 0:
-            place = {"xytext": (4, 4), "textcoords": "offset points"}
-            axes.annotate(f"{sense * k * STEP % 360.0:g}°", (np.angle(p), abs(p)), **place, color=colour, fontsize="small")
+            words, place = f"{sense * k * STEP % 360.0:g}°", (float(np.angle(p)), abs(p))
+            axes.annotate(words, place, (4, 4), textcoords="offset points", color=colour, fontsize="small")
 
 
 def _angle(motion: Motion) -> Real:

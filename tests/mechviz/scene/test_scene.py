@@ -553,13 +553,13 @@ def modules_after(code: str) -> set[str]:
 
 
 def test_listing_the_gallery_is_light():
-    heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pydantic", "pint"}
+    heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pydantic", "pint", "matplotlib", "ezdxf"}
     assert not modules_after("import mechviz; mechviz.gallery()") & heavy
 
 
 @pytest.mark.parametrize("words", [["scenes"], ["scenes", "--names"], ["--help"]])
 def test_commands_that_compute_nothing_load_nothing_heavy(words):
-    heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pint"}
+    heavy = {"rerun", "viser", "trimesh", "scipy", "numpy", "pint", "matplotlib", "ezdxf"}
     code = f"import sys\nsys.argv = {['mechviz', *words]!r}\nimport runpy"
     code += "\ntry:\n    runpy.run_module('mechviz', run_name='__main__')\nexcept SystemExit as e:\n    assert not e.code"
     assert not modules_after(code) & heavy
@@ -567,7 +567,7 @@ def test_commands_that_compute_nothing_load_nothing_heavy(words):
 
 def test_reading_a_scene_loads_no_viewer():
     loaded = modules_after("import mechviz; mechviz.load('crank-rocker')")
-    assert not loaded & {"rerun", "viser", "trimesh"}
+    assert not loaded & {"rerun", "viser", "trimesh", "matplotlib", "ezdxf"}
     assert "pydantic" in loaded
 
 
