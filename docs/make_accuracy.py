@@ -17,14 +17,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.ticker import MultipleLocator
 
-from mechviz.accuracy.cache import keep, kept
-from mechviz.accuracy.diagram import diagram
-from mechviz.accuracy.effects import influence_lines, influences
-from mechviz.accuracy.ladder import Point, cheapest, ladder
-from mechviz.accuracy.timing import machine, used
 from mechviz.figures import chart, save_chart
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
+from mechviz.studies.influences import influence_lines, influences
+from mechviz.studies.ladder import Point, cheapest, ladder
+from mechviz.studies.ladder_cache import keep, kept
+from mechviz.studies.ladder_diagram import diagram
+from mechviz.studies.timing import machine, used
 
 HERE = Path(__file__).resolve().parent
 IMAGES = HERE / "images"
@@ -94,7 +95,7 @@ def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
         measured = kept(scene, TARGET, rough=quick)
         if measured is None:
             with used() as share:
-                points = ladder(scene, TARGET, budget=0.02 if quick else 0.25)
+                points = ladder(scene, TARGET, budget=0.02 if quick else 0.25, record=write_recording)
             measured = keep(scene, TARGET, points, quick, share())
         title = f"{scene.title}: what accuracy costs"
         figure, words = diagram(measured.points, title, measured.foot, TARGET)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.effects.plan import OUTPUTS, make_plan
 from mechviz.runs import Run
 
@@ -84,8 +85,6 @@ class Running:
         return self._run(*self._found)
 
     def _run(self, blocks: tuple[_Block, ...], whole: Simulation) -> Run:
-        from mechcore.dynamics.joined import JoinedForces, JoinedMotion
-
         assert self._found is not None
         first = blocks[0]
         times = np.concatenate([b.times for b in blocks])

@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,22 +15,25 @@ import numpy as np
 from mechcore.accuracy import DEFAULT, Accuracy, accuracy_for
 from mechcore.constructions.studies import StudyResults
 from mechcore.constructions.studies import compute as compute_studies
+from mechcore.dynamics.rest.steady import SteadyRun, steady_run
+from mechcore.dynamics.simulate import simulate
 from mechcore.effects.plan import OUTPUTS, Plan, make_plan
 from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.texts import Text
+from mechviz.accuracy.estimate import ErrorEstimate, estimate_errors
+from mechviz.accuracy.fit import Fit, fit_frames, simulated
+from mechviz.accuracy.kept import kept_dials
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.scene.worded import in_scene_words
 
 if TYPE_CHECKING:
     from mechcore.dynamics.event_integrator import Method
-    from mechcore.dynamics.rest.steady import SteadyRun
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.accuracy.estimate import ErrorEstimate
-    from mechviz.accuracy.fit import Fit
     from mechviz.scene.document import Place
     from mechviz.scene.scene import Scene
 
@@ -80,22 +84,12 @@ class Run:
     @cached_property
     def errors(self) -> ErrorEstimate:
         """What the run says of its own errors."""
-        from mechviz.accuracy.estimate import estimate_errors
-
         return estimate_errors(self)
 
     @cached_property
     def kept(self) -> Accuracy:
         """The dials with those of what is drawn and recorded, which follow from the target: chord, profile, numbers, pictures."""
-        from mechviz.accuracy.kept import kept_dials
-
         return kept_dials(self)
-
-    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """In a notebook a run shows itself: solids, plots and events on one timeline."""
-        from mechviz.outputs.notebook import mime_bundle
-
-        return mime_bundle(self)
 
 
 def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
@@ -207,9 +201,6 @@ def run_scene(
 
 def _steady(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
     """The steady run of a scene's machine, and the machine with its speed at the start."""
-    from mechcore.dynamics.rest.steady import steady_run
-    from mechcore.laws.timed import Free
-
     found = steady_run(compiled, turns=turns)
     mechanism = compiled.mechanism
     (drive,) = mechanism.drives
@@ -227,8 +218,6 @@ def _resimulate(
 ) -> Resimulate:
     """What makes the motion that forces make of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
     from a motion that is like it; only the first motion is observed while it is found."""
-    from mechcore.dynamics.simulate import simulate
-
     spec = scene.simulation
     assert spec is not None
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
@@ -259,8 +248,6 @@ def _simulate(scene: Scene, dials: Accuracy, again: Resimulate, *, asked: bool) 
     """The motion under forces; ``asked``: its accuracy goes before the scene's own."""
     assert scene.simulation is not None
     if dials.target is not None and (asked or scene.document.run.tolerance is None):
-        from mechviz.accuracy.fit import simulated
-
         return simulated(dials, again)
     return again(dials.integrator if asked and dials.integrator is not None else scene.simulation.tolerance)
 
@@ -274,8 +261,6 @@ def _dials(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
 
 def _fit(scene: Scene, dials: Accuracy, simulation: Simulation | None) -> Fit:
     """The frames that an accuracy needs."""
-    from mechviz.accuracy.fit import fit_frames
-
     return fit_frames(scene, dials, simulation)
 
 
@@ -290,3 +275,12 @@ def _read(motion: Any, stage: str) -> None:
     """Work out a stage of a motion, or of each of its parts."""
     for _, part in getattr(motion, "parts", ((None, motion),)):
         getattr(part, stage)
+
+
+@cache
+def package_version() -> str:
+    """The version of mechviz."""
+    try:
+        return version("mechviz")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mechcore.accuracy import DIALS
-from mechviz.scene.document import Place, stated
+from mechviz.scene.document import Place, SceneDocument, stated
 from mechviz.scene.fields import Table
 from mechviz.scene.kinds.accuracy import ORDERS
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
-    from mechviz.scene.document import SceneDocument
 
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}

@@ -29,8 +29,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.errors import MechanismError
+from mechcore.motion.differences import differentiate
 from mechcore.numerics.interpolation import between
 from mechviz.accuracy.quantities import Passage, Quantity, pace_of_rest, passages_of, quantities, size_at, stands_still
+from mechviz.quantities.items import ERROR_COLUMNS
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -39,8 +42,6 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 
-COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
-"""Of `/health/error_estimate`."""
 
 ROUNDING = 2.2e-16
 SUMS = 4.0  # roundings of the largest force on the way to a small one
@@ -72,7 +73,7 @@ class ErrorEstimate:
 
     def worst(self) -> dict[str, float]:
         """The largest estimate of each column that has one."""
-        columns = zip(COLUMNS, self.table().T, strict=True)
+        columns = zip(ERROR_COLUMNS, self.table().T, strict=True)
         return {name: float(np.nanmax(values)) for name, values in columns if np.isfinite(values).any()}
 
 
@@ -200,8 +201,6 @@ def _friction_residual(run: Run) -> Real:
 
 def _difference_errors(run: Run) -> tuple[float, float]:
     """Errors of rates by differences: those with twice the distance of frames beside them, by the order of the method."""
-    from mechcore.motion.differences import differentiate
-
     motion, accuracy = run.motion, run.accuracy
     drawn = accuracy.differentiation == "graphical"
     order = 2 if drawn else accuracy.differences
@@ -275,8 +274,6 @@ def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
 @lru_cache(maxsize=4)
 def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
     """The same motion with a hundredth of the tolerance; None where it does not come through."""
-    from mechcore.errors import MechanismError
-
     try:
         if simulation.method == "energy":
             return simulate(TIGHTEST, "gauss", simulation)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mechcore.accuracy import Accuracy
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.accuracy.estimate import integration_error
 from mechviz.accuracy.quantities import Quantity, errors_between, quantities
 
 if TYPE_CHECKING:
@@ -190,8 +191,6 @@ def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
 
 def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
     """The motion under forces with the tolerance tightened until its estimated error is within the target."""
-    from mechviz.accuracy.estimate import integration_error
-
     assert accuracy.target is not None and accuracy.integrator is not None
     tolerance = accuracy.integrator
     for _ in range(4):

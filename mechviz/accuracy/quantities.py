@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechcore.kinematics import blocks as bl
 from mechcore.numerics.interpolation import between
-from mechviz.quantities.tables import joints_of, links_of
+from mechviz.quantities.items import joints_of, links_of
 
 Real = NDArray[np.float64]
 

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.dynamics.equations.chart import Chart
+from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.kinematics import blocks as bl
 from mechcore.motion.motion import Motion
@@ -142,9 +144,6 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
     where neighbours part. What is below that nobody can tell.
     """
     from scipy.integrate import solve_ivp
-
-    from mechcore.dynamics.equations.chart import Chart
-    from mechcore.errors import MechanismError
 
     q = simulation(t)[0]
     if len(simulation.segments) == 1 and not simulation.rubbing and q.shape[1] == 1 and simulation.method == "energy":

@@ -9,15 +9,16 @@ from typing import Annotated
 import typer
 
 from mechcore.accuracy import accuracy_for
-from mechviz.accuracy.cache import keep, kept
-from mechviz.accuracy.diagram import diagram, dials_of
-from mechviz.accuracy.effects import influence_lines, influences
-from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
-from mechviz.accuracy.recorded import write_rrd
-from mechviz.accuracy.timing import machine, used
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
 from mechviz.commands.solving import QuickOpt, SceneArg, clear_errors, load_scene
 from mechviz.figures import check_ending, save_chart
+from mechviz.outputs.rerun.writer import write_recording
+from mechviz.studies.influences import influence_lines, influences
+from mechviz.studies.ladder import Point, cheapest, ladder, pareto
+from mechviz.studies.ladder_cache import keep, kept
+from mechviz.studies.ladder_diagram import diagram, dials_of
+from mechviz.studies.ladder_recording import write_rrd
+from mechviz.studies.timing import machine, used
 
 
 def accuracy(
@@ -49,7 +50,7 @@ def accuracy(
         before = found is not None
         if found is None:
             with progress_bar("measuring") as bar, used() as share:
-                points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25)
+                points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25, record=write_recording)
             found = keep(loaded, target, points, quick, share())
         shown = [p for p in found.points if dial is None or p.dial == dial]
         if not shown:

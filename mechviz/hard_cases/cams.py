@@ -13,6 +13,7 @@ from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, 
 from mechcore.cams.forces import Closure, closing_force, first_separation
 from mechcore.cams.limits import Requirement, find_limits, least_base, undercut_ranges
 from mechcore.cams.synthesis import Cam, cam_on_base
+from mechcore.forces.cam_events import cam_events
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.catalogue import rise
 from mechcore.laws.factors import jumps
@@ -206,8 +207,6 @@ def _pair(face: object, **more: object) -> Mechanism:
 
 def _loses_contact() -> Outcome:
     """The pair itself reports the stretch in which its contact would have to pull; its edge by hand."""
-    from mechcore.forces.cam_events import cam_events
-
     m = _pair(Roller(0.01))
     m = replace(m, drives=(Drive(pair="O", law=ConstantSpeed(0.0, 200.0)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, TURN / 200.0, 721))

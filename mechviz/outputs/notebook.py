@@ -1,23 +1,18 @@
-"""How scenes and runs show themselves in a notebook: the shared page in a frame, and a drawing where there are no frames."""
+"""How results show themselves in a notebook: the shared page in a frame, and a drawing where there are no frames."""
 
 from __future__ import annotations
 
 from html import escape
 from typing import TYPE_CHECKING
 
+from mechviz.outputs.images.drawing import svg_of
+from mechviz.outputs.page.page import make_page
+
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
-    from mechviz.runs import Run
 
 
 HEIGHT = 640  # [px] of the frame
-
-
-def mime_bundle(run: Run) -> dict[str, str]:
-    """What IPython asks for of a run: see `bundle_of`."""
-    from mechviz.outputs.page.source import recorded
-
-    return bundle_of(recorded(run), repr(run.scene))
 
 
 def bundle_of(recording: Recording, text: str) -> dict[str, str]:
@@ -25,9 +20,6 @@ def bundle_of(recording: Recording, text: str) -> dict[str, str]:
 
     A notebook shows the page; what cannot run it, such as a printed notebook, shows the drawing.
     """
-    from mechviz.outputs.images.drawing import svg_of
-    from mechviz.outputs.page.page import make_page
-
     page, _ = make_page(recording)
     title = str(recording.properties.get("title", "")) or "Mechanism"
     frame = (

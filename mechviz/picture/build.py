@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechviz.picture.arrows import Arrows, arrows_of, key_of
+from mechviz.picture.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
 from mechviz.picture.springs import COLOR as COIL
@@ -96,8 +97,6 @@ def solid_nodes(run: Run, solids: Solids) -> Iterator[Body]:
         mesh = Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3])
         poses = None
         if solid.spin is not None:
-            from mechviz.picture.meshes.kinds.spatial_cams import spin_transforms
-
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
             places, turns = spin_transforms(solid.spin, turned)
             poses = Poses(_single(places), _single(turns))

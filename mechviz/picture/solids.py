@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechviz.accuracy.kept import PROFILE
+from mechviz.picture.meshes.solids import Solids, build_solids
+from mechviz.quantities.items import links_of
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
     from mechviz.runs import Run
 
 
@@ -19,9 +20,6 @@ LOOKS = 721
 
 def solids_of(run: Run) -> Solids:
     """Meshes of all links, in layers that do not collide during the run."""
-    from mechviz.picture.meshes.solids import build_solids
-    from mechviz.quantities.tables import links_of
-
     motion = run.motion
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
     dials = run.kept

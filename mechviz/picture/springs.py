@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.spec.loads import Spring
+from mechviz.picture.meshes.kinds.coils import coil_shell
 from mechviz.picture.proportions import looks
 
 if TYPE_CHECKING:
@@ -72,8 +73,6 @@ def find_coils(run: Run, solids: Solids, known: Mapping[str, tuple[float, float]
 
 
 def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | None) -> Coil | None:
-    from mechviz.picture.meshes.kinds.coils import coil_shell
-
     a, b = (run.motion.point(*end) for end in zip(load.links, load.points, strict=True))
     d = b - a
     length = np.hypot(d[:, 0], d[:, 1])

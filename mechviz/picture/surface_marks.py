@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.cams.followers import Roller
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
+from mechcore.forces.cam_rating import contact_force, placed_cams
+from mechcore.spec.mechanism import CamPair
 from mechviz.picture.proportions import about_z
 
 if TYPE_CHECKING:
-    from mechcore.cams.placed_spatial import PlacedSpatial
     from mechviz.picture.meshes.kinds.bands import Loop
     from mechviz.picture.meshes.solids import Solids
     from mechviz.runs import Run
@@ -80,12 +84,6 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
     """
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
-    from mechcore.cams.followers import Roller
-    from mechcore.cams.placed import PlacedCam
-    from mechcore.cams.placed_spatial import PlacedInverse, PlacedSpatial, roller_angle
-    from mechcore.forces.cam_rating import contact_force, placed_cams
-    from mechcore.spec.mechanism import CamPair
-
     pairs = {pair.name: pair for pair in run.motion.mechanism.pairs if isinstance(pair, CamPair)}
     links = {link.name: link for link in run.motion.mechanism.links}
     found: list[SurfaceMark] = []
@@ -115,8 +113,6 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
 
 def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
     """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
-    from mechcore.cams.placed_spatial import roller_angle
-
     solid, radius = solids.links[link], cam.face.radius
     for kind, part in zip(solid.kinds, solid.shells, strict=True):
         x, y = part.bounds[:, :2].mean(axis=0)
@@ -135,8 +131,6 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
 
 def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
     """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
-    from mechcore.cams.placed_spatial import roller_angle
-
     assert cam.pivot is not None
     solid, radius = solids.links[link], cam.face.radius
     part = next(p for k, p in zip(solid.kinds, solid.shells, strict=True) if k == "roller")

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechviz.quantities.entries import UNITS, Entry, Names, entries
+from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers
-from mechviz.quantities.tables import Table
 
 Real = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.quantities.tables import Columns
+from mechviz.quantities.items import Columns
 
 Real = NDArray[np.float64]
 Path = tuple[str, ...]

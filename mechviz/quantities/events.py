@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.forces.cam_events import cam_events, limit_events
+from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.crossings import belt_events
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.load_events import load_events
 from mechcore.motion.events import SINGULAR, Event, find_events
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
+from mechviz.quantities.items import joints_of, pair_unit
 from mechviz.quantities.power_table import steady_lines
-from mechviz.quantities.tables import joints_of, pair_unit, rounding_of_efforts
+from mechviz.quantities.tables import rounding_of_efforts
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -37,9 +41,6 @@ def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
     """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
     if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
         return
-    from mechcore.forces.cam_events import limit_events
-    from mechcore.forces.cam_rating import placed_cams
-
     lanes, lifting = lanes_of(simulation), {each.pair for each in simulation.separable_cams}
     for cam in placed_cams(run.motion):
         changes = lanes[cam.name] if cam.name in lifting else [(0.0, "touches")]
@@ -104,8 +105,6 @@ def _cam_events(run: Run) -> list[Event]:
     """Events of the cams, where there are any."""
     if not any(r.geometry is not None for r in run.motion.model.relations):
         return []
-    from mechcore.forces.cam_events import cam_events
-
     return cam_events(run.motion, run.forces)
 
 
@@ -113,8 +112,6 @@ def _belt_events(run: Run) -> list[Event]:
     """Where belts slip, where one has a tension."""
     if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
         return []
-    from mechcore.forces.crossings import belt_events
-
     return belt_events(run.forces)
 
 

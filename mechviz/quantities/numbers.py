@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.quantities.tables import JointInfo, Table, joints_of, links_of, tables
+from mechviz.quantities.items import JointInfo, Table, joints_of, links_of
+from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
 
 if TYPE_CHECKING:

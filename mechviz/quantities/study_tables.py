@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechviz.quantities.tables import Columns, Table
+from mechviz.quantities.items import Columns, Table
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, pair_of, placed_cams
+from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, power_table
 from mechcore.motion import metrics
 from mechcore.motion.motion import Motion
-from mechcore.spec.clearance import journals_of, made_pairs
+from mechcore.spec.clearance import journals_of
 from mechcore.spec.loads import Servo
 from mechviz.quantities.exactness import onto_centres, without_noise
+from mechviz.quantities.items import ERROR_COLUMNS, Columns, JointInfo, Real, Table, joints_of, links_of, links_with_mass, pair_unit
+from mechviz.quantities.study_tables import study_tables
 from mechviz.quantities.vectors import centre_name, point_name
 
 if TYPE_CHECKING:
-    from mechcore.forces.cam_rating import AnyCam
-    from mechcore.forces.kinetostatics import LoadResult
     from mechcore.spec.mechanism import CamRating
     from mechviz.runs import Run
 
-
-Real = NDArray[np.float64]
-Columns = tuple[tuple[str, str], ...]
 
 _POSE: Columns = (("x", "m"), ("y", "m"), ("angle", "rad"))
 _VELOCITY: Columns = (("vx", "m/s"), ("vy", "m/s"), ("omega", "rad/s"))
@@ -36,76 +32,6 @@ _WRENCH: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
 ROUND_OFF = 1e-12  # of the largest reaction
-
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
-
-    ``source`` is the values, or a function that computes them when they are asked for.
-    """
-
-    path: tuple[str, ...]
-    item: str
-    columns: Columns
-    source: Real | Callable[[], Real]
-
-    @cached_property
-    def values(self) -> Real:
-        return self.source() if callable(self.source) else self.source
-
-    def headers(self) -> list[str]:
-        """Column names with units, such as ``crank.x [m]``."""
-        return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
-
-
-def links_with_mass(run: Run) -> list[str]:
-    """Moving links whose mass counts: those with a mass or a moment of inertia, where inertia or gravity is computed."""
-    mechanism = run.motion.mechanism
-    if run.forces is None or not {"inertia", "gravity"} & set(mechanism.effects):
-        return []
-    return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]
-
-
-@dataclass(frozen=True)
-class JointInfo:
-    """A joint that transmits forces: a pair of the mechanism, or one that a pair brings along (the pins of a cylinder)."""
-
-    name: str
-    kind: str
-    links: tuple[str, str]
-    unit: str  # of its coordinate: ``m`` where it slides, else ``rad``
-
-
-def joints_of(motion: Motion) -> list[JointInfo]:
-    """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
-    model = motion.model
-    journals = journals_of(model.mechanism)
-    bearing = {name: load.links[::2] for name, load in journals.items()}
-    made = made_pairs(model.mechanism)
-    found = [
-        JointInfo(
-            j.name,
-            "revolute with clearance" if j.name in bearing else j.kind,
-            bearing.get(j.name, j.links),
-            "m" if j.coordinate == "slide" else "rad",
-        )
-        for j in model.joints
-        if j.name not in made
-    ]
-    known = {j.name for j in found}
-    return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
-
-
-def links_of(motion: Motion) -> list[str]:
-    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar joints."""
-    made = made_pairs(motion.model.mechanism)
-    return [name for name in motion.model.links if name not in made]
-
-
-def pair_unit(motion: Motion, pair: str) -> str:
-    """Unit of a joint's coordinate."""
-    return next(j.unit for j in joints_of(motion) if j.name == pair)
 
 
 def rounding_of_efforts(run: Run, unit: str) -> float:
@@ -120,8 +46,6 @@ def rounding_of_efforts(run: Run, unit: str) -> float:
 
 def tables(run: Run) -> list[Table]:
     """All tables of a run; what the scene does not call for is not there."""
-    from mechviz.quantities.study_tables import study_tables
-
     return [
         *_links(run),
         *_points(run),
@@ -213,8 +137,6 @@ def _cams(run: Run) -> Iterator[Table]:
     motion = run.motion
     if not any(r.geometry is not None for r in motion.model.relations):
         return
-    from mechcore.forces.cam_rating import placed_cams
-
     for cam in placed_cams(motion):
         columns: Columns = (
             ("x", "m"), ("y", "m"), ("force", "N"), ("pressure_angle", "rad"), ("curvature_radius", "m"), ("eccentricity", "m")
@@ -239,8 +161,6 @@ def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
 
 def _contact(run: Run, cam: AnyCam) -> Real:
     """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
-    from mechcore.forces.cam_rating import contact_force
-
     force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
     rows = cam.rows(run.motion, np.where(np.isnan(force), 1.0, force))
     law = cam.law(rows.angle)
@@ -250,8 +170,6 @@ def _contact(run: Run, cam: AnyCam) -> Real:
 
 def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
     """What a scene asks for beside: Hertz pressure, the drawn lift and its error."""
-    from mechcore.forces.cam_rating import contact_stress, drawn_lift, drawn_rows, pair_of
-
     pair = pair_of(run.motion, cam)
     if pair.rating is not None and pair.rating.width is not None and run.forces is not None:
         columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
@@ -365,8 +283,6 @@ def _health(run: Run) -> Iterator[Table]:
         values["power_balance", "1"] = lambda: forces.power_balance
     if simulation is not None:
         values["energy_drift", "1"] = lambda: simulation.drift(motion.time)
-    from mechviz.accuracy.estimate import COLUMNS
-
-    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in COLUMNS), lambda: run.errors.table())
+    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in ERROR_COLUMNS), lambda: run.errors.table())
     for column, value in values.items():
         yield Table(("health", column[0]), "health", (column,), partial(_as_column, value))

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.motion.slots import has_ends
 from mechcore.reduction.bodies import Body
+from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
 from mechviz.scene.bodies.masses import links_that_cannot_turn, mass_properties
@@ -18,15 +20,6 @@ from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.accuracy import accuracy_faults
 from mechviz.scene.kinds.couplings import check_couplings
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
-from mechviz.scene.kinds.free_motion import (
-    SimulationSpec,
-    free_law,
-    planar_starts,
-    simulation_faults,
-    simulation_spec,
-    standstill,
-    stated_duration,
-)
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joint_specs import drawn_angle, drawn_place, modes_of, pair_spec
 from mechviz.scene.kinds.joints import KINDS, PairDocument
@@ -43,6 +36,15 @@ from mechviz.scene.references import (
     check_trace,
     resolve_trace,
     split_point,
+)
+from mechviz.scene.simulation import (
+    SimulationSpec,
+    free_law,
+    planar_starts,
+    simulation_faults,
+    simulation_spec,
+    standstill,
+    stated_duration,
 )
 from mechviz.scene.spelling import likely_sort, links_as_meant, points_as_meant, touched_links
 
@@ -168,12 +170,8 @@ def assemble(
     if outlines is None and drawn_links(document):
         return assemble(reading, name, folder, drawn_bodies(mechanism, document))
     if clearances:
-        from mechcore.spec.clearance import with_clearances
-
         mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and has_ends(mechanism):
-        from mechcore.dynamics.events import with_slot_ends  # motion under forces is loaded by the scenes that have it
-
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return mechanism, simulation, []
 

@@ -8,7 +8,7 @@ from mechcore.errors import Fault
 from mechviz.scene.document import Pose
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import Unknown
-from mechviz.scene.kinds.joints import PairDocument
+from mechviz.scene.kinds.joints import KINDS, PairDocument
 from mechviz.scene.kinds.loads import MACHINES, LoadDocument
 from mechviz.scene.kinds.studies import check_studies
 from mechviz.scene.recovery import Meant, Reading
@@ -347,8 +347,6 @@ def known_place(reading: Reading, path: str, text: str) -> Iterator[Fault]:
 
 
 def _words(kind: str) -> str:
-    from mechviz.scene.kinds.joints import KINDS
-
     return KINDS[kind].words
 
 

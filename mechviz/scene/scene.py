@@ -21,9 +21,9 @@ from mechviz.scene.document import FORMER, Place, SceneDocument, with_values
 from mechviz.scene.faults import SceneError, in_file_order
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
-from mechviz.scene.kinds.free_motion import SimulationSpec
 from mechviz.scene.reading import find_scene, parse_toml, read_text
 from mechviz.scene.recovery import Reading, read_document
+from mechviz.scene.simulation import SimulationSpec
 from mechviz.scene.units import Units
 from mechviz.scene.worded import path_as_written
 from mechviz.scene.writing import toml_text
@@ -115,13 +115,6 @@ class Scene:
     def to_toml(self) -> str:
         """The scene as TOML in the standard layout, without comments; numbers read back bit for bit."""
         return toml_text(self.document.model_dump(exclude_defaults=True))
-
-    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """In a notebook a scene is solved and shows itself. Raises `MechanismError`."""
-        from mechviz.outputs.notebook import mime_bundle
-        from mechviz.runs import run_scene
-
-        return mime_bundle(run_scene(self))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.cams.followers import Flat
+from mechcore.cams.limits import find_limits
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedSpatial
 from mechcore.errors import MechanismError
+from mechcore.forces.cam_events import lost_ranges
+from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, least_springs, pair_of, placed_cams
 from mechcore.spec.mechanism import CamDrawn, CamPair
-from mechcore.texts import Text, as_angle, as_coordinate, as_force, as_length, as_quantity
+from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_force, as_length, as_quantity
 
 if TYPE_CHECKING:
-    from mechcore.forces.cam_rating import AnyCam
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.motion import Motion
-    from mechcore.texts import UnitSystem
 
 
 Real = NDArray[np.float64]
@@ -46,8 +50,6 @@ Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
     """What a run tells of all cams; ``margin`` [N] instead of the scene's, for the least spring."""
-    from mechcore.forces.cam_rating import pair_of, placed_cams
-
     found: list[CamFact] = []
     for cam in placed_cams(motion):
         rows = _facts(motion, forces, cam, pair_of(motion, cam), margin)
@@ -57,16 +59,12 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 
 def law_facts(motion: Motion) -> list[CamFact]:
     """What the laws of all cams tell by themselves, whatever the run is."""
-    from mechcore.forces.cam_rating import placed_cams
-
     rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
     return [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
 
 
 def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[str]:
     """Every cam with what is known of it, as lines in the units of a scene."""
-    from mechcore.forces.cam_rating import pair_of, placed_cams
-
     lines: list[str] = []
     for cam in placed_cams(motion):
         lines += ["", Text(f"cam {cam.name}: {_kind(pair_of(motion, cam), cam)}", units)]
@@ -84,8 +82,6 @@ def _kind(pair: CamPair, cam: AnyCam) -> str:
 
 
 def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, margin: float | None) -> Iterator[Row]:
-    from mechcore.forces.cam_rating import contact_force
-
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
     x = cam.argument(motion)
@@ -108,8 +104,6 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, pair: CamPair, ma
     if force is not None and forces is not None and np.isfinite(force).any():
         yield from _loaded(forces, cam, pair, force, margin)
     if pair.drawn is not None:
-        from mechcore.forces.cam_rating import drawn_lift
-
         yield "graphical method", _drawn_words(cam, pair.drawn, drawn_lift(cam, pair.drawn).largest), None, False
 
 
@@ -130,8 +124,6 @@ def _loaded(forces: Forces, cam: AnyCam, pair: CamPair, force: Real, margin: flo
     else:
         yield "contact force", words, None, False
     if rating is not None and rating.width is not None:
-        from mechcore.forces.cam_rating import contact_stress
-
         found = contact_stress(forces, cam, rating)
         k = int(np.nanargmax(found.pressure))
         half = f"strip of {as_length(2.0 * found.half_width[k], 4)} by {as_length(rating.width, 4)}"
@@ -143,12 +135,6 @@ def _loaded(forces: Forces, cam: AnyCam, pair: CamPair, force: Real, margin: flo
 
 def _limits(cam: AnyCam) -> Iterator[Row]:
     """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
-    from mechcore.cams.followers import Flat
-    from mechcore.cams.limits import find_limits
-    from mechcore.cams.placed import PlacedCam
-    from mechcore.cams.placed_spatial import PlacedSpatial
-    from mechcore.forces.cam_events import lost_ranges
-
     if isinstance(cam, PlacedSpatial):
         flanks = cam.limits()
         steepest, passed = flanks[0].pressure, not any(each.undercut for each in flanks)
@@ -221,8 +207,6 @@ def _place(cam: AnyCam, x: float) -> str:
 
 def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
     """The least spring for a margin, in words."""
-    from mechcore.forces.cam_rating import least_springs
-
     x = cam.argument(forces.motion)
     try:
         found = least_springs(forces, cam, need)
@@ -255,8 +239,6 @@ def drawn_lines(motion: Motion, units: UnitSystem, drawn: CamDrawn | None = None
 
     ``drawn``: instead of what the scene says. Lift in mm or °, its derivatives with respect to the cam's angle [rad].
     """
-    from mechcore.forces.cam_rating import drawn_lift, pair_of, placed_cams
-
     lines: list[str] = []
     for cam in placed_cams(motion):
         how = drawn or pair_of(motion, cam).drawn

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
 from mechcore.effects.registry import effects_of, wrenches
+from mechcore.forces.friction.solve import solve_friction
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -82,8 +83,6 @@ def _positions(compiled: Compiled, frames: Any) -> Motion:
 
 def _friction(motion: Motion) -> None:
     """Dry friction and the reactions that it depends on."""
-    from mechcore.forces.friction.solve import solve_friction
-
     applied = wrenches(motion)
     solve_friction(motion, applied, *sum_up(applied, len(motion.model.links)))
 

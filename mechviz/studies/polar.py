@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
 
     from matplotlib.figure import Figure
     from matplotlib.projections.polar import PolarAxes

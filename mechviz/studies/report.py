@@ -8,6 +8,9 @@ import numpy as np
 
 from mechcore.branches.assembly import all_modes
 from mechcore.effects.plan import Plan
+from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import idle_table, load_events
@@ -136,9 +139,6 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     motion = forces.motion
     if not any(isinstance(p, CamPair) for p in motion.mechanism.pairs):
         return []
-    from mechcore.forces.cam_events import cam_events
-    from mechcore.forces.cam_rating import placed_cams
-
     pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
     if not pressed:
         return []
@@ -150,8 +150,6 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
 
 def _belts(forces: Forces, units: Units) -> list[str]:
     """What belts can carry, and where they slip."""
-    from mechcore.forces.crossings import belt_events, belt_grip
-
     motion = forces.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
     most = {load.pair: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.forces.kinetostatics import Forces
-from mechviz.quantities.tables import joints_of
+from mechviz.quantities.items import joints_of
 
 if TYPE_CHECKING:
     from mechviz.scene.units import Units

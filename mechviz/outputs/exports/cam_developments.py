@@ -1,9 +1,9 @@
-"""Developments of barrel, rib and end cams: what is milled, unrolled from its cylinder into a plane, as outlines in millimetres."""
+"""Outlines of cams in millimetres; developments of barrel, rib and end cams: what is milled, unrolled from its cylinder."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
     from mechcore.cams.spatial import SpatialCam
-    from mechviz.outputs.exports.cam_profiles import Outline
-
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -25,13 +23,31 @@ NODES = 48  # angles of each piece of the law through which a line is interpolat
 STEPS = 8  # of Newton's method
 
 
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A curve of a cam. ``runs``: smooth parts end to end, each with points (n) [mm], unit tangents (n), radius of curvature (n)
+    [mm], positive where the cam is convex, and cam angle or length (n) [rad or m], NaN where the follower rests on a corner."""
+
+    name: str
+    closed: bool
+    runs: tuple[tuple[Complex, Complex, Real, Real], ...]
+    centre: complex  # the cam's axis [mm]
+    outside: int  # 1: the material lies to the left of the way, -1: to its right (outer flank of a groove)
+    cylinder: float | None = None  # radius [mm] of the cylinder that it is unrolled from: it has no centre
+    centre_line: bool = False  # the roller's path, not an edge
+
+    @property
+    def points(self) -> Complex:
+        """All points, joints once."""
+        parts = [run[0][:-1] for run in self.runs]
+        return np.concatenate(parts if self.closed else [*parts, self.runs[-1][0][-1:]])
+
+
 def developed(cam: PlacedSpatial) -> Iterator[Outline]:
     """The lines of a cam, unrolled: x is the arc [mm] on the cylinder of the stated radius from the cam's zero azimuth, which
     counts counter-clockwise about the axis, y the height along the axis from the cam's pin; seen from outside. Material lies to the
     left. Nothing of a globoid, whose hollow has no development, nor of an indexing cam, whose ribs are shared by several rollers.
     """
-    from mechviz.outputs.exports.cam_profiles import Outline
-
     blank = cam.blank
     hollow = blank.radius - blank.depth
     wanted: list[tuple[str, SpatialCam, int, float]] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,12 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.cams.contour import CamPiece
+from mechcore.cams.placed import PlacedCam
+from mechcore.cams.placed_spatial import PlacedSpatial
+from mechcore.forces.cam_events import lost_ranges
+from mechcore.forces.cam_rating import placed_cams
 from mechcore.texts import Text, as_angle, as_coordinate
 from mechviz.files import OutputError, replacing
+from mechviz.outputs.exports.cam_developments import Outline, developed
 from mechviz.scene.cams.files import biarcs
 
 if TYPE_CHECKING:
-    from mechcore.cams.placed import PlacedCam
     from mechviz.runs import Run
 
 
@@ -28,36 +33,11 @@ STEP = 1.0  # degrees of the cam between the points that the arcs pass through
 ON_CENTRE = 1e-6  # mm
 
 
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """A curve of a cam. ``runs``: smooth parts end to end, each with points (n) [mm], unit tangents (n), radius of curvature (n)
-    [mm], positive where the cam is convex, and cam angle or length (n) [rad or m], NaN where the follower rests on a corner."""
-
-    name: str
-    closed: bool
-    runs: tuple[tuple[Complex, Complex, Real, Real], ...]
-    centre: complex  # the cam's axis [mm]
-    outside: int  # 1: the material lies to the left of the way, -1: to its right (outer flank of a groove)
-    cylinder: float | None = None  # radius [mm] of the cylinder that it is unrolled from: it has no centre
-    centre_line: bool = False  # the roller's path, not an edge
-
-    @property
-    def points(self) -> Complex:
-        """All points, joints once."""
-        parts = [run[0][:-1] for run in self.runs]
-        return np.concatenate(parts if self.closed else [*parts, self.runs[-1][0][-1:]])
-
-
 def cam_outlines(run: Run) -> list[Outline]:
     """Profiles of all cams of a run, of a groove both flanks, of barrel, rib and end cams their developments.
 
     Raises `OutputError` where a profile crosses itself.
     """
-    from mechcore.cams.placed import PlacedCam
-    from mechcore.cams.placed_spatial import PlacedSpatial
-    from mechcore.forces.cam_rating import placed_cams
-    from mechviz.outputs.exports.cam_developments import developed
-
     found: list[Outline] = []
     for cam in placed_cams(run.motion):
         if isinstance(cam, PlacedSpatial):
@@ -79,8 +59,6 @@ def _into_link(cam: PlacedCam, z: Complex) -> Complex:
 
 
 def _profile(cam: PlacedCam) -> Outline:
-    from mechcore.cams.contour import CamPiece
-
     contour = cam.contour
     runs = []
     for piece in contour.pieces:
@@ -252,9 +230,6 @@ def export_profiles(run: Run, path: Path | str, kind: str, tell: Callable[[str],
 
 def _differences(run: Run) -> list[str]:
     """In words, where profiles differ from what their laws ask for."""
-    from mechcore.forces.cam_events import lost_ranges
-    from mechcore.forces.cam_rating import placed_cams
-
     lines: list[str] = []
     for cam in placed_cams(run.motion):
         for first, last, at, miss in lost_ranges(cam):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.errors import Fault, MechanismError
 from mechviz.files import OutputError, replacing
+from mechviz.outputs.rerun.describe import model_json, scene_text
+from mechviz.picture.meshes.solids import Solids, stl_bytes
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.between_frames import read_between
-
-if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
-    from mechviz.runs import Run
-
+from mechviz.runs import Run, package_version
 
 ExportError = OutputError
 
@@ -71,8 +68,6 @@ def export_parquet(run: Run, path: Path | str, times: NDArray[np.float64] | None
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from mechviz.outputs.rerun.describe import model_json, package_version, scene_text
-
     table = pa.table({name: pa.array(values) for name, values in wide_table(run, times).items()})
     about = {
         "mechviz.version": package_version(),
@@ -87,8 +82,6 @@ def export_parquet(run: Run, path: Path | str, times: NDArray[np.float64] | None
 
 def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
     """Write one binary STL per link, in millimetres and in the link's own frame, into a folder that is made if need be."""
-    from mechviz.picture.meshes.solids import stl_bytes
-
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.outputs.rerun.reader import evenly
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
-
+from mechviz.outputs.rerun.reader import Recording, evenly
 
 Real = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -12,6 +12,7 @@ from mechviz.outputs.page.markdown import html_of
 from mechviz.outputs.page.pack import Pack
 from mechviz.outputs.page.plots import find_plots, first_plots, pack_plot
 from mechviz.outputs.page.shapes import bounds_of, find_bodies, find_drawables, find_links
+from mechviz.outputs.rerun.nodes import COLORS
 from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.quantities.catalogue import Catalogue
@@ -140,8 +141,6 @@ def _groups(
     recording: Recording, drawables: list[dict[str, Any]], bodies: list[dict[str, Any]], bounds: Any
 ) -> list[dict[str, Any]]:
     """What can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
-    from mechviz.outputs.rerun.nodes import COLORS
-
     present = {d["group"] for d in [*drawables, *bodies]}
     forces = bool(present & set(FORCE_FAMILIES))
     scales = _scales(recording.properties)

@@ -22,7 +22,7 @@ from mechviz.outputs.rerun.plots import (
     study_outputs,
 )
 from mechviz.outputs.rerun.polygons import OVERLAYS
-from mechviz.quantities.tables import pair_unit
+from mechviz.quantities.items import links_with_mass, pair_unit
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
 if TYPE_CHECKING:
@@ -127,8 +127,6 @@ def _pictures(run: Run, bounds: Mapping[str, np.ndarray]) -> list[Any]:
 
 
 def _has_points(run: Run) -> bool:
-    from mechviz.quantities.tables import links_with_mass
-
     return bool(run.motion.mechanism.traced or links_with_mass(run))
 
 

@@ -5,25 +5,24 @@ from __future__ import annotations
 import cmath
 import json
 from base64 import b64encode
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 from mechcore.forces.powers import power_labels, power_table
+from mechviz.accuracy.words import target_words
 from mechviz.outputs.rerun.marks import simulation_notes
 from mechviz.outputs.rerun.nodes import listed
 from mechviz.outputs.rerun.paths import entity
 from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.items import links_of, links_with_mass
 from mechviz.quantities.power_table import power_markdown
 from mechviz.quantities.study_tables import study_lines
-from mechviz.quantities.tables import links_of, links_with_mass
 from mechviz.quantities.vectors import Scales
+from mechviz.runs import Run, Stage, package_version
 
 if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
     from mechviz.picture.meshes.solids import Solids
     from mechviz.picture.nodes import Picture
-    from mechviz.runs import Run, Stage
 
 
 OBLIQUE = cmath.exp(1j)
@@ -67,15 +66,6 @@ def reference_point(model: Model, k: int) -> complex:
 
 SCHEMA = 2
 """Version of the recording contract; a change of meaning raises it."""
-
-
-@cache
-def package_version() -> str:
-    """The version of mechviz."""
-    try:
-        return version("mechviz")
-    except PackageNotFoundError:  # run from a source folder that was never installed
-        return "unknown"
 
 
 def scene_text(run: Run) -> str:
@@ -165,8 +155,6 @@ def accuracy_words(run: Run) -> tuple[str, ...]:
     words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
     lines = [f"estimated errors, relative: {words}"]
     if run.accuracy.target is not None:
-        from mechviz.accuracy.words import target_words
-
         lines += target_words(run)
     return tuple(lines)
 

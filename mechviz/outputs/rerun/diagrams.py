@@ -21,7 +21,7 @@ from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.plots import PALETTE
 from mechviz.outputs.rerun.streams import Index, Static, Stream
-from mechviz.quantities.tables import joints_of, pair_unit
+from mechviz.quantities.items import joints_of, pair_unit
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

@@ -20,7 +20,7 @@ from mechviz.outputs.rerun.streams import Static, Stream, link_streams, magnific
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import overlay_box
-from mechviz.quantities.tables import Table
+from mechviz.quantities.items import Table
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.motion.events import Event, runs
-from mechviz.accuracy.estimate import COLUMNS
 from mechviz.outputs.rerun.reader import Recording, Rows
 from mechviz.outputs.rerun.stream_file import RecordingError
 from mechviz.quantities.events import line_of
+from mechviz.quantities.items import ERROR_COLUMNS
 
 HEALTH = (
     ("closure", "m"),
@@ -182,7 +182,7 @@ def _loss_lines(found: Inspection) -> list[str]:
 def _health(recording: Recording) -> list[Peak]:
     found = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
     path = ("health", "error_estimate")
-    found += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(COLUMNS)]
+    found += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(ERROR_COLUMNS)]
     return [p for p in found if p is not None]
 
 

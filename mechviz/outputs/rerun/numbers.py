@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechviz.outputs.rerun.paths import parts_of
+from mechviz.quantities.items import JointInfo, Table
 from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers
-from mechviz.quantities.tables import JointInfo, Table
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording

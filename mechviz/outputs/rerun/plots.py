@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.forces.cam_rating import placed_cams
 from mechcore.spec.clearance import journals_of, made_pairs
 from mechcore.spec.mechanism import CamPair
 from mechviz.outputs.rerun.paths import entity, packed
 from mechviz.outputs.rerun.streams import Index, Static, Stream
-from mechviz.quantities.tables import JointInfo, Table, joints_of, pair_unit, rounding_of_efforts
+from mechviz.quantities.items import JointInfo, Table, joints_of, pair_unit
+from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
 
 if TYPE_CHECKING:
@@ -115,8 +117,6 @@ def cam_outputs(run: Run) -> list[Output]:
     names = [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
     if not names:
         return []
-    from mechcore.forces.cam_rating import placed_cams
-
     contacts = [entity("data", "cams", name, "contact") for name in names]
     single = len(names) == 1
     units = {cam.name: "m" if cam.arm == 0.0 else "rad" for cam in placed_cams(run.motion)}

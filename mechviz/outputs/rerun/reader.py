@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.paths import entity
 from mechviz.outputs.rerun.stream_file import RecordingError
-
-if TYPE_CHECKING:
-    from mechviz.scene.scene import Scene
-
+from mechviz.quantities.between_frames import read_between
+from mechviz.scene.folder import SceneFolder
+from mechviz.scene.scene import Scene, loads
 
 Index = NDArray[np.int64]
 
@@ -153,9 +152,6 @@ class Recording:
 
     def scene(self) -> Scene:
         """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
-        from mechviz.scene.folder import SceneFolder
-        from mechviz.scene.scene import loads
-
         name = str(self.properties.get("scene", self.path.stem))
         try:
             files = {key: b64decode(text, validate=True) for key, text in json.loads(self.properties.get("files", "{}")).items()}
@@ -198,7 +194,6 @@ class Recording:
     def at(self, times: Any, *parts: str) -> NDArray[np.float64]:
         """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
         recording states, with the recorded rates as slopes. Raises KeyError if there are none."""
-        from mechviz.quantities.between_frames import read_between
 
         def values(path: tuple[str, ...]) -> NDArray[np.float64] | None:
             return self.scalars(*path)[1] if self.has(*path) else None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechviz.accuracy.kept import plain_stride
 from mechviz.outputs.rerun.paths import entity
 from mechviz.picture.proportions import about_z
-from mechviz.quantities.tables import Table, pair_unit
+from mechviz.quantities.items import Table, pair_unit
 
 if TYPE_CHECKING:
     from mechviz.runs import Run

@@ -36,11 +36,10 @@ from mechviz.picture.overlays import overlay_box
 from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import events_of, line_of
 from mechviz.quantities.vectors import FORCE_FAMILIES
-from mechviz.runs import Stage, stopwatch
+from mechviz.runs import Run, Stage, stopwatch
 
 if TYPE_CHECKING:
     from mechviz.picture.meshes.solids import Solids
-    from mechviz.runs import Run
 
 
 BLOCK = 2000

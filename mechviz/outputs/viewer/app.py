@@ -26,6 +26,7 @@ from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import HOST, ViewerError, report, safely, start_server, stop_server
 from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.show_recording import show_of_recording
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.runs import Run, run_scene
@@ -230,8 +231,6 @@ class Viewer:
 
 def _read(recording: Recording) -> ViewModel:
     """What a recording shows, or words about what is wrong with it."""
-    from mechviz.outputs.viewer.show_recording import show_of_recording
-
     try:
         return show_of_recording(recording)
     except (KeyError, ValueError, IndexError, TypeError) as error:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from shapely.geometry import Polygon
 
 from mechcore.spec.mechanism import Vec2
 from mechviz.picture.meshes.extrude import Profile
-from mechviz.picture.meshes.model import Model
+
+if TYPE_CHECKING:
+    from mechviz.picture.meshes.model import Model
 
 
 @dataclass(frozen=True, eq=False)

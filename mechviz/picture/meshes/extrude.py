@@ -15,6 +15,7 @@ from mapbox_earcut import triangulate_float64
 from shapely.geometry import Point, Polygon
 
 from mechviz.picture.meshes.outline import clean
+from mechviz.picture.meshes.shading import Color
 
 Profile = tuple[tuple[float, float], ...]
 
@@ -287,3 +288,24 @@ def _triangulate(rings: Sequence[np.ndarray]) -> np.ndarray:
     a, b, c3 = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
     area = ((b - a)[:, 0] * (c3 - a)[:, 1] - (b - a)[:, 1] * (c3 - a)[:, 0]).sum()
     return triangles if area > 0.0 else triangles[:, ::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """A space that a part keeps for itself: an outline in its link's frame between two heights."""
+
+    outline: Polygon
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One watertight part of a link."""
+
+    link: str
+    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin", "key" or "pedestal"
+    shell: Shell
+    color: Color | None  # None: the colour of the link
+    space: tuple[Prism, ...]
+    mates: frozenset[str] = frozenset()  # pairs in which it meshes: it does not clash with what is in the same pair

@@ -15,7 +15,7 @@ from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
 from mechviz.picture.meshes.draft import Draft, Piece
-from mechviz.picture.meshes.extrude import Groove, Profile, Shell, Turned, plate, revolve
+from mechviz.picture.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
 from mechviz.picture.meshes.kinds.spatial_cams import turrets_reach
 from mechviz.picture.meshes.layers.stack import Levels
 from mechviz.picture.meshes.model import Axle, Model
@@ -29,32 +29,11 @@ from mechviz.picture.meshes.outline import (
     pedestal,
     polygons,
 )
-from mechviz.picture.meshes.shading import BELT, PIN, Color
+from mechviz.picture.meshes.shading import BELT, PIN
 
 _HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
 _GROOVE = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
 _OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
-
-
-@dataclass(frozen=True, eq=False)
-class Prism:
-    """A space that a part keeps for itself: an outline in its link's frame between two heights."""
-
-    outline: Polygon
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """One watertight part of a link."""
-
-    link: str
-    kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin", "key" or "pedestal"
-    shell: Shell
-    color: Color | None  # None: the colour of the link
-    space: tuple[Prism, ...]
-    mates: frozenset[str] = frozenset()  # pairs in which it meshes: it does not clash with what is in the same pair
 
 
 def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:

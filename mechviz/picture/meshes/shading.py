@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
@@ -92,5 +90,8 @@ def _fans(faces: np.ndarray, normal: np.ndarray) -> np.ndarray:
     smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE
     a, b = a[smooth], b[smooth]  # both ends of an edge join a corner of one face to a corner of the other
     first, second = np.concatenate([low[a], high[a]]), np.concatenate([low[b], high[b]])
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(faces.size, faces.size))
     return connected_components(graph, directed=False)[1]

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from mechcore.spec.mechanism import Mechanism
-from mechviz.picture.meshes.extrude import Shell, joined_shells
+from mechviz.picture.meshes.extrude import Part, Shell, joined_shells
 from mechviz.picture.meshes.heights import Heights, find_heights
 from mechviz.picture.meshes.kinds.bands import Loop
 from mechviz.picture.meshes.kinds.spatial_cams import Spin, spatial_parts
@@ -19,7 +19,7 @@ from mechviz.picture.meshes.kinds.wheels_drawn import find_loop
 from mechviz.picture.meshes.layers.stack import Levels, poses_of, stack_pieces
 from mechviz.picture.meshes.layers.sweep import Sweeps
 from mechviz.picture.meshes.model import Model, build_model, largest_circle
-from mechviz.picture.meshes.parts import Part, make_parts
+from mechviz.picture.meshes.parts import make_parts
 from mechviz.picture.meshes.shading import Color, crisp, face_normals, link_colors
 from mechviz.picture.meshes.shapes import draft_pieces
 

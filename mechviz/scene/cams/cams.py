@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mechcore.errors import Fault
+from mechcore.cams.followers import Arc, Flat, Knife, Roller
 from mechcore.spec.mechanism import CamPair, Friction, Pair, SpatialBlank
 from mechcore.texts import as_angle
 from mechviz.scene.cams.profiles import SHAPES, given_contour, segments_curve
 from mechviz.scene.cams.ratings import graphical_of, rating_of
-from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import (
     Angle,
     Coordinate,
@@ -27,7 +25,6 @@ from mechviz.scene.fields import (
     Size,
     Table,
     Text,
-    Unknown,
     describe,
     one_of,
     refuse,
@@ -38,7 +35,6 @@ from mechviz.scene.units import magnitude
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
     from mechviz.scene.kinds.joints import PairDocument
-    from mechviz.scene.recovery import Reading
 
 
 SOLIDS: tuple[Literal["barrel", "rib", "end", "globoid"], ...] = ("barrel", "rib", "end", "globoid")
@@ -246,42 +242,6 @@ class ProfileDocument(Table):
         return self
 
 
-def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
-    """Faults of the pairs and the point that a cam names."""
-    document = reading.document
-    cam, follower = pair.links
-    wanted: list[tuple[str, str, str, tuple[str, ...]]] = []
-    if pair.follower is not None:
-        wanted.append((f"{path}.follower.guide", pair.follower.guide, follower, ("prismatic", "revolute")))
-    if pair.profile is not None and pair.profile.bed is not None:
-        wanted.append((f"{path}.profile.bed", pair.profile.bed, cam, ("prismatic",)))
-    for where, name, link, kinds in wanted:
-        if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
-            continue
-        guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
-        if name not in guides and "*" not in reading.broken["joints"]:
-            words = " or ".join(kinds)
-            known = name in document.joints
-            message = f"'{name}' is no {words} pair of '{link}'." if known else f"there is no pair '{name}'."
-            near = did_you_mean(name, guides, what=f"Pairs that guide '{link}'")
-            yield Fault(where, message, near or f"Add a {words} pair that guides '{link}'.")
-    if pair.follower is not None and not isinstance(pair.follower.point, Unknown):
-        from mechviz.scene.references import known_point
-
-        owner = follower if pair.follower.groove is None else cam
-        yield from known_point(reading, f"{path}.follower.point", owner, pair.follower.point)
-        if pair.follower.groove is not None and pair.closure != "form" and not pair.unread:
-            yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
-        second = pair.follower.second
-        if second is not None and not isinstance(second.point, Unknown):
-            yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
-        if second is not None and pair.closure != "form" and not pair.unread:
-            yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
-        lone = [key for key in (*SOLIDS, "bed") if getattr(pair.profile, key, None) is not None]
-        if second is not None and lone:
-            yield Fault(f"{path}.follower.second", f"a second roller does not go with {lone[0]}.", "Leave it out.")
-
-
 def cam_pair(name: str, pair: PairDocument, oscillates: bool, friction: Friction | None, convert: Converter) -> Pair | None:
     """The core's pair, None where a fault was noted."""
     path = f"joints.{name}"
@@ -372,8 +332,6 @@ def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBl
 
 
 def _face(follower: FollowerDocument, path: str, convert: Converter) -> Any:
-    from mechcore.cams.followers import Arc, Flat, Knife, Roller
-
     if follower.groove is not None:
         radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
         return None if math.isnan(radius) else Roller(radius)

@@ -6,13 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from mechcore.cams import contour as shapes
+from mechcore.cams.contour import Contour, self_crossing
 from mechcore.errors import MechanismError
 from mechcore.laws.program import Segment, program
 from mechcore.texts import as_length
+from mechviz.scene.cams.files import read_dxf, read_points
 from mechviz.scene.kinds.programs import ProgramSegment
 
 if TYPE_CHECKING:
-    from mechcore.cams.contour import Contour
     from mechcore.laws.curve import MotionCurve
     from mechviz.scene.cams.cams import ProfileDocument
     from mechviz.scene.convert import Converter
@@ -40,8 +42,6 @@ def segments_curve(
 
 def given_contour(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
     """A given profile in the axes of the cam's link [m]; faults of it are noted."""
-    from mechcore.cams.contour import self_crossing
-
     found = _shape(profile, base, path, convert)
     # circles and radii over the polar angle never cross themselves
     place = self_crossing(found) if found is not None and profile.eccentric is None and profile.radius is None else None
@@ -55,8 +55,6 @@ def given_contour(profile: ProfileDocument, base: float, path: str, convert: Con
 
 
 def _shape(profile: ProfileDocument, base: float, path: str, convert: Converter) -> Contour | None:
-    from mechcore.cams import contour as shapes
-
     try:
         if profile.eccentric is not None:
             radius = convert.si(profile.eccentric.radius, "length", f"{path}.eccentric.radius")
@@ -89,9 +87,6 @@ def _places(points: Sequence[Sequence[float | str]], path: str, convert: Convert
 
 
 def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Contour | None:
-    from mechcore.cams import contour as shapes
-    from mechviz.scene.cams.files import read_dxf, read_points
-
     name = str(profile.file)
     data = convert.file(name, f"{path}.file")
     if data is None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from mechcore.errors import Fault
 from mechcore.texts import as_length
-from mechviz.scene.cams.cams import check_cam
+from mechviz.scene.cams.cams import SOLIDS
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import did_you_mean, listing
@@ -15,7 +15,7 @@ from mechviz.scene.fields import Unknown
 from mechviz.scene.kinds.joints import PairDocument
 from mechviz.scene.placement import Placement
 from mechviz.scene.recovery import Reading
-from mechviz.scene.references import points_of_pair
+from mechviz.scene.references import known_point, points_of_pair
 
 _FIT = 1e-3  # radii are stated with few digits: how far they may miss the distance of the axes, relative to it
 
@@ -222,3 +222,37 @@ def _axes_apart(pair: PairDocument, document: SceneDocument, placement: Placemen
         places.append(place)
     distance = math.dist(*places)
     return None if math.isnan(distance) or distance == 0.0 else distance
+
+
+def check_cam(reading: Reading, path: str, pair: PairDocument) -> Iterator[Fault]:
+    """Faults of the pairs and the point that a cam names."""
+    document = reading.document
+    cam, follower = pair.links
+    wanted: list[tuple[str, str, str, tuple[str, ...]]] = []
+    if pair.follower is not None:
+        wanted.append((f"{path}.follower.guide", pair.follower.guide, follower, ("prismatic", "revolute")))
+    if pair.profile is not None and pair.profile.bed is not None:
+        wanted.append((f"{path}.profile.bed", pair.profile.bed, cam, ("prismatic",)))
+    for where, name, link, kinds in wanted:
+        if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
+            continue
+        guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
+        if name not in guides and "*" not in reading.broken["joints"]:
+            words = " or ".join(kinds)
+            known = name in document.joints
+            message = f"'{name}' is no {words} pair of '{link}'." if known else f"there is no pair '{name}'."
+            near = did_you_mean(name, guides, what=f"Pairs that guide '{link}'")
+            yield Fault(where, message, near or f"Add a {words} pair that guides '{link}'.")
+    if pair.follower is not None and not isinstance(pair.follower.point, Unknown):
+        owner = follower if pair.follower.groove is None else cam
+        yield from known_point(reading, f"{path}.follower.point", owner, pair.follower.point)
+        if pair.follower.groove is not None and pair.closure != "form" and not pair.unread:
+            yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
+        second = pair.follower.second
+        if second is not None and not isinstance(second.point, Unknown):
+            yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
+        if second is not None and pair.closure != "form" and not pair.unread:
+            yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")
+        lone = [key for key in (*SOLIDS, "bed") if getattr(pair.profile, key, None) is not None]
+        if second is not None and lone:
+            yield Fault(f"{path}.follower.second", f"a second roller does not go with {lone[0]}.", "Leave it out.")

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema
 
+from mechcore.effects.journal import loss_factor
 from mechcore.errors import Fault
+from mechcore.spec.clearance import Clearance
 from mechcore.spec.mechanism import Friction
 from mechviz.scene.fields import Effort, Flag, Length, Quantity, Size, Speed, Table, describe, fault
 
 if TYPE_CHECKING:
-    from mechcore.spec.clearance import Clearance
     from mechviz.scene.convert import Converter
     from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.joints import PairDocument
@@ -262,9 +263,6 @@ def clearances_of(document: SceneDocument, convert: Converter) -> dict[str, Clea
     given = {name: pair.clearance for name, pair in document.joints.items() if pair.clearance is not None}
     if not given:
         return {}
-    from mechcore.effects.journal import loss_factor
-    from mechcore.spec.clearance import Clearance
-
     out = {}
     for name, c in given.items():
         path = f"joints.{name}.clearance"

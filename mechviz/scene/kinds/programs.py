@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
@@ -16,8 +16,6 @@ from mechcore.laws.timed import ConstantSpeed, Law, Rest, moves
 from mechviz.scene.fields import Angle, Coordinate, Flag, Number, Quantity, Rate, Table, Text, Unknown, one_of, refuse
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mechviz.scene.convert import Converter
 
 

@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mechviz.accuracy import cache, timing
-from mechviz.accuracy import ladder as ladder_module
 from mechviz.accuracy.apply import setting_changes
-from mechviz.accuracy.diagram import PANEL, diagram
-from mechviz.accuracy.effects import influence_lines, influences
 from mechviz.accuracy.kept import PROFILE
-from mechviz.accuracy.ladder import Point, cheapest, ladder, pareto
-from mechviz.accuracy.recorded import write_rrd
-from mechviz.accuracy.timing import Timed, side_by_side, timed
 from mechviz.commands.main import app
 from mechviz.figures import DOTS, chart_svg
 from mechviz.scene.scene import load
+from mechviz.studies import ladder as ladder_module
+from mechviz.studies import ladder_cache as cache
+from mechviz.studies import timing
+from mechviz.studies.influences import influence_lines, influences
+from mechviz.studies.ladder import Point, cheapest, ladder, pareto
+from mechviz.studies.ladder_diagram import PANEL, diagram
+from mechviz.studies.ladder_recording import write_rrd
+from mechviz.studies.timing import Timed, side_by_side, timed
 
 
 def point(seconds: float, error: float, **more: object) -> Point:

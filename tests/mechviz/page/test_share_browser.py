@@ -12,6 +12,7 @@ import pytest
 from browsers import ARGS, chromium_or_skip, missing
 from pixels import same
 
+from mechviz.facade import Result
 from mechviz.outputs.images.pictures import Look, Moment, film, shot
 from mechviz.outputs.page.page import make_page
 from recordings import made
@@ -304,7 +305,7 @@ def test_a_phone_in_the_dark(browser, file):
 
 def test_a_notebook_cell_plays_in_its_frame(browser, tmp_path):
     cell = tmp_path / "cell.html"
-    cell.write_text(f"<!doctype html><meta charset=utf-8>{BAR.run._repr_mimebundle_()['text/html']}", encoding="utf-8")
+    cell.write_text(f"<!doctype html><meta charset=utf-8>{Result(BAR.run)._repr_mimebundle_()['text/html']}", encoding="utf-8")
     context = browser.new_context(viewport=WIDE)
     page = context.new_page()
     page.goto(cell.as_uri())

@@ -11,7 +11,6 @@ import trimesh
 from typer.testing import CliRunner
 
 import mechviz
-from mechviz.accuracy.cache import _file
 from mechviz.commands.main import app
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
@@ -22,6 +21,7 @@ from mechviz.outputs.viewer.panels.saving import saved_scene
 from mechviz.runs import run_scene, with_run
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, dump, loads
+from mechviz.studies.ladder_cache import _file
 
 GALLERY = Path(mechviz.__file__).parent / "gallery"
 OFFSET = 5.0  # of the user's cam, a circle [mm]: its follower has a stroke of twice that; the gallery's one has another

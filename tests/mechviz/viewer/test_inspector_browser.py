@@ -32,8 +32,6 @@ from browsing import (
 from live_scenes import BOUNCING
 
 from mechviz import scene
-from mechviz.accuracy import ladder as ladder_module
-from mechviz.accuracy.timing import Timed
 from mechviz.outputs.viewer import app
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
@@ -42,6 +40,8 @@ from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.solids import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
+from mechviz.studies import ladder as ladder_module
+from mechviz.studies.timing import Timed
 
 __all__ = ["browser"]  # a fixture
 

@@ -13,7 +13,6 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
 
 from mechcore.arrays import Real
 from mechcore.dynamics.energy_account import kinetic_energy_of
@@ -103,6 +102,9 @@ def _sets(rows: Real) -> list[tuple[int, ...]]:
     p, f = rows.shape
     if comb(p, f) <= MANY:
         return list(combinations(range(p), f))
+
+    from scipy.linalg import qr
+
     return [tuple(sorted(int(k) for k in qr(rows.T, mode="r", pivoting=True)[1][:f]))]
 
 

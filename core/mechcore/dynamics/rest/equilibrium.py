@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
@@ -306,7 +305,9 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     inertia, both = at_rest.inertia[0], scale[:, None] * scale
     if not (np.isfinite(stiffness).all() and np.linalg.eigvalsh(inertia * both)[0] > 0.0):
         return None
-    squares, shapes = scipy.linalg.eigh(stiffness[-1] * both, inertia * both)
+    from scipy.linalg import eigh
+
+    squares, shapes = eigh(stiffness[-1] * both, inertia * both)
     if not squares[-1] > 0.0:
         return None
     omega, shape = float(np.sqrt(squares[-1])), scale * shapes[:, -1]

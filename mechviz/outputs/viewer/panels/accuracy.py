@@ -11,13 +11,13 @@ from typing import Any
 import viser
 
 from mechviz.accuracy.apply import in_use, setting_changes, target_changes
-from mechviz.accuracy.diagram import setting_words
-from mechviz.accuracy.ladder import Point, ladder, pareto
 from mechviz.figures import chart_svg
 from mechviz.outputs.rerun.describe import accuracy_words
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.session import EditSession
+from mechviz.studies.ladder import Point, ladder, pareto
+from mechviz.studies.ladder_diagram import diagram, setting_words
 
 NOW = "as it is"
 WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
@@ -99,8 +99,6 @@ class AccuracyTab:
         return tuple(replace(p, current=in_use(run, p.dial, p.options)) for p in points)
 
     def _draw(self) -> None:
-        from mechviz.accuracy.diagram import diagram
-
         target = self._studio.run.accuracy.target
         figure, words = diagram(
             self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE

@@ -11,6 +11,7 @@ from typing import Any
 
 import viser
 
+from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.runs import Run
 from mechviz.scene.saving import kept_text
@@ -86,8 +87,6 @@ class Saver:
 
     def _record(self, client: viser.ClientHandle, run: Run, target: Path) -> None:
         """Write a recording while the viewer goes on, with its progress as a note in the browser."""
-        from mechviz.outputs.rerun.writer import write_recording
-
         note: Any = client.add_notification("Recording", f"{target.name} ...", loading=True, with_close_button=False)
 
         def progress(done: int, total: int) -> None:

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.cams.placed import PlacedCam
+from mechcore.forces.cam_rating import placed_cams
 from mechviz.outputs.viewer.view_model import Body, Piece
+from mechviz.picture.meshes.kinds.cam_profiles import profile_points
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
@@ -72,9 +75,6 @@ def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
     """By cam pair: its link, and the placed cam whose profile can be followed."""
     if not any(r.geometry is not None for r in motion.model.relations):
         return {}
-    from mechcore.cams.placed import PlacedCam
-    from mechcore.forces.cam_rating import placed_cams
-
     links = {pair.name: pair.links[0] for pair in motion.mechanism.pairs}
     return {cam.name: (links[cam.name], cam) for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.mate is None}
 
@@ -83,8 +83,6 @@ def stretched_cams(
     bodies: Mapping[str, Body], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
 ) -> dict[str, Body]:
     """The bodies of cams whose profiles are others now, by link; the rest is not among them."""
-    from mechviz.picture.meshes.kinds.cam_profiles import profile_points
-
     found: dict[str, Body] = {}
     for name, (link, old) in before.items():
         if name not in after or link not in bodies:

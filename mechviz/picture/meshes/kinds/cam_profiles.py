@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from shapely.geometry import Polygon
 
+from mechcore.cams.followers import Oscillating
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
 
@@ -76,8 +77,6 @@ def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = 
 def _drawing(
     mechanism: Mechanism, parts: Builder, pair: CamPair, point: str, placed: PlacedCam, size: float, samples: int
 ) -> CamDrawing:
-    from mechcore.cams.followers import Oscillating
-
     z = profile_points(placed, samples)
     if placed.bed is not None:
         deep = -0.25 * float(np.ptp(z.real))

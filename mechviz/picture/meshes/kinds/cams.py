@@ -14,6 +14,8 @@ import numpy as np
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
+from mechcore.cams.closures import breadth
+from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
 from mechviz.picture.meshes import outline
 from mechviz.picture.meshes.draft import Draft, Neck, Piece, joined
 from mechviz.picture.meshes.kinds.cam_profiles import CamDrawing
@@ -151,8 +153,6 @@ def _cycle(cam: CamDrawing) -> Any:
 
 def _head(model: Model, cam: CamDrawing) -> _Head:
     """The head of a follower; of an oscillating one as it stands at ``theta``."""
-    from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
-
     r, placed = model.proportions.r, cam.placed
     face, s = placed.cam.follower.face, _cycle(cam)
     if isinstance(face, Roller):
@@ -214,8 +214,6 @@ def _finger(arc: np.ndarray, half: float) -> Polygon:
 
 def _yoke(cam: CamDrawing, r: float) -> _Head:
     """A frame around a cam of constant breadth."""
-    from mechcore.cams.closures import breadth
-
     b = breadth(cam.placed.cam.law).mean / cam.size
     e = cam.placed.offset / cam.size
     reach = max(math.dist(cam.bore, xy) for xy in cam.profile.exterior.coords) + 0.35 * r
@@ -240,8 +238,6 @@ def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
 
 def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     """A translating follower on a guide of the ground: head, stem and rails."""
-    from mechcore.cams.followers import Roller
-
     r, placed = model.proportions.r, cam.placed
     head, mates = _head(model, cam), frozenset([cam.pair])
     own = draft.groups[cam.follower]

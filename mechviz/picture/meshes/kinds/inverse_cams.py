@@ -11,9 +11,9 @@ from shapely.geometry import LineString, Point, Polygon
 from mechcore.joints.base import Builder
 from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
 from mechviz.picture.meshes import outline
+from mechviz.picture.meshes.draft import Draft, Neck, Piece
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.draft import Draft
     from mechviz.picture.meshes.model import Model
 
 
@@ -61,8 +61,6 @@ def _group(drawing: InverseDrawing) -> str:
 
 def draw_inverse(model: Model, draft: Draft) -> None:
     """Pieces of all inverse cams."""
-    from mechviz.picture.meshes.draft import Neck, Piece
-
     r = model.proportions.r
     for drawing in model.inverse:
         group, mates = _group(drawing), frozenset([drawing.pair])

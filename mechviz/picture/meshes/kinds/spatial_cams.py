@@ -16,7 +16,7 @@ from shapely.ops import unary_union
 
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
-from mechviz.picture.meshes.extrude import Shell, bored, plate, revolve
+from mechviz.picture.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.picture.meshes.kinds.spatial_cam_edges import around, circle, core_rings, edge, rib
 from mechviz.picture.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
 from mechviz.picture.meshes.shading import PIN
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
     from mechviz.picture.meshes.layers.stack import Levels
     from mechviz.picture.meshes.model import Model
-    from mechviz.picture.meshes.parts import Part
 
 
 Real = NDArray[np.float64]
@@ -204,8 +203,6 @@ def turrets_reach(model: Model, levels: Levels) -> float:
 
 
 def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Part]:
-    from mechviz.picture.meshes.parts import Part, Prism
-
     placed, r = drawing.placed, model.proportions.r
     least = placed.blank.radius - placed.blank.depth
     if drawing.flat and placed.pivot is not None:
@@ -259,8 +256,6 @@ def _outwards(shell: Shell) -> Shell:
 
 
 def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
-    from mechviz.picture.meshes.parts import Part, Prism
-
     placed, size = drawing.placed, drawing.size
     radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
     depth = placed.blank.depth / size
@@ -307,8 +302,6 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
 
 def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
     """What carries the rollers of a turret: a disc, or a star where they stand on it."""
-    from mechviz.picture.meshes.parts import Part, Prism
-
     if not drawing.placed.blank.rollers or drawing.hinge is None:
         return []
     low, high = levels.plate(levels.of(drawing.follower))

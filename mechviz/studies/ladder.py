@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,16 +16,18 @@ from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
-from mechviz.accuracy.estimate import poses_apart
+from mechviz.accuracy.estimate import estimate_errors, poses_apart
 from mechviz.accuracy.fit import achieved, duration, fit_frames, provider
 from mechviz.accuracy.kept import PROFILE, plane_cams, profile_away
 from mechviz.accuracy.quantities import quantities
-from mechviz.accuracy.timing import Timed, timed
 from mechviz.accuracy.words import ORDERS
+from mechviz.picture.meshes.kinds.cam_profiles import profile_points
+from mechviz.picture.solids import solids_of
+from mechviz.runs import Run, run_scene
+from mechviz.studies.timing import Timed, timed
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 
@@ -82,13 +86,13 @@ def ladder(
     advance: Advance = lambda *_: None,
     budget: float = 0.25,
     only: Collection[str] | None = None,
+    record: Callable[..., object] | None = None,
 ) -> list[Point]:
     """All points of a scene's ladders, or of ``only`` some dials.
 
-    Dials that it has no use for are left out: what is not iterated has no tolerance.
+    Dials that it has no use for are left out: what is not iterated has no tolerance. ``record(run, path, solids=...)`` writes
+    recordings (`write_recording`); without it what they keep is not measured.
     """
-    from mechviz.runs import run_scene
-
     base = run_scene(scene)
     general = any(b.kind == "general" for b in base.compiled.model.blocks)
     rubs = base.forces is not None and base.forces.friction is not None
@@ -105,7 +109,8 @@ def ladder(
     else:
         steps["integrator"] = lambda: _integrator(base, budget)
     steps["tessellation"] = lambda: _tessellation(base, budget)
-    steps["recording"] = lambda: _recording(base, budget)
+    if record is not None:
+        steps["recording"] = lambda: _recording(base, record)
     if plane_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
     chosen = [step for dial, step in steps.items() if only is None or dial in only]
@@ -191,8 +196,6 @@ def _differentiation(run: Run, budget: float) -> Iterator[Point]:
 
 def _rates_error(run: Run, time: Real) -> Real:
     """What the program says of its exact rates: they are not compared with themselves."""
-    from mechviz.accuracy.estimate import estimate_errors
-
     motion = solve_motion(replace(run.compiled, accuracy=DEFAULT), time)
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
 
@@ -216,8 +219,6 @@ def _iterated(run: Run, dial: str, method: str, tolerances: tuple[float, ...], b
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
     """The motion under forces with a setting, and nothing else."""
-    from mechviz.runs import run_scene
-
     found = run_scene(scene, accuracy=accuracy, outputs=()).simulation
     assert found is not None
     return found
@@ -267,8 +268,6 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
 
 def _tessellation(run: Run, budget: float) -> Iterator[Point]:
     """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
-    from mechviz.picture.solids import solids_of
-
     size = run.motion.model.size
     asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
     for distance in [None, *asked]:
@@ -281,14 +280,8 @@ def _tessellation(run: Run, budget: float) -> Iterator[Point]:
         yield _at("tessellation", "chords", words, options, made.chord / size, spent, current=distance is None, note=note)
 
 
-def _recording(run: Run, budget: float) -> Iterator[Point]:
+def _recording(run: Run, record: Callable[..., object]) -> Iterator[Point]:
     """Digits and frames that a recording keeps: its error when read with the run's interpolation, its time and its size."""
-    import tempfile
-    from pathlib import Path
-
-    from mechviz.outputs.rerun.writer import write_recording
-    from mechviz.picture.solids import solids_of
-
     solids = solids_of(run)
     at, end, order = (
         provider(run.scene, run.accuracy, run.simulation),
@@ -303,7 +296,7 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
                     continue
                 accuracy = replace(run.accuracy, numbers=numbers, decimation=thin)
                 chosen = replace(run, accuracy=accuracy)
-                spent = timed(partial(write_recording, chosen, path, solids=solids), 0.0, least=2)
+                spent = timed(partial(record, chosen, path, solids=solids), 0.0, least=2)
                 error = achieved(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
                 note = f"{path.stat().st_size / 1e6:.2f} MB"
                 here = (numbers, thin) == (run.kept.numbers, run.accuracy.decimation)
@@ -314,8 +307,6 @@ def _recording(run: Run, budget: float) -> Iterator[Point]:
 
 def _profiles(run: Run, budget: float) -> Iterator[Point]:
     """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
-    from mechviz.picture.meshes.kinds.cam_profiles import profile_points
-
     cams, size = plane_cams(run), run.motion.model.size
 
     def draw(count: int) -> list[Any]:

@@ -14,9 +14,10 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import EFFECTS
-from mechviz.accuracy.timing import Timed, side_by_side
-from mechviz.quantities.tables import joints_of
+from mechviz.quantities.items import joints_of
+from mechviz.runs import run_scene
 from mechviz.scene.worded import in_scene_words
+from mechviz.studies.timing import Timed, side_by_side
 
 if TYPE_CHECKING:
     from mechviz.scene.document import Place
@@ -88,8 +89,6 @@ def answer_of(scene: Scene) -> Answer:
 @in_scene_words
 def _compute(scene: Scene) -> tuple[Any, Any, Any]:
     if scene.simulation is not None:
-        from mechviz.runs import run_scene
-
         run = run_scene(scene, outputs=("accelerations", "forces"))
         return run.motion, run.forces, run.simulation
     compiled = compile_mechanism(scene.mechanism)

@@ -10,8 +10,10 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mechviz.accuracy.ladder import Point
-from mechviz.accuracy.timing import machine
+import mechcore
+from mechviz.runs import package_version
+from mechviz.studies.ladder import Point
+from mechviz.studies.timing import machine
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -50,8 +52,6 @@ def _folder() -> Path:
 
 
 def _file(scene: Scene, target: float | None) -> Path:
-    from mechviz.outputs.rerun.describe import package_version
-
     files = {name: hashlib.sha256(data).hexdigest() for name, data in scene.files.items()}
     text = json.dumps([scene.to_toml(), files, package_version(), machine(), target, _code()])
     return _folder() / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
@@ -59,10 +59,7 @@ def _file(scene: Scene, target: float | None) -> Path:
 
 def _code() -> float:
     """When the program was last changed: a ladder of another state of it is not this one's."""
-    import mechcore
-    import mechviz
-
-    roots = [Path(p.__file__ or ".").parent for p in (mechcore, mechviz)]
+    roots = [Path(mechcore.__file__).parent, Path(__file__).parent.parent]
     return max(f.stat().st_mtime for root in roots for f in root.rglob("*.py"))
 
 

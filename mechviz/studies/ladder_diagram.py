@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from mechviz.accuracy.ladder import Point, cheapest, pareto
 from mechviz.figures import COLOURS, chart
+from mechviz.studies.ladder import Point, cheapest, pareto
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from mechviz.accuracy.diagram import PANEL, dials_of, draw_panel
-from mechviz.accuracy.ladder import Point
 from mechviz.figures import COLOURS, DOTS, chart
 from mechviz.files import replacing
+from mechviz.studies.ladder import Point
+from mechviz.studies.ladder_diagram import PANEL, dials_of, draw_panel
 
 
 def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:

@@ -1,0 +1,93 @@
+"""What tables of numbers are made of: the columns of one item, and the links and joints of a run that have them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechcore.motion.motion import Motion
+from mechcore.spec.clearance import journals_of, made_pairs
+
+if TYPE_CHECKING:
+    from mechviz.runs import Run
+
+Real = NDArray[np.float64]
+Columns = tuple[tuple[str, str], ...]
+
+ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
+"""Of `/health/error_estimate`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
+
+    ``source`` is the values, or a function that computes them when they are asked for.
+    """
+
+    path: tuple[str, ...]
+    item: str
+    columns: Columns
+    source: Real | Callable[[], Real]
+
+    @cached_property
+    def values(self) -> Real:
+        return self.source() if callable(self.source) else self.source
+
+    def headers(self) -> list[str]:
+        """Column names with units, such as ``crank.x [m]``."""
+        return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
+
+
+@dataclass(frozen=True)
+class JointInfo:
+    """A joint that transmits forces: a pair of the mechanism, or one that a pair brings along (the pins of a cylinder)."""
+
+    name: str
+    kind: str
+    links: tuple[str, str]
+    unit: str  # of its coordinate: ``m`` where it slides, else ``rad``
+
+
+def joints_of(motion: Motion) -> list[JointInfo]:
+    """All joints of a mechanism, in the order of its pairs as far as they are pairs; gears, belts and racks come last."""
+    model = motion.model
+    journals = journals_of(model.mechanism)
+    bearing = {name: load.links[::2] for name, load in journals.items()}
+    made = made_pairs(model.mechanism)
+    found = [
+        JointInfo(
+            j.name,
+            "revolute with clearance" if j.name in bearing else j.kind,
+            bearing.get(j.name, j.links),
+            "m" if j.coordinate == "slide" else "rad",
+        )
+        for j in model.joints
+        if j.name not in made
+    ]
+    known = {j.name for j in found}
+    return found + [JointInfo(r.name, r.kind, r.links, "rad") for r in model.relations if r.name not in known]
+
+
+def links_of(motion: Motion) -> list[str]:
+    """All links, the frame first, those that a pair brings along among them; without those of clearance and planar joints."""
+    made = made_pairs(motion.model.mechanism)
+    return [name for name in motion.model.links if name not in made]
+
+
+def pair_unit(motion: Motion, pair: str) -> str:
+    """Unit of a joint's coordinate."""
+    return next(j.unit for j in joints_of(motion) if j.name == pair)
+
+
+def links_with_mass(run: Run) -> list[str]:
+    """Moving links whose mass counts: those with a mass or a moment of inertia, where inertia or gravity is computed."""
+    mechanism = run.motion.mechanism
+    if run.forces is None or not {"inertia", "gravity"} & set(mechanism.effects):
+        return []
+    return [link.name for link in mechanism.links if link.name != mechanism.frame and (link.mass or link.inertia)]

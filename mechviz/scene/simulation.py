@@ -1,0 +1,234 @@
+"""Motion under forces as a scene states it: its starts, stops and watched events in SI units, and the faults of these."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from mechcore.dynamics.contact.separation import SeparableCam
+from mechcore.dynamics.events import EventTrigger, Stop
+from mechcore.errors import Fault
+from mechcore.laws.timed import Free, Law, Rest, moves
+from mechviz.scene.convert import Converter
+from mechviz.scene.document import SceneDocument
+from mechviz.scene.fields import (
+    Unknown,
+)
+from mechviz.scene.kinds.free_motion import TOLERANCE, FreeDocument, Method, StopDocument
+from mechviz.scene.kinds.friction import clearance_faults
+from mechviz.scene.kinds.joints import KINDS
+from mechviz.scene.recovery import Reading
+from mechviz.scene.references import known_pair, known_place
+
+_NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
+_STUDIES = ("plans", "polodes", "equivalent", "reduced", "shaking", "systems", "substitutes")
+_ADD_FREE = 'Leave it out, or let forces move a pair: free = { speed = "10 rpm" } instead of its drive.'
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationSpec:
+    """How the motion of the free coordinates is to be found, in SI units."""
+
+    duration: float
+    tolerance: float
+    method: Method
+    stops: tuple[Stop, ...]
+    watches: tuple[EventTrigger, ...]
+    separable_cams: tuple[SeparableCam, ...] = ()
+    steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
+
+
+def stop_name(pair: str, stop: StopDocument) -> str:
+    """The name of a stop of a pair in events and loads."""
+    return stop.name or f"{pair} {stop.side}"
+
+
+def _rate_kind(sort: str) -> str:
+    return "angular speed" if sort == "angle" else "linear speed"
+
+
+def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, drawn: float) -> Free | None:
+    """Start of a free coordinate, None where a fault was noted. ``drawn``: the position where none is stated [rad or m]."""
+    start = drawn if given.position is None else convert.si(given.position, sort, f"{path}.position")
+    speed = convert.si(given.speed, _rate_kind(sort), f"{path}.speed")
+    return None if math.isnan(start) or math.isnan(speed) else Free(start, speed)
+
+
+def planar_starts(
+    given: FreeDocument, names: tuple[str, str, str], convert: Converter, path: str, *, drawn: tuple[float, float, float]
+) -> dict[str, Free]:
+    """Starts of the coordinates x, y and angle of a planar pair by their ``names``; ``drawn``: where they are not stated [m, m,
+    rad]. A coordinate whose values have a fault, which is noted, is missing."""
+    found = {}
+    for name, key, rate, place in zip(names, ("x", "y", "angle"), ("vx", "vy", "omega"), drawn, strict=True):
+        kind = "angle" if key == "angle" else "length"
+        start = place if getattr(given, key) is None else convert.si(getattr(given, key), kind, f"{path}.{key}")
+        speed = convert.si(getattr(given, rate), _rate_kind(kind), f"{path}.{rate}")
+        if not (math.isnan(start) or math.isnan(speed)):
+            found[name] = Free(start, speed)
+    return found
+
+
+def simulation_spec(
+    document: SceneDocument,
+    starts: Mapping[str, Free],
+    convert: Converter,
+    points: Mapping[str, tuple[str, str]],
+) -> SimulationSpec | None:
+    """What `mechcore.dynamics.simulate` needs; None where nothing is free. ``points``: watched texts -> link and point."""
+    if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
+        return None
+    separable_cams = tuple(
+        SeparableCam(pair=name, restitution=entry.liftoff.restitution)
+        for name, entry in document.joints.items()
+        if entry.liftoff is not None
+    )
+
+    stops, watches = [], []
+    for pair, entry in document.joints.items():
+        for k, s in enumerate(entry.stops):
+            path = f"joints.{pair}.stops[{k}]"
+            at = convert.si(s.at, KINDS[entry.kind].driven or "angle", f"{path}.at")
+            start = starts.get(pair)
+            if start is not None and (start.start > at if s.side == "upper" else start.start < at):
+                beyond = "above" if s.side == "upper" else "below"
+                why = f"the motion starts {beyond} this {s.side} stop."
+                convert.note(f"{path}.at", why, "Start on the other side, or move the stop.")
+            stops.append(Stop(name=stop_name(pair, s), pair=pair, at=at, side=s.side, restitution=s.restitution))
+    for name, w in document.watch.items():
+        sort = "length"
+        if w.pair is not None and w.pair in document.joints:
+            sort = KINDS[document.joints[w.pair].kind].driven or "angle"
+        kind = _rate_kind(sort) if w.what == "velocity" else sort
+        at = convert.si(w.at, kind, f"watch.{name}.at")
+        point = None if w.point is None else points.get(w.point)
+        watches.append(EventTrigger(name=name, of=w.what, pair=w.pair, point=point, at=at, rising=w.rising, ends=w.ends))
+    run = document.run
+    duration = math.nan if run.duration is None else _duration(document, convert)
+    tolerance = TOLERANCE if run.tolerance is None else run.tolerance
+    return SimulationSpec(duration, tolerance, run.method or "auto", tuple(stops), tuple(watches), separable_cams, run.steady)
+
+
+def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter) -> float:
+    """How long a mechanism under prescribed drives is looked at if none of them moves [s]: the stated duration, else the longest of
+    the motions that say so, 0 where none says it."""
+    laws = tuple(laws)
+    if document.run.duration is None:
+        return max((law.lasts for law in laws if isinstance(law, Rest)), default=0.0)
+    if any(map(moves, laws)):
+        remedy = "Leave it out: cycles says how long it goes on. Or let forces move a pair, free = ... instead of its drive."
+        convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
+    return _duration(document, convert)
+
+
+def stated_duration(document: SceneDocument, convert: Converter) -> float | None:
+    """How long the run goes on [s], None where it does not say so soundly."""
+    run = document.run
+    found = math.nan if run.duration is None or not run.sound("duration") else convert.si(run.duration, "time", "run.duration")
+    return None if math.isnan(found) else found
+
+
+def _duration(document: SceneDocument, convert: Converter) -> float:
+    run = document.run
+    assert run.duration is not None
+    duration = convert.si(run.duration, "time", "run.duration")
+    if 0.0 < duration < 1e-9 * run.frames:
+        why = f"{duration:.6g} s for {run.frames} frames: the clock of a recording counts nanoseconds, one a frame at least."
+        convert.note("run.duration", why, f"Give {1e-9 * run.frames:.3g} s or more, or fewer frames.")
+    return duration
+
+
+def simulation_faults(reading: Reading) -> Iterator[Fault]:
+    """What does not fit together about free coordinates, in what could be read."""
+    document = reading.document
+    run, pairs = document.run, document.joints
+    free = [name for name, pair in pairs.items() if pair.free is not None]
+    lifting = [name for name, pair in pairs.items() if pair.liftoff is not None]
+    loose = [name for name, pair in pairs.items() if pair.clearance is not None]
+    yield from clearance_faults(document)
+    if not free and not lifting and not loose:
+        if not reading.shapeless and not any("free" in pair.unread for pair in pairs.values()):
+            yield from _idle(document)
+        return
+    what = f"{free[0]} is free" if free else f"{lifting[0]} has liftoff" if lifting else f"{loose[0]} has clearance"
+    if run.duration is None and run.steady is None and run.sound("duration") and run.sound("steady"):
+        why = f"'duration' is missing: how long does {(free or lifting or loose)[0]} move?"
+        yield Fault("run", why, 'Add duration = "5 s" to [run].')
+    if run.cycles != 1:
+        remedy = 'Leave out cycles and write duration = "5 s".'
+        yield Fault("run.cycles", f"{run.cycles} cycles of a motion that forces decide.", remedy)
+    if "inertia" not in document.effects and not any(isinstance(name, Unknown) for name in document.effects):
+        why = f"{what}, motion under forces needs masses, and inertia is not named."
+        yield Fault("effects", why, 'Add "inertia" to effects.')
+    for k, answer in enumerate(document.answers):
+        if answer in _NEEDS_DRIVE:
+            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {what}.", "Leave it out.")
+    for key in _STUDIES:
+        if getattr(document, key):
+            yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
+    for name, pair in pairs.items():
+        if pair.kinds == ["cam"] and pair.liftoff is None and free:
+            why = f"{what}: cams are computed for prescribed motions."
+            remedy = "Prescribe a drive instead, or let the follower leave the cam: liftoff = { restitution = 0.3 }."
+            yield Fault(f"joints.{name}", why, remedy)
+        if pair.liftoff is not None and pair.closure == "form":
+            yield Fault(f"joints.{name}.liftoff", "a form-closed follower cannot leave its cam.", 'Write closure = "force".')
+    yield from _stops(document)
+    yield from _watches(reading)
+
+
+def _idle(document: SceneDocument) -> Iterator[Fault]:
+    """Keys that only a motion under forces has."""
+    driven = any(pair.led for pair in document.joints.values())
+    why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
+    for key in ("steady", "tolerance", "method"):
+        if getattr(document.run, key) is not None:
+            yield Fault(f"run.{key}", why, _ADD_FREE if driven else _ADD_FREE.replace(" instead of its drive", ""))
+    yield from () if driven else _without_drives(document)
+    for name, pair in document.joints.items():
+        if pair.stops:
+            yield Fault(f"joints.{name}.stops", "nothing is free: a drive goes through stops.", _ADD_FREE)
+    for name, load in document.loads.items():
+        if load.servo is not None:
+            yield Fault(f"loads.{name}.servo", "nothing is free: a servo moves a pair under forces.", _ADD_FREE)
+    for name in document.watch:
+        yield Fault(f"watch.{name}", "nothing is free: only a motion under forces is watched.", _ADD_FREE)
+
+
+def _without_drives(document: SceneDocument) -> Iterator[Fault]:
+    """What is told by the drive, of a structure that has none."""
+    why = "the scene has no drive"
+    for k, answer in enumerate(document.answers):
+        if answer != "transmission_angle":
+            yield Fault(f"answers[{k}]", f"{answer} is told per unit speed of a drive, and {why}.", "Leave it out.")
+    for key in _STUDIES[:-2]:
+        if getattr(document, key):
+            yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a pair a drive.")
+    for name, load in document.loads.items():
+        for key in ("table", "polynomial"):
+            factor = getattr(load, key)
+            if factor is not None and factor.of in ("position", "velocity") and not (factor.pair or factor.drive):
+                remedy = 'Name a pair, pair = "...", or let it be a factor of time.'
+                yield Fault(f"loads.{name}.{key}", f"{why} whose {factor.of} the factor could depend on.", remedy)
+        if load.gas is not None and load.drive is None:
+            yield Fault(f"loads.{name}", f"{why} that tells the strokes of the gas.", "Give a pair a drive, such as speed = 0.")
+
+
+def _stops(document: SceneDocument) -> Iterator[Fault]:
+    names: set[str] = set()
+    for pair, entry in document.joints.items():
+        for k, stop in enumerate(entry.stops):
+            name, path = stop_name(pair, stop), f"joints.{pair}.stops[{k}]"
+            if name in names:
+                yield Fault(path, f"two stops are called '{name}'.", "Give one of them a name = ...")
+            if f"stop {name}" in document.loads:
+                yield Fault(path, f"a load is called 'stop {name}' already.", "Give one of them another name.")
+            names.add(name)
+
+
+def _watches(reading: Reading) -> Iterator[Fault]:
+    for name, watch in reading.document.watch.items():
+        yield from known_pair(reading, f"watch.{name}.pair", watch.pair)
+        if watch.point is not None:
+            yield from known_place(reading, f"watch.{name}.point", watch.point)
