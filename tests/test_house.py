@@ -19,19 +19,15 @@ LAYERS = {
         ("kinematics",), ("branches",), ("motion",), ("effects",), ("forces",), ("reduction", "dynamics"), ("constructions",),
     ),
     "mechviz": (
-        ("files",), ("figures", "scene"), ("quantities",), ("runs",), ("running", "picture"), ("accuracy", "editor", "studies"),
+        ("files",), ("figures", "scene"), ("quantities",), ("accuracy",), ("runs",), ("running", "picture"), ("editor", "studies"),
         ("outputs",), ("hard_cases",), ("facade",), ("commands",), ("__main__",),
     ),
 }  # fmt: skip
 
 # what is still to be mended: these may only shrink
-UPWARDS = {
-    ("accuracy", ""), ("accuracy", "outputs"), ("picture", "accuracy"), ("quantities", "accuracy"), ("runs", "accuracy"),
-    ("runs", "outputs"), ("scene", "outputs"), ("scene", "picture"), ("scene", "runs"),
-}  # fmt: skip
-MOST_ON_CIRCLES = 31  # modules of mechviz that reach themselves by imports
 MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
-MOST_LAZY = 266  # imports of ours within functions of mechviz
+UPWARDS = {("scene", "picture")}  # a mass that follows from the drawing needs outlines of meshes, which know nothing of scenes
+MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
 
 
 class Import:
@@ -107,8 +103,7 @@ def test_no_modules_import_each_other() -> None:
             if middle in targets:
                 targets |= reached[middle]
     circling = [name for name, targets in reached.items() if name in targets]
-    assert not [name for name in circling if name.startswith("mechcore")]
-    assert len(circling) <= MOST_ON_CIRCLES, circling
+    assert not circling
 
 
 def test_imports_of_ours_stand_on_top() -> None:
