@@ -24,10 +24,9 @@ LAYERS = {
     ),
 }  # fmt: skip
 
-# what is still to be mended: these may only shrink
-MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
 UPWARDS = {("scene", "picture")}  # a mass that follows from the drawing needs outlines of meshes, which know nothing of scenes
 MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
+MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
 
 
 class Import:

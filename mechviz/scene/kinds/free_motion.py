@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema, model_validator
 
@@ -22,10 +22,6 @@ from mechviz.scene.fields import (
     fault,
     refuse,
 )
-
-if TYPE_CHECKING:
-    pass
-
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 TOLERANCE = 1e-9
