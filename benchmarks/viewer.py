@@ -3,13 +3,13 @@
     python benchmarks/viewer.py [edit] [play] [many] [sent] [page] [--frames N]
 
 Without names all are run, with Chromium and playwright (Debian: apt-get install chromium). Without a graphics card Chromium
-draws by software, and that takes most of the time. Each figure of a page is therefore taken twice: as it is, and with the drawing
-commands of WebGL left out, as if a graphics card drew for nothing; everything else of the page, the scripts of viser, three.js and
-mechviz, the panels and the plots, is the same. "arrived" is when the new poses, solids and arrows are in the page, "drawn" when
-the second frame after that begins, they have been drawn, and a pixel of the picture has been read back. Without a graphics card
-that is the light picture of what moves (mechviz/viewer/drawing.py); the picture at rest, a moment after the last move, is not
-waited for. ``sent`` and ``page`` show N frames (432,000 by default: two hours at 60 a second) as fast as they can be shown: sent
-by the server, and played by a page.
+draws by software, and that takes most of the time. Each figure of a page is therefore taken with the drawing commands of WebGL
+left out, as if a graphics card drew for nothing; everything else of the page, the scripts of viser, three.js and mechviz, the
+panels and the plots, is the same; beside it stands the figure as it is. "arrived" is when the new poses, solids and arrows are in
+the page, "drawn" when the second frame after that begins, they have been drawn, and a pixel of the picture has been read back. The
+bar from slider to picture holds with drawing left out.
+``sent`` and ``page`` show N frames (432,000 by default: two hours at 60 a second) as fast as they can be shown: sent by the server,
+and played by a page.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ PER_SCENE = {
     "test_friction_scenes",
 }
 # what takes longest and cannot be divided begins first, so that all workers end together
-FIRST = {"test_viewer_browser", "test_inspector_browser", "test_share_browser", "test_drawing_browser"}
+FIRST = {"test_viewer_browser", "test_inspector_browser", "test_share_browser"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

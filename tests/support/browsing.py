@@ -76,12 +76,11 @@ def new_page(browser: Any, size: dict[str, int]) -> Any:
     return opened
 
 
-def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str], spared: bool = True) -> Any:
-    """A page with the viewer, when these nodes of the scene are there; ``spared``: with fewer pixels and samples."""
+def open_viewer(browser: Any, viewer: Any, size: dict[str, int], nodes: Sequence[str]) -> Any:
+    """A page with the viewer, when these nodes of the scene are there, with fewer pixels and samples."""
     page = new_page(browser, size)
-    if spared:
-        page.add_init_script(ONE_SAMPLE)
-    page.goto(f"{viewer.url}{PIXELS if spared else ''}")
+    page.add_init_script(ONE_SAMPLE)
+    page.goto(f"{viewer.url}{PIXELS}")
     _arrange(page, nodes)
     return page
 

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import viser
 from viser import _messages
-
-SCRIPTS = ("drawing.js", "gridlines.js", "coarse.js")
-SCRIPT = "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in SCRIPTS)
-
 
 # viser listens to hotkeys at the root element and moves the camera on arrow keys and letters at the document, which comes after it.
 # - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
@@ -90,8 +85,7 @@ if (!window.mechvizCursor) {
 # viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
 # lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
 # After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
-# points and panels do not: one frame is enough, with another when all is at rest (drawing.js), and without a graphics card the next
-# move need not wait for all the others.
+# points and panels do not: one frame is enough, with another when all is at rest, and the next move need not wait for the others.
 PROMPT = """
 (() => {
   const viser = window.__viserMutable;
@@ -102,7 +96,7 @@ PROMPT = """
   const MOVES = new Set(["points", "vertices", "scale", "batched_positions", "batched_wxyzs", "batched_scales"]);
   const isAtOnce = ({ type, updates }) =>
     AT_ONCE.has(type) || (type === "SceneNodeUpdateMessage" && Object.keys(updates).every((prop) => MOVES.has(prop)));
-  let request = viser.requestRender, taking = null;
+  let request = viser.requestRender, taking = null, rest = 0;
   const invalidate = () => {
     const own = viser.scene && viser.scene.__r3f, store = own && (own.root || own), state = store && store.getState;
     return state ? state().invalidate : null;
@@ -112,10 +106,12 @@ PROMPT = """
     if (taking) return taking === "known" ? undefined : request();
     if (!ready || !viser.messageQueue.length) return request();
     const draw = viser.messageQueue.every(isAtOnce) && invalidate();
-    if (window.mechvizDrawing) window.mechvizDrawing.touch();
     taking = draw ? "known" : "other";
     try { viser.drainMessageQueue(); } finally { taking = null; }
-    if (draw) draw(window.mechvizDrawing ? 1 : 2); else request();
+    if (!draw) return request();
+    draw(1);
+    clearTimeout(rest);
+    rest = setTimeout(draw, 150, 1);
   };
   Object.defineProperty(viser, "requestRender", { configurable: true, enumerable: true, get: () => prompt,
     set: (other) => { request = other; } });
@@ -125,7 +121,7 @@ PROMPT = """
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{SCRIPT}{PROMPT}"
+    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{PROMPT}"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
 
 

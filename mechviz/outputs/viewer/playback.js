@@ -65,10 +65,7 @@ if (!window.mechvizPlayback) {
         viser.messageQueue.push({ type: "SetSceneNodeVisibilityMessage", name: track.name, visible: seen });
       }
     }
-    const drawing = window.mechvizDrawing;
-    if (!drawing || viser.messageQueue.length) return viser.requestRender();
-    drawing.touch(); // poses alone are in the next frame: no need to draw for longer
-    drawing.draw();
+    viser.requestRender();
   };
   const text = (value, digits) => {
     if (!Number.isFinite(value)) return "not finite";

@@ -30,6 +30,7 @@ from browsing import (
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import Curves
+from mechviz.outputs.viewer.world.arrows import arc_path
 from mechviz.outputs.viewer.world.camera import fit_view
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
@@ -49,6 +50,17 @@ SHOWN = """async count => { const player = window.mechvizPlayback;
     } }"""
 LINKS = ("crank", "coupler", "rocker")
 NODES = tuple(link_path(link) for link in LINKS)
+
+# At each picture: where the coupler is, the corners of the torque's arc, and the places of the arrows of the reactions
+WATCH = """([coupler, arc]) => { const v = window.__viserMutable, own = v.scene.__r3f, { scene } = (own.root || own).getState();
+    const after = scene.onAfterRender, found = (name, is) => { let o = null;
+        v.nodeRefFromName[name].traverse(n => { o = o || (is(n) && n); }); return o; };
+    window.watched = [];
+    scene.onAfterRender = () => {
+        const pose = v.nodePoseData[coupler], corners = found(arc, n => n.isMesh).geometry.attributes.position.array;
+        const arrows = found('/vectors/reaction', n => n.matricesTexture).matricesTexture.image.data;
+        window.watched.push([pose.position.join(), corners.slice(-6).join(), arrows.slice(0, 32).join()]); };
+    window.unwatch = () => { scene.onAfterRender = after; }; }"""
 
 
 @pytest.fixture(scope="module")
@@ -643,3 +655,13 @@ def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):
             assert opened.evaluate(SEEN, "/drawings/force")
         finally:
             opened.close()
+
+
+def test_the_first_picture_of_a_move_has_all_of_it(viewer, page):
+    page.evaluate(WATCH, [link_path("coupler"), arc_path("drive", "A")])
+    viewer.set_frame(323)
+    _until_drawn(viewer, page)
+    next_frames(page, 20)
+    watched = page.evaluate("() => { window.unwatch(); return window.watched; }")
+    first = next(seen for seen in watched if seen[0] == watched[-1][0])
+    assert first == watched[-1], "the arc and the arrows stand where they belong, as the link does"
