@@ -1,4 +1,4 @@
-"""Shared by tests: coupled, misses_by."""
+"""Four-bars and chains at change points, or beside them by a margin."""
 
 from __future__ import annotations
 

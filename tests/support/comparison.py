@@ -1,4 +1,4 @@
-"""Shared by tests: Result, differences."""
+"""Results of a mechanism and of the same one described otherwise, and by how much they differ."""
 
 from __future__ import annotations
 

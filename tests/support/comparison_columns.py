@@ -1,4 +1,4 @@
-"""Shared by tests: class_three, close, column, test_elliptic_trammel_driven_by_its_angle."""
+"""Columns of reference values compared with results, and the linkage of class three that several tests share."""
 
 from __future__ import annotations
 

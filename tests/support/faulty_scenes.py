@@ -1,4 +1,4 @@
-"""Shared by tests: changed, faults_of."""
+"""A sound scene with some of its values changed, and the faults that are told of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: BOUNCING."""
+"""A scene that bounces for a while, to be watched while it is computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: loaded, run."""
+"""Random linkages under random loads, and their solution."""
 
 from __future__ import annotations
 

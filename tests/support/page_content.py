@@ -1,4 +1,4 @@
-"""Shared by tests: content."""
+"""What a shared page holds: its header and its arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, number, six_bars, slider_cra."""
+"""Random linkages for hypothesis, and the balance of forces of their links."""
 
 from __future__ import annotations
 

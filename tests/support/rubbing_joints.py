@@ -1,4 +1,4 @@
-"""Shared by tests: GEAR, drum, rack, shaper, wheels."""
+"""Mechanisms with friction in joints: gears, a rack, a shaper, wheels, a drum with a brake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: SCHEMA, conforms."""
+"""The JSON Schema of scenes, derived once, and whether a document conforms to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: STOPPED."""
+"""A scene under forces with end stops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: FRAMES, check_shapes, in_world, meeting_links, moved, placed, section."""
+"""Checks of solids: closed shapes, sections, links that meet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared by tests: THETA, sound, wheel."""
+"""Wheels on carriers, and what must hold of every solution of them."""
 
 from __future__ import annotations
 

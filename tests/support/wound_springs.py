@@ -1,4 +1,4 @@
-"""Shared by tests: AT_REST, FIVE_BAR, FOUR_BAR, GEARED, SLIDER_CRANK, SPRING, STOPPED, TABLE, four_bar."""
+"""Mechanisms with torsion springs, stops and tables over relative angles."""
 
 from __future__ import annotations
 
