@@ -16,7 +16,6 @@ from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError
 
 if TYPE_CHECKING:
-
     from matplotlib.figure import Figure
     from matplotlib.projections.polar import PolarAxes
 
