@@ -118,29 +118,14 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
     return out
 
 
-def told_apart(result: Result) -> list[tuple[float, str, str]]:
-    """Events without those that follow one at the same stop at once: how many bounces of rounding are counted is a convention."""
-    near = 1e-9 * float(result.case.time[-1])
-    stops = {"impact", "contact", "release"}
-    ended: dict[str, float] = {}
-    out = []
-    for time, kind, item in sorted(result.events):
-        if kind in stops:
-            again, ended[item] = time - ended.get(item, -np.inf) < near, time
-            if again:
-                continue
-        out.append((time, kind, item))
-    return out
-
-
 def happened(change: Change, base: Result, other: Result) -> float:
     """By how much of the duration events differ in time; infinite where they are not the same."""
     kinds = {"INFO", "WARN", "impact", "contact", "release", "watch"}
-    duration = float(other.case.time[-1])
-    was = sorted((change.time * t, kind, change.names.get(item, item)) for t, kind, item in told_apart(base) if kind in kinds)
-    now = sorted((t, kind, item) for t, kind, item in told_apart(other) if kind in kinds)
+    was = sorted((change.time * t, kind, change.names.get(item, item)) for t, kind, item in base.events if kind in kinds)
+    now = sorted((t, kind, item) for t, kind, item in other.events if kind in kinds)
     if sorted(x[1:] for x in was) != sorted(x[1:] for x in now):
         return np.inf
+    duration = float(other.case.time[-1])
     far = 0.0
     for label in {x[1:] for x in was}:
         pairs = zip([x[0] for x in was if x[1:] == label], [x[0] for x in now if x[1:] == label], strict=True)
