@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loaded import loaded
 from mechanisms import load
-from random_linkages import ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, six_bars, slider_cranks
+from random_linkages import ACCELERATION, ANGLES, SPEED, balance_of_links, crank_rockers, six_bars, slider_crank, slider_cranks
 
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.solve import compile_mechanism, solve_motion
@@ -64,6 +64,14 @@ def check(mechanism: Mechanism) -> None:
     extra = sound.power_supplied - without.power_supplied
     scale = max(np.abs(sound.power_supplied).max(), np.abs(without.power_supplied).max())
     assert np.abs(extra + sound.friction.power).max() <= 1e-9 * scale
+
+
+def test_a_jam_that_begins_where_the_guide_tilts_over_names_its_joint() -> None:
+    """The larger of the two edge forces changes its edge there: below the jam the larger one does not grow with friction."""
+    crank = slider_crank(r=1.0, l=1.5, bodies={"piston": (1.0, (0.0, 1.0), 0.0)}, effects=("inertia", "gravity", "friction"))
+    friction = load(rub(crank, S=Friction(coefficient=1.5, length=0.2)), ANGLES, SPEED, ACCELERATION).friction
+    assert friction is not None and friction.jammed.sum() == 25
+    assert all(friction.jammed_by(f) == ("S",) for f in np.flatnonzero(friction.jammed))
 
 
 @settings(max_examples=40)

@@ -28,6 +28,7 @@ STARTS = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
 BOUNDS = 8  # vectors that are tried for the simple bound
 AWAY = 0.05  # of the largest load: a step that ends farther from its prediction may have left the branch
+BEYOND = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
 MOST_STEPS = 2000  # along a branch: some fifty do
 CLOSE = 0.9  # part of the proportion up to which the map contracts
 
@@ -323,7 +324,8 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         active = active[~ended & (p[active] < 1.0)]
     jammed[active] = True  # it never settled
     share = np.zeros_like(g)
-    share[jammed] = _share(a[jammed], k[jammed] * p[jammed][:, None, None, None], euclidean, g[jammed])
+    past = p[jammed] * (1.0 + BEYOND)
+    share[jammed] = _share(a[jammed], k[jammed] * past[:, None, None, None], euclidean, g[jammed])
     if not jammed.all():
         g[~jammed], residual[~jammed], _ = _newton(a[~jammed], k[~jammed], euclidean, g[~jammed], most=8)
     g[jammed] = np.nan
