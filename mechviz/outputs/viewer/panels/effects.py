@@ -209,12 +209,11 @@ class EffectsTab:
     def update(self, show: ViewModel) -> None:
         """Take the switches and the plan of another run."""
         assert show.run is not None
-        for name, box in self.effects.items():
-            if box.value != (name in show.run.scene.effects):
-                box.value = name in show.run.scene.effects
-        for name, box in self.loads.items():
-            if box.value != (name in show.run.scene.document.loads):
-                box.value = name in show.run.scene.document.loads
+        if not self._studio.overtaken:  # else a newer click would be undone until its own answer comes
+            for boxes, on in ((self.effects, show.run.scene.effects), (self.loads, show.run.scene.document.loads)):
+                for name, box in boxes.items():
+                    if box.value != (name in on):
+                        box.value = name in on
         diagram = self._diagram(show)
         if self.diagram.content != diagram:
             self.diagram.content = diagram
