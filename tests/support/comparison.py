@@ -74,6 +74,7 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
     )
     arm = base.motion.model.size
     strongest = max(strongest, *(float(np.abs(r.values[:, 2]).max(initial=0.0)) / arm for r in base.forces.loads.values()), 1e-9)
+    strongest = max(strongest, *(damping(x, fast, arm) for x in m.loads), 0.0)
     for p in m.pairs:
         name = change.names[p.name]
         sign = -1.0 if p.name in change.swapped else 1.0
@@ -116,6 +117,13 @@ def differences(change: Change, base: Result, other: Result) -> dict[str, float]
     if not back:
         out["events"] = happened(change, base, other)
     return out
+
+
+def damping(load: Any, rate: float, size: float) -> float:
+    """What a damper brakes with at the speeds of the mechanism: beside it, that between two welded links is rounding."""
+    if isinstance(load, sp.Damper):
+        return (load.linear + load.quadratic * rate * size) * rate * size
+    return load.coefficient * rate / size if isinstance(load, sp.TorsionDamper) else 0.0
 
 
 def happened(change: Change, base: Result, other: Result) -> float:

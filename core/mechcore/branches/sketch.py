@@ -56,7 +56,7 @@ def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] |
             continue
         rotary = model.rotary(drive.pair)
         way = math.remainder(place - q, TURN) if rotary else place - q
-        if abs(way) > AT_START * (1.0 if rotary else model.size):
+        if abs(way) > AT_START * model.coordinate_scale(drive.pair):
             drawn[k], away = q + way, True
     return tuple(drawn) if away else None
 

@@ -19,7 +19,7 @@ from mechcore.dynamics.equations.chart import Chart
 from mechcore.dynamics.equations.charts import curve_around
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
-from mechcore.dynamics.equations.reduced import free_of, integrating, reduce
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, reduce
 from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
 from mechcore.dynamics.events import EventTrigger, SimulationEvent, Stop, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
@@ -194,8 +194,7 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Any) -> SimulationEvent 
         largest = np.abs(system.table.coefficients[:, :, 1]).max()
         if abs(system.table(q)[0, 1]) > PUSHED * largest:
             return None
-    model = compiled.model
-    scale = np.array([1.0 if model.joints[model.joint_index[d.pair]].coordinate == "angle" else model.size for d in drives])
+    scale = coordinate_scales(compiled)
     near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
     force = np.abs(reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force) * scale
     size = float(np.nanmax(force[1:], initial=0.0))

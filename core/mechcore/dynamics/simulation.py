@@ -16,7 +16,7 @@ from mechcore.dynamics.contact.separation import FollowerSeparation, SeparableCa
 from mechcore.dynamics.energy_account import WorkIntegrals, kinetic_energy_of, powers_of, work_integrals
 from mechcore.dynamics.equations.curve import TURN
 from mechcore.dynamics.equations.energy import EnergyMotion
-from mechcore.dynamics.equations.reduced import free_of, integrating, motion_at
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
 from mechcore.dynamics.events import SimulationEvent, Stop
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
@@ -278,19 +278,18 @@ def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> f
         return 0.0
     t = np.linspace(segment.start, segment.end, samples + 1)
     q, v, _ = segment(t)
-    model = segment.compiled.model
-    pairs = [segment.compiled.mechanism.drives[i].pair for i in free_of(segment.compiled)]
-    scale = np.array([1.0 if model.joints[model.joint_index[p]].coordinate == "angle" else model.size for p in pairs])
+    scale = coordinate_scales(segment.compiled)
+    f = len(scale)
     solve: Any = solve_ivp  # stubs of scipy, where there are any, take real states for complex ones
     found = solve(
-        right_hand_side(segment.system, len(pairs)),
+        right_hand_side(segment.system, f),
         (segment.start, segment.end),
         np.concatenate([q[0], v[0]]),
         method=method,
         t_eval=t,
         rtol=tolerance,
-        atol=tolerance * np.tile(scale, 2) * 1e-2,
+        atol=tolerance * np.append(scale, scale / (segment.end - segment.start)) * 1e-2,
     )
     if not found.success:
         return float("inf")
-    return float(np.max(np.abs(found.y[: len(pairs)].T - q) / scale))
+    return float(np.max(np.abs(found.y[:f].T - q) / scale))

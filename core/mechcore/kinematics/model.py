@@ -150,6 +150,10 @@ class Model:
         """Whether a pair's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
         return pair not in self.joint_index or self.joints[self.joint_index[pair]].coordinate == "angle"
 
+    def coordinate_scale(self, pair: str) -> float:
+        """Typical size of a pair's coordinate: 1 rad, or the length scale of the mechanism [m]."""
+        return 1.0 if self.rotary(pair) else self.size
+
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:
         """Named points of every link in its own axes [m]; in a sweep those that vary are arrays (designs, 1)."""

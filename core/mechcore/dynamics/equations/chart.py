@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_states
+from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, steps_of_differences, with_states
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-
-STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
 def jacobian_of(motion: Motion, units: Sequence[Motion], pairs: Sequence[str]) -> tuple[Real, Real]:
@@ -77,8 +75,7 @@ def differences(system: Any, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, 
     """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences, all in one call."""
     n, f = q.shape
     many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
-    step_q = STEP * np.maximum(1.0, np.abs(q).max(axis=0))
-    step_v = STEP * np.maximum(1.0, np.abs(v).max(axis=0))
+    step_q, step_v = steps_of_differences(system.compiled, q, v, a)
     for k in range(f):
         many_q[k * n : (k + 1) * n, k] += step_q[k]
         many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]

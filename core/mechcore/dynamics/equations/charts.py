@@ -64,7 +64,7 @@ def _chart_rates(compiled: Compiled, q: Real, v: Real, t: float) -> tuple[Motion
     movable = [p for p in mechanism.pairs if isinstance(p, Revolute | Prismatic | Planar)]
     names = [name for p in movable for name in coordinates_of(p) if name not in led]
     names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
-    size = {name: model.size if model.joints[model.joint_index[name]].coordinate == "slide" else 1.0 for name in names}
+    size = {name: model.coordinate_scale(name) for name in names}
     free = [mechanism.drives[i].pair for i in free_of(compiled)]
     rows = [[float(np.ravel(rate(u, name))[0]) * size[f] / size[name] for u, f in zip(units, free, strict=True)] for name in names]
     return motion, names, np.array(rows)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 from mechcore.branches.singular_points import Changes
-from mechcore.dynamics.equations.reduced import motion_at, with_rates
+from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
@@ -33,7 +33,6 @@ DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions bey
 ROUGH = 1e-4  # next to a singular position rounding is that much at most
 SAME = 1e-3  # of an energy: two ways to find it differ by less
 LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
-STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ class Curve:
         by_v = -f[:, 2] * w
         if self.rest:
             n = len(t)
-            steps = STEP * max(1.0, float(np.abs(q).max())), STEP * max(1.0, float(np.abs(v).max()))
+            steps = [float(x[0]) for x in steps_of_differences(self.compiled, q, v, a)]
             found = self.changing(
                 np.concatenate([q, q + steps[0], q]), np.concatenate([v, v, v + steps[1]]), np.concatenate([t, t, t])
             ).reshape(3, n)

@@ -23,6 +23,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import solve_motion
 
 Array = Any
+STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,25 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
 def free_of(compiled: Compiled) -> list[int]:
     """The drives that are free coordinates; the others follow their laws in time."""
     return [i for i, d in enumerate(compiled.mechanism.drives) if isinstance(d.law, Free)]
+
+
+def coordinate_scales(compiled: Compiled) -> Real:
+    """What counts as a large displacement of each free coordinate (f,): 1 rad, or the length scale of the mechanism [m]."""
+    drives = compiled.mechanism.drives
+    return np.array([compiled.model.coordinate_scale(drives[i].pair) for i in free_of(compiled)])
+
+
+def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple[Real, Real]:
+    """Steps (f,) of coordinates and of rates by which slopes are found at nodes (n, f), with accelerations (n, f).
+
+    Relative to the scale of each coordinate and, for rates, to the time in which the motion covers it, so that units do not
+    matter; states of effects that integrate, whose scales nobody knows, count as coordinates of scale 1.
+    """
+    scales = coordinate_scales(compiled)
+    f = len(scales)
+    pace = max(float((np.abs(v[:, :f]) / scales).max()), float(np.sqrt((np.abs(a[:, :f]) / scales).max()))) or 1.0
+    scales = np.append(scales, np.ones(q.shape[1] - f))
+    return STEP * np.maximum(scales, np.abs(q).max(axis=0)), STEP * np.maximum(pace * scales, np.abs(v).max(axis=0))
 
 
 def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = None) -> Motion:

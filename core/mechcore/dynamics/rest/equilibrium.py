@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.dynamics.equations.charts import best_chart
-from mechcore.dynamics.equations.reduced import free_of, motion_at, reduced_equations, tangents
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at, reduced_equations, tangents
 from mechcore.dynamics.events import Stop, with_slot_ends
 from mechcore.effects.base import power_of
 from mechcore.effects.registry import applied_effects, effects_of
@@ -65,13 +65,6 @@ class Equilibrium:
     def motion_with(self, rates: Real) -> Motion:
         """The mechanism passing through it with ``rates`` (f,) of its free coordinates (one frame)."""
         return motion_at(_still(self.compiled), self.position[None], rates[None], np.zeros(1))
-
-
-def scale_of(compiled: Compiled) -> Real:
-    """What counts as a large displacement of each free coordinate (f,): one radian, or the mechanism's size [m]."""
-    model = compiled.model
-    pairs = [d.pair for d in compiled.mechanism.drives if isinstance(d.law, Free)]
-    return np.array([1.0 if model.rotary(p) else model.size for p in pairs])
 
 
 @dataclass(frozen=True)
@@ -125,7 +118,7 @@ def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "pos
 def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
     from one set of positions, central differences of sixth order."""
-    scale, f = scale_of(compiled), len(q)
+    scale, f = coordinate_scales(compiled), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
     force, size = _forces(compiled, np.vstack([q[None], q + STEP * scale * shifts]))
     by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), WEIGHTS) / (STEP * scale)
@@ -150,7 +143,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
     for count in range(1, MOST + 1):
-        scale = scale_of(compiled)
+        scale = coordinate_scales(compiled)
         force, by_q, size = slopes_at_rest(compiled, q)
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
@@ -195,7 +188,7 @@ def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
 
 def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, largest: float) -> Real:
     """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
-    scale = scale_of(compiled)
+    scale = coordinate_scales(compiled)
     length = float(np.abs(step / scale).max())
     step = step * min(1.0, LONGEST / length) if length else step
     for _ in range(40):
@@ -288,7 +281,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
-    scale, f = scale_of(compiled), len(q)
+    scale, f = coordinate_scales(compiled), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
     places = np.vstack([q[None], q + STEP * scale * shifts])
     motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))

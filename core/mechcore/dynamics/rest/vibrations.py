@@ -16,9 +16,9 @@ import scipy.linalg
 from scipy.optimize import linear_sum_assignment
 
 from mechcore.arrays import Real
-from mechcore.dynamics.equations.reduced import reduce
+from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
 from mechcore.dynamics.events import Stop
-from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest, scale_of
+from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -125,7 +125,7 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     if "inertia" not in compiled.mechanism.effects:
         raise MechanismError(Fault("effects", "vibrations need masses, and inertia is not named.", 'Add "inertia" to effects.'))
     inertia = reduce(compiled, q[None], np.zeros((1, len(q))), np.zeros(1)).inertia[0]
-    scale = scale_of(compiled)
+    scale = coordinate_scales(compiled)
     weighed = np.linalg.eigvalsh(inertia * scale[:, None] * scale)
     if not weighed[0] > 1e-14 * weighed[-1]:
         raise MechanismError(
@@ -154,7 +154,7 @@ def _damping(compiled: Compiled, q: Real) -> Real:
 
     Raises `MechanismError` where a force jumps as the motion turns round.
     """
-    scale, f = scale_of(compiled), len(q)
+    scale, f = coordinate_scales(compiled), len(q)
     steps = STEP * 0.5 ** np.arange(3)
     rates = np.concatenate([sign * h * np.diag(scale) for h in steps for sign in (1.0, -1.0)])
     force = force_at_rest(compiled, np.tile(q, (len(rates), 1)), rates, only="velocities").reshape(3, 2, f, f)
