@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mechviz.picture.arrows import Arrows, arrows_of, key_of
 from mechviz.picture.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
+from mechviz.picture.overlays import overlay_nodes
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
 from mechviz.picture.springs import COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils
@@ -65,6 +66,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
         *_masses(run, solids),
         *_paths(run, solids, heights),
         *joint_nodes(run, solids),
+        *overlay_nodes(run, solids),
         *arrows.nodes(_arrow_heights(run, solids, arrows, heights), solids.z_top),
     ]
     numbers = run.numbers
@@ -130,7 +132,7 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
         strips = tuple(_in_space(strip, height) for strip in strut.strips(frames))
         entity = ("mechanism", "springs", strut.name)
         owner = ("load", strut.name)
-        yield Lines(f"spring.{strut.name}", owner, "springs", entity, height, strips, LINES[strut.kind], LINE * solids.size)
+        yield Lines(f"spring.{strut.name}", owner, "springs", entity, height, strips, (LINES[strut.kind],), (LINE * solids.size,))
 
 
 def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
@@ -164,8 +166,8 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
                 ("vectors", "friction", e.pair, name),
                 height,
                 (np.where(there[:, None, None], _in_space(strip, height), np.float32(np.nan)),),
-                FRICTION,
-                THIN * solids.size,
+                (FRICTION,),
+                (THIN * solids.size,),
                 None if there.all() else there,
             )
 
@@ -186,7 +188,7 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
             solids.z_top,
             name,
             np.array([[(*b.centre, solids.z_top) for b in bodies]], np.float32),
-            BALL,
+            (BALL,),
             tuple(LARGEST_BALL * solids.size * (b.mass / heaviest) ** (1.0 / 3.0) for b in bodies),
             tuple(f"{b.mass:.4g} kg" for b in bodies),
         )
@@ -201,7 +203,7 @@ def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
         strip = _in_space(run.motion.point(link, point)[None], height)
         r, g, b = (int(0.5 * c + 127) for c in solids.links[link].color[:3])
         entity = ("mechanism", "paths", name)
-        yield Lines(key, ("point", name), "paths", entity, height, (strip,), (r, g, b), PATH * solids.size)
+        yield Lines(key, ("point", name), "paths", entity, height, (strip,), ((r, g, b),), (PATH * solids.size,))
 
 
 def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
@@ -221,7 +223,8 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
         spots = _in_space(place[:, None], height)
         entity = ("mechanism", "joints", name)
         label = (labels.get(name, ""),)
-        yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, DOT_COLOR, (DOT * solids.size,), label)
+        look = (DOT_COLOR,), (DOT * solids.size,), label
+        yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, *look)
 
 
 def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, known: Heights) -> Heights:

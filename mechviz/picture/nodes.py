@@ -67,12 +67,17 @@ class Body(Node):
 
 @dataclass(frozen=True, eq=False)
 class Lines(Node):
-    """Strips (F, n, 3) [m] in the world at every frame, or (1, n, 3) where they stand still; ``shown`` (F,): at which frames."""
+    """Strips (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the world or in the axes of the link ``parent``.
+
+    ``colors`` and ``radii`` [m]: one of each strip, or one of all; ``shown`` (F,): at which frames.
+    """
 
     strips: tuple[Single, ...]
-    color: Color
-    radius: float
+    colors: tuple[Color, ...]
+    radii: tuple[float, ...]
     shown: NDArray[np.bool_] | None = None
+    labels: tuple[str, ...] = ()
+    parent: str = ""
 
     @property
     def moves(self) -> bool:
@@ -81,13 +86,25 @@ class Lines(Node):
 
 @dataclass(frozen=True, eq=False)
 class Points(Node):
-    """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``."""
+    """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``; at frames where
+    they are not there all are NaN. ``colors``: one of each point, or one of all."""
 
     parent: str
     places: Single
-    color: Color
+    colors: tuple[Color, ...]
     radii: tuple[float, ...]
     labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ArrowSet(Node):
+    """Arrows of a construction from ``origins`` along ``vectors`` (F, n, 3) [m]; ``colors``: one of each, or one of all."""
+
+    origins: Single
+    vectors: Single
+    colors: tuple[Color, ...]
+    radius: float
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

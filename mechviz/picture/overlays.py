@@ -1,15 +1,17 @@
-"""Constructions that are drawn on the mechanism: strings of funicular polygons, their resultants, polodes, substitute masses.
-
-Pure functions of a `Run`; the recorder and the viewer draw what they find here. Places of the plane are complex numbers [m].
-"""
+"""Constructions that are drawn on the mechanism: strings of funicular polygons, their resultants, polodes, substitute masses,
+equivalent linkages. They are nodes of the picture. Places of the plane are complex numbers [m]."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechcore.reduction.systems import KINDS
+from mechviz.picture.constructions import COLORS
+from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 from mechviz.picture.strut_glyphs import strut_ends
 
 if TYPE_CHECKING:
@@ -18,22 +20,93 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.complex128]
-
-
-class Extent(Protocol):
-    """Where the mechanism is: the box around it over the run (2, 3) [m], and its size [m]."""
-
-    @property
-    def bounds(self) -> NDArray[np.float64]: ...
-    @property
-    def size(self) -> float: ...
-
+Single = NDArray[np.float32]
 
 FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
 CHAIN = (120, 255, 190)  # equivalent linkages
 FAR = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
 BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
 REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
+WHITE, NEGATIVE, POSITIVE = (255, 255, 255), (255, 96, 150), (236, 238, 244)  # resultants, substitute masses
+SUBSTITUTE_FORCE = (244, 178, 255)
+
+
+def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
+    """What the scene's constructions draw on the mechanism; the colours are made for a dark ground."""
+    size, top = solids.size, solids.z_top
+    yield from _funicular(run, size, top + 0.01 * size)
+    for name, found in run.studies.polodes.items():
+        height = top + 0.006 * size
+        for kind, way, color, group, entity, parent in (
+            ("fixed", found.fixed, FIXED, "polodes", ("polygons", "polodes", name), ""),
+            ("moving", found.moving, MOVING, "polode", ("mechanism", "links", name, "polode"), name),
+        ):
+            strips = tuple(piece[None] for piece in polode_pieces(way, found.fixed, solids, z=height))
+            if strips:
+                look = {"colors": (color,), "radii": (0.0032 * size,), "parent": parent}
+                yield Lines(f"polode.{name}.{kind}", ("link", name), group, entity, height, strips, **look)
+    yield from _equivalents(run, size, top + 0.01 * size)
+    yield from _substitutes(run, size, top + 0.01 * size)
+
+
+def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
+    systems = run.studies.systems
+    if not systems:
+        return
+    colors, labels, radii = [], [], []
+    for s in systems.values():
+        n = s.drawing.forces.shape[1]
+        colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
+        labels += [*(str(i) for i in range(n + 1)), *s.drawing.names]
+        radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
+    strips = tuple(_space(strip, height) for strip in strings(run, size))
+    common = ("construction", "funicular"), "funicular"
+    path = ("polygons", "funicular")
+    yield Lines("funicular.strings", *common, path, height, strips, tuple(colors), tuple(radii), labels=tuple(labels))
+    found = resultants(run, size)
+    starts, vectors = (np.stack([pair[k] for pair in found], axis=1) for k in (0, 1))
+    single = [bool(np.any(s.drawing.kind == KINDS[2])) for s in systems.values()]
+    names = ["R" if len(systems) == 1 else f"R {name}" for name in systems]
+    words = tuple(name if there else "" for name, there in zip(names, single, strict=True))
+    arrows = _space(starts, height), _space(vectors, 0.0), (WHITE,), 0.007 * size, words
+    yield ArrowSet("funicular.resultants", *common, (*path, "resultant"), height, *arrows)
+
+
+def _equivalents(run: Run, size: float, height: float) -> Iterator[Node]:
+    pins = dict(chain_pins(run, size))
+    for name, chain in chain_strips(run, size):
+        common = ("joint", name), "equivalent"
+        path = ("polygons", "equivalent", name)
+        strips = tuple(_space(strip, height) for strip in chain)
+        yield Lines(f"equivalent.{name}", *common, path, height, strips, (CHAIN,), (0.0028 * size,))
+        if pins[name]:
+            places = np.stack([z for _, z in pins[name]], axis=1)
+            dots = _space(places, height)
+            dots[~np.isfinite(places).all(axis=1)] = np.nan
+            look = (CHAIN,), (0.011 * size,), tuple(label for label, _ in pins[name])
+            yield Points(f"equivalent.{name}.pins", *common, (*path, "pins"), height, "", dots, *look)
+
+
+def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
+    for name, body in run.studies.substitutes.items():
+        places, forces = (v @ np.array([1.0, 1.0j]) for v in (body.places, body.forces))  # (F, n)
+        share = np.sqrt(np.abs(body.masses) / np.abs(body.masses).max())
+        common = ("link", name), "substitutes"
+        path = ("polygons", "substitutes", name)
+        colors = tuple(NEGATIVE if m < 0.0 else POSITIVE for m in body.masses)
+        look = colors, tuple(float(r) for r in (0.012 + 0.028 * share) * size), tuple(f"{m:.4g} kg" for m in body.masses)
+        yield Points(f"substitutes.{name}", *common, path, height, "", _space(places, height), *look)
+        vectors = _space(forces / substitute_scale(run, size), 0.0)
+        arrows = _space(places, height), vectors, (SUBSTITUTE_FORCE,), 0.005 * size
+        yield ArrowSet(f"substitutes.{name}.forces", *common, (*path, "forces"), height, *arrows)
+
+
+def _space(z: Array, height: float) -> Single:
+    """Places of the plane (...) as (..., 3); a place that is not finite is the origin."""
+    out = np.full((*z.shape, 3), height, np.float32)
+    known = np.where(np.isfinite(z), z, 0.0)
+    out[..., 0], out[..., 1] = known.real, known.imag
+    return out
 
 
 def overlay_box(run: Run, solids: Solids) -> NDArray[np.float64]:
@@ -142,7 +215,7 @@ def substitute_scale(run: Run, size: float) -> float:
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
-def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: Extent, *, z: float) -> list[NDArray[np.float32]]:
+def polode_pieces(way: NDArray[np.float64], place: NDArray[np.float64], solids: Solids, *, z: float) -> list[NDArray[np.float32]]:
     """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
 
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.

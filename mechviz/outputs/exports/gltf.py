@@ -75,7 +75,7 @@ def glb_bytes(run: Run, *, solids: Solids | None = None, arrows: Iterable[str] =
         places = path.strips[0][0]
         if len(places) < 2:
             continue
-        stroke = out.material(path.color, line=True)
+        stroke = out.material(path.colors[0], line=True)
         line = {
             "attributes": {"POSITION": out.accessor(places, target=VERTICES, bounds=True)},
             "mode": LINE_STRIP,

@@ -65,9 +65,9 @@ FAMILIES: tuple[Family, ...] = (
     Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
     Family(
         "polygons",
-        streams=lambda c: polygon_streams(c.run, c.drawings, c.solids, c.every),
-        statics=lambda c: polygon_shapes(c.run, c.drawings, c.solids),
-        views=lambda c: polygon_views(c.run, c.drawings, magnification(c.solids.size), BACKGROUND),
+        streams=lambda c: polygon_streams(c.drawings, c.every),
+        statics=lambda c: polygon_shapes(c.drawings, c.picture.size),
+        views=lambda c: polygon_views(c.drawings, magnification(c.solids.size), BACKGROUND),
     ),
 )
 """In the order in which they are written."""

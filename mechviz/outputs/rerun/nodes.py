@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.outputs.rerun.paths import entity, packed
+from mechviz.outputs.rerun.paths import entity, line_strips, packed
 from mechviz.outputs.rerun.streams import Index, Static, Stream, in_space
 from mechviz.picture.arrows import SHORTEST, visible
-from mechviz.picture.nodes import Arc, Arrow, Body, Lines, Node, Picture, Points
+from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import ARC_RADIUS
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector
 
@@ -117,12 +117,8 @@ def _entry(node: Node) -> dict[str, Any]:
         "group": node.group,
         "height": node.height,
     }
-    if isinstance(node, Body | Points):
+    if isinstance(node, Body | Points | Lines):
         entry["parent"] = node.parent
-    if isinstance(node, Lines):
-        entry["style"] = {"color": list(node.color), "radius": node.radius}
-    if isinstance(node, Points):
-        entry["style"] = {"color": list(node.color), "radii": list(node.radii)}
     return entry
 
 
@@ -148,6 +144,8 @@ def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
             draw = partial(_bent, node)
         case Points() if len(node.places) > 1:
             draw = partial(_dotted, node)
+        case ArrowSet():
+            draw = partial(_pointed_together, node)
         case Arrow():
             scale = picture.scales.per_metre(node.vector.family)
             draw = partial(_pointed, node, scale, visible(node.vector.value, scale, picture.size))
@@ -170,7 +168,7 @@ def _bent(node: Lines, frames: Index) -> Any:
     import rerun as rr
 
     there = frames if node.shown is None else frames[node.shown[frames]]
-    strips: Any = [strip[k] for k in there for strip in node.strips] if len(node.strips) > 1 else node.strips[0][there]
+    strips = line_strips([strip[there] for strip in node.strips])
     counts = np.full(len(frames), len(node.strips)) if node.shown is None else len(node.strips) * node.shown[frames]
     return rr.LineStrips3D.columns(strips=strips).partition(counts.astype(np.int64))
 
@@ -178,9 +176,17 @@ def _bent(node: Lines, frames: Index) -> Any:
 def _dotted(node: Points, frames: Index) -> Any:
     import rerun as rr
 
-    count = node.places.shape[1]
-    columns = rr.Points3D.columns(positions=node.places[frames].reshape(-1, 3))
-    return columns if count == 1 else columns.partition(np.full(len(frames), count))
+    there = np.isfinite(node.places[frames]).all(axis=(1, 2))
+    columns = rr.Points3D.columns(positions=node.places[frames[there]].reshape(-1, 3))
+    return columns.partition(node.places.shape[1] * there)
+
+
+def _pointed_together(node: ArrowSet, frames: Index) -> Any:
+    import rerun as rr
+
+    origins, vectors = (np.ascontiguousarray(a[frames]).reshape(-1, 3) for a in (node.origins, node.vectors))
+    counts = np.full(len(frames), node.origins.shape[1])
+    return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(counts)
 
 
 def _pointed(node: Arrow, scale: float, seen: NDArray[np.bool_], frames: Index) -> Any:
@@ -218,16 +224,23 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             )
         case Lines():
             where = {} if node.moves else {"strips": [strip[0] for strip in node.strips]}
-            yield Static(path, rr.LineStrips3D.from_fields(colors=[node.color], radii=[node.radius], **where))
+            yield Static(path, rr.LineStrips3D.from_fields(**_look(node.colors, node.radii, node.labels), **where))
         case Points():
             where = {"positions": node.places[0]} if len(node.places) == 1 else {}
-            labels = {"labels": list(node.labels), "show_labels": any(node.labels)}
-            yield Static(path, rr.Points3D.from_fields(colors=packed([node.color]), radii=list(node.radii), **labels, **where))
+            yield Static(path, rr.Points3D.from_fields(**_look(node.colors, node.radii, node.labels), **where))
+        case ArrowSet():
+            yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):
             radius = (THIN if family in MOTION else THICK) * picture.size
             yield Static(path, rr.Arrows3D.from_fields(colors=packed([COLORS[family]]), radii=[radius]))
         case Arc(group=family):
             yield Static(path, rr.LineStrips3D.from_fields(colors=packed([COLORS[family]]), radii=[THICK * picture.size]))
+
+
+def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str]) -> dict[str, Any]:
+    """How lines, points or arrows look; they have labels where any of them is not empty."""
+    words = {"labels": list(labels), "show_labels": True} if any(labels) else {}
+    return {"colors": packed(colors), "radii": list(radii), **words}
 
 
 def _check(node: Body) -> None:

@@ -1,42 +1,23 @@
-"""Graphical constructions in a recording: plans in views of their own, strings and polodes on the mechanism, closing errors."""
+"""Graphical constructions in a recording that stand beside the mechanism: plans in views of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.reduction.systems import KINDS
 from mechviz.outputs.rerun.paths import entity, line_strips
 from mechviz.outputs.rerun.streams import Index, Static, Stream
-from mechviz.picture.constructions import COLORS, Drawing
-from mechviz.picture.overlays import (
-    CHAIN,
-    FIXED,
-    MOVING,
-    chain_pins,
-    chain_strips,
-    polode_pieces,
-    resultants,
-    strings,
-    substitute_scale,
-)
-
-if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
-    from mechviz.runs import Run
-
+from mechviz.picture.constructions import Drawing
 
 Array = NDArray[np.complex128]
 OVERLAYS = ("polygons/funicular", "polygons/polodes", "polygons/substitutes", "polygons/equivalent")
 """Entities that belong into the picture of the mechanism."""
 
-NEGATIVE, POSITIVE = (255, 96, 150), (236, 238, 244)  # substitute masses
 
-
-def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, every: int) -> Iterator[Stream]:
+def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream]:
     """Rows of all constructions that move; labels and colours are static."""
     import rerun as rr
 
@@ -56,34 +37,12 @@ def polygon_streams(run: Run, drawings: dict[str, Drawing], solids: Solids, ever
                 return rr.Points3D.columns(positions=_space(z.reshape(-1))).partition(np.full(len(z), z.shape[1]))
 
             yield Stream(f"{path}/points", points, every)
-    z_top = solids.z_top + 0.01 * solids.size
-    if run.studies.systems:
-        yield Stream("/polygons/funicular", _strips(strings(run, solids.size), z_top), every)
-        yield Stream("/polygons/funicular/resultant", _arrows(resultants(run, solids.size), z_top), every)
-    for name, strips in chain_strips(run, solids.size):
-        yield Stream(entity("polygons", "equivalent", name), _strips(strips, z_top), every)
-    for name, pins in chain_pins(run, solids.size):
-        if pins:
-            yield Stream(entity("polygons", "equivalent", name, "pins"), _points([z for _, z in pins], z_top), every)
-    for name, found in run.studies.substitutes.items():
-        places = found.places @ np.array([1.0, 1.0j])
-
-        def masses(frames: Index, places: Array = places) -> Any:
-            z = places[frames]
-            return rr.Points3D.columns(positions=_space(z.reshape(-1), z_top)).partition(np.full(len(z), z.shape[1]))
-
-        yield Stream(entity("polygons", "substitutes", name), masses, every)
-        forces = found.forces @ np.array([1.0, 1.0j])
-        scale = substitute_scale(run, solids.size)
-        vectors = [(places[:, k], forces[:, k] / scale) for k in range(places.shape[1])]
-        yield Stream(entity("polygons", "substitutes", name, "forces"), _arrows(vectors, z_top), every)
 
 
-def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> Iterator[Static]:
+def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static]:
     """How the constructions look, and those that do not move."""
     import rerun as rr
 
-    size = solids.size
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
         arrows, lines = [i for i in drawing.strokes if not i.plain], [i for i in drawing.strokes if i.plain]
@@ -110,48 +69,9 @@ def polygon_shapes(run: Run, drawings: dict[str, Drawing], solids: Solids) -> It
             curves = [_space(i.vector) for i in arrows]
             faded = [tuple(int(0.6 * c) for c in i.color) for i in arrows]
             yield Static(f"{path}/polar", rr.LineStrips3D(curves, colors=faded, radii=[0.0035 * size]))
-    if run.studies.systems:
-        colors, names, radii = [], [], []
-        for s in run.studies.systems.values():
-            n = s.drawing.forces.shape[1]
-            colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
-            names += [*(str(i) for i in range(n + 1)), *s.drawing.names]
-            radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
-        yield Static("/polygons/funicular", rr.LineStrips3D.from_fields(colors=colors, labels=names, show_labels=True, radii=radii))
-        many = len(run.studies.systems)
-        labels = [
-            "" if not np.any(s.drawing.kind == KINDS[2]) else "R" if many == 1 else f"R {name}"
-            for name, s in run.studies.systems.items()
-        ]
-        style = {"colors": [(255, 255, 255)] * many, "labels": labels, "show_labels": True, "radii": [0.007 * size] * many}
-        yield Static("/polygons/funicular/resultant", rr.Arrows3D.from_fields(**style))
-    z_top = solids.z_top + 0.006 * size
-    for name, found in run.studies.polodes.items():
-        fixed = polode_pieces(found.fixed, found.fixed, solids, z=z_top)
-        moving = polode_pieces(found.moving, found.fixed, solids, z=z_top)
-        yield Static(entity("polygons", "polodes", name), rr.LineStrips3D(fixed, colors=[FIXED], radii=[0.0032 * size]))
-        # under the link's own transform: it moves with it and rolls on the fixed one
-        path = entity("mechanism", "links", name, "polode")
-        yield Static(path, rr.LineStrips3D(moving, colors=[MOVING], radii=[0.0032 * size]))
-    for name, strips in chain_strips(run, size):
-        look = rr.LineStrips3D.from_fields(colors=[CHAIN], radii=[0.0028 * size] * len(strips))
-        yield Static(entity("polygons", "equivalent", name), look)
-    for name, pins in chain_pins(run, size):
-        if pins:
-            labels = [label for label, _ in pins]
-            dots = rr.Points3D.from_fields(colors=[CHAIN], radii=[0.011 * size], labels=labels, show_labels=True)
-            yield Static(entity("polygons", "equivalent", name, "pins"), dots)
-    for name, body in run.studies.substitutes.items():
-        share = np.sqrt(np.abs(body.masses) / np.abs(body.masses).max())
-        labels = [f"{m:.4g} kg" for m in body.masses]
-        colors = [NEGATIVE if m < 0.0 else POSITIVE for m in body.masses]
-        points = rr.Points3D.from_fields(colors=colors, radii=list((0.012 + 0.028 * share) * size), labels=labels, show_labels=True)
-        yield Static(entity("polygons", "substitutes", name), points)
-        forces = rr.Arrows3D.from_fields(colors=[(244, 178, 255)], radii=[0.005 * size])
-        yield Static(entity("polygons", "substitutes", name, "forces"), forces)
 
 
-def polygon_views(run: Run, drawings: dict[str, Drawing], enlarged: float, background: tuple[int, ...]) -> list[Any]:
+def polygon_views(drawings: dict[str, Drawing], enlarged: float, background: tuple[int, ...]) -> list[Any]:
     """One view for every drawing, its scale in its name."""
     import rerun.blueprint as rrb
 
@@ -186,20 +106,6 @@ def _space(z: Array, height: float = 0.0) -> NDArray[np.float32]:
     for k, part in enumerate((z.real, z.imag)):
         out[..., k] = np.where(np.isfinite(part), part, 0.0)
     return out
-
-
-def _points(items: list[Array], height: float) -> Any:
-    """Columns of points (F,); a row is empty where one of them is not finite."""
-    import rerun as rr
-
-    places = np.stack(items, axis=1)
-    known = np.asarray(np.isfinite(places).all(axis=1))
-
-    def columns(frames: Index) -> Any:
-        z = places[frames[known[frames]]]
-        return rr.Points3D.columns(positions=_space(z.reshape(-1), height)).partition(known[frames] * places.shape[1])
-
-    return columns
 
 
 def _arrows(items: list[tuple[Array, Array]], height: float = 0.0) -> Any:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechviz.outputs.rerun.paths import parts_of
 from mechviz.picture.arrows import with_scales
-from mechviz.picture.nodes import Body, Lines, Mesh, Node, Picture, Points, Poses
+from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
 from mechviz.picture.surface_marks import KINDS
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import Scales
@@ -59,6 +59,22 @@ def _guessed(recording: Recording) -> Iterator[dict[str, Any]]:
                 found = ("lines", f"path.{name}", ["point", name], "paths", "")
             case ("mechanism", "joints", name):
                 found = ("points", f"joint.{name}", ["joint", name], "joints", "")
+            case ("polygons", "funicular"):
+                found = ("lines", "funicular.strings", ["construction", "funicular"], "funicular", "")
+            case ("polygons", "funicular", "resultant"):
+                found = ("arrowset", "funicular.resultants", ["construction", "funicular"], "funicular", "")
+            case ("polygons", "polodes", link):
+                found = ("lines", f"polode.{link}.fixed", ["link", link], "polodes", "")
+            case ("mechanism", "links", link, "polode"):
+                found = ("lines", f"polode.{link}.moving", ["link", link], "polode", link)
+            case ("polygons", "equivalent", joint):
+                found = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
+            case ("polygons", "equivalent", joint, "pins"):
+                found = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
+            case ("polygons", "substitutes", link):
+                found = ("points", f"substitutes.{link}", ["link", link], "substitutes", "")
+            case ("polygons", "substitutes", link, "forces"):
+                found = ("arrowset", f"substitutes.{link}.forces", ["link", link], "substitutes", "")
             case ("vectors", "friction", joint, ("circle" | "line") as what):
                 found = ("lines", f"friction.{joint}.{what}", ["joint", joint], "friction", "")
             case _:
@@ -89,9 +105,11 @@ class _Reader:
                 mesh = self._mesh(path)
                 return None if mesh is None else Body(**common, parent=entry["parent"], mesh=mesh, poses=self._poses(path))
             case "lines":
-                return self._lines(path, common)
+                return self._lines(path, {**common, "parent": entry.get("parent", "")})
             case "points":
                 return self._points(path, common, entry["parent"])
+            case "arrowset":
+                return self._arrows(path, common)
         return None
 
     def _mesh(self, path: str) -> Mesh | None:
@@ -118,50 +136,62 @@ class _Reader:
     def _row_of(self, time: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.clip(np.searchsorted(time, self.ticks, side="right") - 1, 0, len(time) - 1)
 
-    def _lines(self, path: str, common: dict[str, Any]) -> Lines | None:
-        color, radius = self._look(path, "LineStrips3D")
-        still = self.recording.static(path, component="LineStrips3D:strips")
-        if still is not None and len(still):
-            return Lines(**common, strips=tuple(np.asarray(s, np.float32)[None] for s in still), color=color, radius=radius)
+    def _rows(self, path: str, component: str) -> tuple[NDArray[np.bool_], list[NDArray[np.float32]]] | None:
+        """At which frames there are instances (F,), and the values of each over the frames, NaN at the others: instances are all
+        there, or none. None where there is nothing."""
         try:
-            rows = self.recording.rows(path, component="LineStrips3D:strips")
+            rows = self.recording.rows(path, component=component)
         except KeyError:
             return None
         count = int(rows.lengths.max(initial=0))
         if not count or not np.isin(rows.lengths, (0, count)).all():
             return None
-        there = rows.lengths > 0
-        strips = []
+        there, row_of, found = rows.lengths > 0, self._row_of(rows.time), []
         for k in range(count):
-            drawn = np.stack([np.asarray(strip, np.float32) for strip in rows.values[k::count]])
+            drawn = np.stack([np.asarray(value, np.float32) for value in rows.values[k::count]])
             every = np.full((len(there), *drawn.shape[1:]), np.nan, np.float32)
             every[there] = drawn
-            strips.append(every[self._row_of(rows.time)])
-        shown = None if there.all() else there[self._row_of(rows.time)]
-        return Lines(**common, strips=tuple(strips), color=color, radius=radius, shown=shown)
+            found.append(every[row_of])
+        return there[row_of], found
+
+    def _lines(self, path: str, common: dict[str, Any]) -> Lines | None:
+        colors, radii, labels = self._look(path, "LineStrips3D")
+        look = {**common, "colors": colors, "radii": radii, "labels": labels}
+        still = self.recording.static(path, component="LineStrips3D:strips")
+        if still is not None and len(still):
+            return Lines(strips=tuple(np.asarray(s, np.float32)[None] for s in still), **look)
+        rows = self._rows(path, "LineStrips3D:strips")
+        if rows is None:
+            return None
+        there, strips = rows
+        return Lines(strips=tuple(strips), shown=None if there.all() else there, **look)
 
     def _points(self, path: str, common: dict[str, Any], parent: str) -> Points | None:
-        part = self.recording.static
-        still = part(path, component="Points3D:positions")
-        labels, radii = part(path, component="Points3D:labels"), part(path, component="Points3D:radii")
+        colors, radii, labels = self._look(path, "Points3D")
+        still = self.recording.static(path, component="Points3D:positions")
         if still is not None and len(still):
-            places: NDArray[np.float32] | None = np.asarray(still, np.float32)[None]
+            places = np.asarray(still, np.float32)[None]
+        elif (rows := self._rows(path, "Points3D:positions")) is not None:
+            places = np.stack(rows[1], axis=1)
         else:
-            moving = self._columns(path, "Points3D:positions", 3)
-            places = None if moving is None else moving[:, None]
-        if places is None:
             return None
-        sizes = tuple(float(r) for r in (radii if radii is not None else ()))
-        texts = tuple(str(text) for text in (labels if labels is not None else ()))
-        color, _ = self._look(path, "Points3D")
-        return Points(**common, parent=parent, places=places, color=color, radii=sizes, labels=texts)
+        return Points(**common, parent=parent, places=places, colors=colors, radii=radii, labels=labels or ("",) * places.shape[1])
 
-    def _look(self, path: str, archetype: str) -> tuple[tuple[int, int, int], float]:
-        """Colour and radius of the first instance."""
-        colors, radii = (self.recording.static(path, component=f"{archetype}:{name}") for name in ("colors", "radii"))
-        shade = int(colors[0]) if colors is not None and len(colors) else 0x808080FF
-        radius = float(radii[0]) if radii is not None and len(radii) else 0.0
-        return ((shade >> 24) & 255, (shade >> 16) & 255, (shade >> 8) & 255), radius
+    def _arrows(self, path: str, common: dict[str, Any]) -> ArrowSet | None:
+        origins, vectors = (self._rows(path, f"Arrows3D:{name}") for name in ("origins", "vectors"))
+        if origins is None or vectors is None:
+            return None
+        starts, ways = (np.stack(rows[1], axis=1) for rows in (origins, vectors))
+        colors, radii, labels = self._look(path, "Arrows3D")
+        return ArrowSet(**common, origins=starts, vectors=ways, colors=colors, radius=radii[0] if radii else 0.0, labels=labels)
+
+    def _look(self, path: str, archetype: str) -> tuple[tuple[Color, ...], tuple[float, ...], tuple[str, ...]]:
+        """Colours, radii and labels."""
+        colors, radii, labels = (self.recording.static(path, component=f"{archetype}:{n}") for n in ("colors", "radii", "labels"))
+        shades = [int(c) for c in colors] if colors is not None and len(colors) else [0x808080FF]
+        found = tuple(((c >> 24) & 255, (c >> 16) & 255, (c >> 8) & 255) for c in shades)
+        sizes = tuple(float(r) for r in (radii if radii is not None else ()))
+        return found, sizes, tuple(str(text) for text in (labels if labels is not None else ()))
 
 
 _TRANSFORM = (("translation", 3), ("quaternion", 4), ("scale", 3))

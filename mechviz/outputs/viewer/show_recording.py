@@ -17,7 +17,7 @@ from mechviz.outputs.rerun.paths import parts_of
 from mechviz.outputs.rerun.read_picture import picture_in
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.show_run import bodies_of
-from mechviz.outputs.viewer.view_model import Overlay, Rolling, ViewModel
+from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.picture.constructions import Drawing, Mark, Stroke
 from mechviz.picture.nodes import Body
 from mechviz.quantities.catalogue import Catalogue
@@ -28,7 +28,6 @@ Color = tuple[int, int, int]
 
 FINE = 0.8  # an arrow thinner than this, in radii of the thickest one, is a fine one
 ORDER = ("velocity", "acceleration", "force", "indicator", "phase")  # these come first, the others by their names
-OVERLAYS = {"funicular": "Funicular polygon", "equivalent": "Equivalent linkages", "substitutes": "Substitute masses"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,20 +101,6 @@ class RecordedPlans:
             joints = [n for n, j in self.recording.model["joints"].items() if link in j["links"] and n in self.places]
             corners = [complex((_complex(self.places[n][0]) - at[0]) / turn[0]) for n in joints]
             found[link] = Rolling(fixed, (fixed - at) / turn, np.array([*corners, *corners[:1]], complex))
-        return found
-
-    def overlays(self) -> dict[str, Overlay]:
-        """What was drawn on the mechanism, by the words of its switch."""
-        found = {}
-        for key, words in OVERLAYS.items():
-            paths = [p for p in self._below("/polygons/") if parts_of(p)[1] == key]
-            plans = {p for p in paths if self.recording.static(p, component="per_metre") is not None}
-            paths = [p for p in paths if not any(p == plan or p.startswith(f"{plan}/") for plan in plans)]
-            lines = [stroke for p in paths for stroke in self._lines(p)]
-            arrows = [stroke for p in paths for stroke in self._arrows(p)]
-            points = [mark for p in paths for mark in self._points(p)]
-            if lines or arrows or points:
-                found[words] = Overlay((*lines, *arrows), tuple(Mark(label, z) for label, z in points))
         return found
 
     # -- inside -------------------------------------------------------------------------------------------------------
@@ -229,5 +214,4 @@ def show_of_recording(recording: Recording) -> ViewModel:
         drawings=cache(plans.drawings),
         charts=cache(plans.charts),
         polodes=cache(plans.polodes),
-        overlays=cache(plans.overlays),
     )

@@ -18,7 +18,7 @@ from mechviz.quantities.vectors import FAMILIES, Scales
 
 if TYPE_CHECKING:
     from mechviz.outputs.rerun.diagrams import Diagram
-    from mechviz.picture.constructions import Drawing, Mark, Stroke
+    from mechviz.picture.constructions import Drawing
     from mechviz.runs import Run
 
 
@@ -62,14 +62,6 @@ class Rolling:
 
 
 @dataclass(frozen=True, eq=False)
-class Overlay:
-    """Lines, arrows and points that were drawn on the mechanism of a recording."""
-
-    strokes: tuple[Stroke, ...]
-    marks: tuple[Mark, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class ViewModel:
     """Everything that is shown, of a run or of a recording."""
 
@@ -85,7 +77,6 @@ class ViewModel:
     drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
     charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
     polodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
-    overlays: Callable[[], Mapping[str, Overlay]] = dict  # of a recording, by the words of their switch
 
     @property
     def numbers(self) -> Numbers:

@@ -8,31 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from mechcore.reduction.systems import KINDS
-from mechviz.outputs.viewer.view_model import Overlay, Rolling, ViewModel
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes
+from mechviz.outputs.viewer.world.lines import segments
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.picture.constructions import COLORS, Drawing, rows_of
-from mechviz.picture.overlays import (
-    FIXED,
-    MOVING,
-    chain_pins,
-    chain_strips,
-    polode_pieces,
-    resultants,
-    strings,
-    substitute_scale,
-)
+from mechviz.picture.constructions import Drawing, rows_of
+from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 
 Array = NDArray[np.complex128]
 Real = NDArray[np.float64]
+Single = NDArray[np.float32]
 Color = tuple[int, int, int]
 
 BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
@@ -41,8 +34,16 @@ GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
 CAPTION = 0.1  # room for a caption above a drawing, in sizes of the mechanism
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
 SCREEN = np.array([700.0, 560.0])  # [px] part of an ordinary window that the view takes
-EQUIVALENT = (0, 120, 90)  # colour of equivalent linkages
 NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
+
+
+OVERLAYS = {
+    "Polodes": ("polodes", "polode"),
+    "Funicular polygon": ("funicular",),
+    "Equivalent linkages": ("equivalent",),
+    "Substitute masses": ("substitutes",),
+}
+"""Groups of the picture by the words of their switch."""
 
 
 def on_light(color: Color) -> Color:
@@ -53,7 +54,7 @@ def on_light(color: Color) -> Color:
     return red, green, blue
 
 
-def _as_light(colors: Sequence[Color]) -> NDArray[np.uint8]:
+def _as_light(colors: Sequence[Color] | NDArray[Any]) -> NDArray[np.uint8]:
     """Colours (n, 3) of single lines: viser's shader takes them as light, not as screen colours (gamma 2.2)."""
     return np.round(255.0 * (np.array(colors, float) / 255.0) ** 2.2).astype(np.uint8)
 
@@ -139,20 +140,10 @@ class PlanNodes:
             self.bounds = np.array([np.min([c[0] for c in corners], axis=0), high])
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
-        polodes = show.polodes()
-        if polodes:
-            self._add("Polodes", self._polodes(polodes))
-        for words, overlay in show.overlays().items():
-            self._add(words, self._overlay(words, overlay))
-        if show.run is None:
-            return
-        self._run = show.run
-        if self._run.studies.systems:
-            self._add("Funicular polygon", self._funicular())
-        if self._run.studies.equivalents:
-            self._add("Equivalent linkages", self._equivalents())
-        if self._run.studies.substitutes:
-            self._add("Substitute masses", self._substitutes())
+        for words, groups in OVERLAYS.items():
+            drawn = [node for node in show.picture.nodes if node.group in groups]
+            if drawn:
+                self._add(words, self._overlay(drawn))
 
     def __len__(self) -> int:
         return len(self.constructions)
@@ -256,162 +247,82 @@ class PlanNodes:
             if seen:
                 label.position = (z.real, z.imag, self._z)
 
-    def _funicular(self) -> Construction:
-        """Strings, lines of the forces and resultants on the mechanism."""
-        run, size = self._run, self._size
-        systems = run.studies.systems
-        colors: list[Color] = []
-        names: list[str] = []
-        for s in systems.values():
-            n = s.drawing.forces.shape[1]
-            colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
-            names += [*(str(i) for i in range(n + 1)), *([""] * n)]
-        strips = np.nan_to_num(np.stack(strings(run, size), axis=1))  # (F, n, 2)
-        found = resultants(run, size)
-        starts, vectors = (np.stack([pair[k] for pair in found]) for k in (0, 1))
-        heads = np.full(len(found), True)
-        node = self._lines("/funicular", strips[0], [on_light(c) for c in colors], 2.0)
-        arrows = self._lines(
-            "/funicular/resultants",
-            arrow_lines(starts[:, 0], vectors[:, 0], heads, 1.4 * BARB * size),
-            [on_light((255, 255, 255))] * (3 * len(found)),
-            4.0,
-        )
-        labelled = [k for k, name in enumerate(names) if name]
-        labels = [self._label(f"/funicular/string {k}", names[k]) for k in labelled]
-        single = [
-            self._label(f"/funicular/resultant {k}", "R" if len(systems) == 1 else f"R {name}", 1.0)
-            for k, (name, s) in enumerate(systems.items())
-            if np.any(s.drawing.kind == KINDS[2])
-        ]
-        of = [k for k, s in enumerate(systems.values()) if np.any(s.drawing.kind == KINDS[2])]
-
-        def show(frame: int) -> None:
-            node.points = self._space(strips[frame])
-            arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, 1.4 * BARB * size))
-            for label, k in zip(labels, labelled, strict=True):
-                z = strips[frame, k].mean()
-                label.position = (z.real, z.imag, self._z)
-            for label, k in zip(single, of, strict=True):
-                z = starts[k, frame] + vectors[k, frame]
-                seen = bool(np.isfinite(z) and vectors[k, frame] != 0)
-                if label.visible != seen:
-                    label.visible = seen
-                if seen:
-                    label.position = (z.real, z.imag, self._z)
-
-        return Construction((node, arrows, *labels, *single), show)
-
-    def _overlay(self, words: str, overlay: Overlay) -> Construction:
-        """Lines, arrows and points on the mechanism, as a recording holds them."""
-        path, size = f"/overlays/{words}", self._size
-        frames = self._show.frames
-        starts = np.array([i.start for i in overlay.strokes], complex).reshape(-1, frames)
-        vectors = np.array([i.vector for i in overlay.strokes], complex).reshape(-1, frames)
-        heads = np.array([not i.plain for i in overlay.strokes], bool)
-        spots = np.array([m.at for m in overlay.marks], complex).reshape(-1, frames)
+    def _overlay(self, drawn: Sequence[Node]) -> Construction:
+        """Lines, arrows and points of the picture that a construction draws on the mechanism."""
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
-        lines = None
-        if overlay.strokes:
-            shades = [on_light(i.color) for i in overlay.strokes] * 3
-            lines = self._lines(path, arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size), shades, 2.5)
-            nodes.append(lines)
-        named = [k for k, i in enumerate(overlay.strokes) if i.label]
-        labels = [self._label(f"{path}/line {k}", overlay.strokes[k].label) for k in named]
-        pins = [self._label(f"{path}/point {k}", m.label or "•", 0.9, "bottom-left") for k, m in enumerate(overlay.marks)]
-        nodes += [*labels, *pins]
+        shows: list[Callable[[int], None]] = []
+        for node in drawn:
+            path = f"/overlays/{node.key.replace('/', '_')}"
+            match node:
+                case Lines() if node.moves:
+                    counts = [strip.shape[1] - 1 for strip in node.strips]
+                    shades = [on_light(c) for c in node.colors] * (1 if len(node.colors) > 1 else len(counts))
+                    lines = self._segments(path, segments(node, 0), np.repeat(np.array(shades), counts, axis=0), 2.5)
+                    named = [(k, self._label(f"{path}/line {k}", text)) for k, text in enumerate(node.labels) if text]
+                    nodes += [lines, *(label for _, label in named)]
+                    shows.append(partial(_bend, node, lines, named))
+                case Lines():
+                    below = f"{link_path(node.parent)}/polode" if node.parent else path
+                    flat = segments(node, 0)
+                    nodes.append(self._segments(below, flat, np.tile(on_light(node.colors[0]), (len(flat), 1)), 2.5))
+                case ArrowSet():
+                    shades = [on_light(c) for c in node.colors] * (node.origins.shape[1] // len(node.colors))
+                    arrows = self._segments(path, _arrow_segments(node, 0, self._size), np.tile(shades, (3, 1)), 3.0)
+                    named = [(k, self._label(f"{path}/arrow {k}", text, 1.0)) for k, text in enumerate(node.labels) if text]
+                    nodes += [arrows, *(label for _, label in named)]
+                    shows.append(partial(_point, node, arrows, named, self._size))
+                case Points():
+                    shades = [on_light(c) for c in node.colors] * (node.places.shape[1] // len(node.colors))
+                    dots = []
+                    for k, (radius, color, text) in enumerate(zip(node.radii, shades, node.labels, strict=True)):
+                        ball = self._server.scene.add_icosphere(
+                            f"{path}/{k}", 0.6 * radius, color=color, cast_shadow=False, receive_shadow=False
+                        )
+                        dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, "bottom-left")))
+                    nodes += [handle for pair in dots for handle in pair]
+                    shows.append(partial(_dot, node, dots))
 
         def show(frame: int) -> None:
-            if lines is not None:
-                lines.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
-            middles = starts[named, frame] + 0.5 * vectors[named, frame]
-            self._stand((*labels, *pins), (*middles, *spots[:, frame]))
+            for bring in shows:
+                bring(frame)
 
-        return Construction(tuple(nodes), show)
+        return Construction(tuple(nodes), show, moves=bool(shows))
 
-    def _polodes(self, polodes: Mapping[str, Rolling]) -> Construction:
-        """The fixed polode in the world; the moving one below the node of its link, with which it goes."""
-        nodes = []
-        z = self._show.z_top + 0.006 * self._size
-        for name, found in polodes.items():
-            fixed = np.column_stack([found.fixed.real, found.fixed.imag])
-            moving = np.column_stack([found.moving.real, found.moving.imag])
-            for path, way, color in (
-                (f"/polodes/{name.replace('/', '_')}", fixed, FIXED),
-                (f"{link_path(name)}/polode", moving, MOVING),
-            ):
-                pieces = polode_pieces(way, fixed, self._show, z=z)
-                lines = [np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces]
-                if lines:
-                    flat = np.concatenate(lines)
-                    nodes.append(
-                        self._server.scene.add_line_segments(path, flat, on_light(color), thickness=2.5, thickness_units="screen")
-                    )
-        return Construction(tuple(nodes), lambda frame: None, moves=False)
+    def _segments(self, path: str, points: Single, shades: NDArray[Any], width: float) -> viser.LineSegmentsHandle:
+        """Lines (n, 2, 3) of the world in colours (n, 3)."""
+        colors = np.repeat(_as_light(shades)[:, None], 2, axis=1)
+        return self._server.scene.add_line_segments(path, points, colors, thickness=width, thickness_units="screen")
 
-    def _equivalents(self) -> Construction:
-        """Bars, blocks and new pins of equivalent linkages on the mechanism."""
-        size = self._size
-        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
-        moving: list[tuple[viser.LineSegmentsHandle, Array]] = []
-        pins: list[tuple[viser.IcosphereHandle, viser.LabelHandle, Array]] = []
-        named = dict(chain_pins(self._run, size))
-        for name, strips in chain_strips(self._run, size):
-            path = f"/equivalent/{name.replace('/', '_')}"
-            lines = np.concatenate([np.stack([s[:, :-1], s[:, 1:]], axis=2) for s in strips], axis=1)  # (F, lines, 2)
-            node = self._lines(path, lines[0], [EQUIVALENT] * lines.shape[1], 3.0)
-            moving.append((node, lines))
-            nodes.append(node)
-            for label, z in named[name]:
-                dot = self._server.scene.add_icosphere(
-                    f"{path}/{label}", 0.011 * size, color=EQUIVALENT, cast_shadow=False, receive_shadow=False
-                )
-                text = self._label(f"{path}/pin {label}", label, 0.9, "bottom-left")
-                pins.append((dot, text, z))
-                nodes += [dot, text]
 
-        def show(frame: int) -> None:
-            for node, lines in moving:
-                node.points = self._space(lines[frame])
-            for dot, text, z in pins:
-                seen = bool(np.isfinite(z[frame]))
-                if dot.visible != seen:
-                    dot.visible = text.visible = seen
-                if seen:
-                    dot.position = text.position = (z[frame].real, z[frame].imag, self._z)
+def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:
+    starts, vectors = (a[frame, :, 0] + 1j * a[frame, :, 1] for a in (node.origins, node.vectors))
+    flat = arrow_lines(starts, vectors, np.full(len(starts), True), BARB * size)
+    return np.stack([flat.real, flat.imag, np.full(flat.shape, node.height)], axis=-1).astype(np.float32)
 
-        return Construction(tuple(nodes), show)
 
-    def _substitutes(self) -> Construction:
-        """Dots at substitute masses with their values, and the inertia forces of each."""
-        size = self._size
-        per_metre = substitute_scale(self._run, size)
-        nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
-        moving: list[tuple[viser.LineSegmentsHandle, list[viser.IcosphereHandle], list[viser.LabelHandle], Array, Array]] = []
-        for name, found in self._run.studies.substitutes.items():
-            path = f"/substitutes/{name.replace('/', '_')}"
-            at, forces = (v @ np.array([1.0, 1.0j]) for v in (found.places, found.forces))  # (F, n)
-            share = np.sqrt(np.abs(found.masses) / np.abs(found.masses).max())
-            dots, labels = [], []
-            for k, mass in enumerate(found.masses):
-                color = (200, 40, 100) if mass < 0.0 else (60, 66, 78)
-                dots.append(
-                    self._server.scene.add_icosphere(
-                        f"{path}/{k}", float(0.008 + 0.016 * share[k]) * size, color=color, cast_shadow=False, receive_shadow=False
-                    )
-                )
-                labels.append(self._label(f"{path}/mass {k}", f"{mass:.4g} kg", 0.9, "bottom-left"))
-            heads = np.full(at.shape[1], True)
-            lines = arrow_lines(at[0], forces[0] / per_metre, heads, BARB * size)
-            arrows = self._lines(f"{path}/forces", lines, [on_light((208, 112, 246))] * len(lines), 3.0)
-            moving.append((arrows, dots, labels, at, forces / per_metre))
-            nodes += [arrows, *dots, *labels]
+def _bend(node: Lines, lines: Any, named: Sequence[tuple[int, Any]], frame: int) -> None:
+    """Lines of a frame, with labels at their middles."""
+    lines.points = segments(node, frame)
+    for k, label in named:
+        label.position = tuple(node.strips[k][frame].mean(axis=0))
 
-        def show(frame: int) -> None:
-            for arrows, dots, labels, at, vectors in moving:
-                heads = np.full(at.shape[1], True)
-                arrows.points = self._space(arrow_lines(at[frame], vectors[frame], heads, BARB * size))
-                for k, (dot, label) in enumerate(zip(dots, labels, strict=True)):
-                    dot.position = label.position = (at[frame, k].real, at[frame, k].imag, self._z)
 
-        return Construction(tuple(nodes), show)
+def _point(node: ArrowSet, arrows: Any, named: Sequence[tuple[int, Any]], size: float, frame: int) -> None:
+    """Arrows of a frame, with labels at their tips; of none that has no length."""
+    arrows.points = _arrow_segments(node, frame, size)
+    for k, label in named:
+        seen = bool(node.vectors[frame, k].any())
+        if label.visible != seen:
+            label.visible = seen
+        label.position = tuple(node.origins[frame, k] + node.vectors[frame, k])
+
+
+def _dot(node: Points, dots: Sequence[tuple[Any, Any]], frame: int) -> None:
+    """Balls of a frame with their labels."""
+    for k, (ball, label) in enumerate(dots):
+        place = node.places[frame, k]
+        seen = bool(np.isfinite(place).all())
+        if ball.visible != seen:
+            ball.visible = label.visible = seen
+        if seen:
+            ball.position = label.position = tuple(place)

@@ -192,7 +192,7 @@ class Masses:
                 path = f"{link_path(node.parent)}/mass_{k}"
                 at = (float(place[0]), float(place[1]), float(place[2]))
                 ball = scene.add_icosphere(
-                    path, radius, color=node.color, position=at, visible=self._on, cast_shadow=False, receive_shadow=False
+                    path, radius, color=node.colors[0], position=at, visible=self._on, cast_shadow=False, receive_shadow=False
                 )
                 self._nodes += [ball, scene.add_label(f"{path}/weight", label, visible=self._on)]
 
