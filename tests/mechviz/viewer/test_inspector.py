@@ -32,9 +32,9 @@ from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.show_recording import show_of_recording
 from mechviz.outputs.viewer.show_run import Built, build, show_of_run
-from mechviz.outputs.viewer.world.constructions import OVERLAYS
 from mechviz.outputs.viewer.view_model import Body, Piece
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
+from mechviz.outputs.viewer.world.constructions import OVERLAYS
 from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
 from mechviz.picture.solids import solids_of
