@@ -47,7 +47,7 @@ def works(folder: str) -> dict[str, Callable[[], object]]:
     """The three paths, what they start from ready."""
     from mechviz.accuracy.estimate import integration_error
     from mechviz.outputs.rerun.writer import write_recording
-    from mechviz.picture.solids import solids_of
+    from mechviz.picture.build import solids_of
     from mechviz.runs import run_scene
     from mechviz.scene.scene import load
 

@@ -143,8 +143,8 @@ def effects_block() -> str:
 
 def hard_tables() -> dict[str, str]:
     """The suite as tables."""
+    from mechviz.hard_cases import all_cases
     from mechviz.hard_cases.case import FAMILIES
-    from mechviz.hard_cases.suite import all_cases
 
     blocks = {}
     for family in FAMILIES:

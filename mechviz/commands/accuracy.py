@@ -1,7 +1,10 @@
-"""``mechviz accuracy SCENE``: error against time at a ladder of settings of each dial, and the cheapest that reaches a target."""
+"""How exact results are, and what that costs. ``mechviz accuracy``: error against time at a ladder of settings of each dial, and
+the cheapest that reaches a target; ``effects``: what each effect does to the answer; ``hard``: the suite of hard cases."""
 
 from __future__ import annotations
 
+import json as json_text
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +15,13 @@ from mechcore.accuracy import accuracy_for
 from mechviz.commands.common import check_targets, fail, interruptible, progress_bar
 from mechviz.commands.solving import QuickOpt, SceneArg, clear_errors, load_scene
 from mechviz.figures import check_ending, save_chart
+from mechviz.hard_cases import all_cases
+from mechviz.hard_cases.case import FAMILIES, as_data, summary, table
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.ladder import Point, cheapest, ladder, pareto
 from mechviz.studies.ladder_cache import keep, kept
-from mechviz.studies.ladder_diagram import diagram, dials_of
-from mechviz.studies.ladder_recording import write_rrd
+from mechviz.studies.ladder_diagram import diagram, dials_of, write_rrd
 from mechviz.studies.timing import machine, used
 
 
@@ -123,3 +127,30 @@ def effects(
         print(f"{loaded.title}: what its effects do and cost")
         print("\n".join(influence_lines(base, found, accuracy)))
         print(f"\nmeasured on {machine()}; one thread, medians")
+
+
+def hard(
+    only: Annotated[str | None, typer.Option("--only", metavar="FAMILY", help=f"one family: {', '.join(FAMILIES)}")] = None,
+    json: Annotated[bool, typer.Option("--json", help="the outcomes as JSON, every check with its error and bound")] = False,
+) -> None:
+    """Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.
+
+    Singular positions, benchmarks at which other programs fail, undercut cams, jams, stick-slip, impacts, chaos, careless input.
+    Each expectation is computed apart from the program: a closed form, a balance, another method.
+    """
+    if only is not None and only not in FAMILIES:
+        fail(f"--only: '{only}' is no family. Choose from {', '.join(FAMILIES)}.")
+    cases = all_cases(only)
+    results = []
+    with clear_errors("hard"):
+        with progress_bar("hard cases") as bar:
+            for k, case in enumerate(cases):
+                bar(k, len(cases))
+                results.append((case, case.run()))
+        if json:
+            print(json_text.dumps(as_data(results), indent=2, ensure_ascii=False))
+        else:
+            print(table(results, shutil.get_terminal_size((160, 40)).columns))
+            print(summary(results))
+    if not all(outcome.passed for _, outcome in results):
+        raise typer.Exit(1)

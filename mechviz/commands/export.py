@@ -71,7 +71,7 @@ def export(
                 return write(run, target, *more, **options)
 
         solid = any(path is not None for path in (stl, glb, threemf))
-        libraries = ["mechviz.picture.meshes", "trimesh"] if solid else []
+        libraries = ["mechviz.meshes", "trimesh"] if solid else []
         libraries += ["pyarrow.parquet"] if parquet is not None else []
         with interruptible(*libraries):
             if csv is not None:

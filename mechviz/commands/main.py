@@ -1,4 +1,7 @@
-"""The command line. Data goes to stdout, messages to stderr; bad input exits with 2. A command's module loads when it is used."""
+"""The command line. Data goes to stdout, messages to stderr; bad input exits with 2. A command's module loads when it is used.
+
+``mechviz scenes`` is here: it lists the gallery without numpy and what reads scenes.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,17 @@ import io
 import os
 import sys
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.common import no_output
+from mechviz.commands.common import no_output, orderly
+from mechviz.scene.folder import gallery
 
 COMMANDS = {
-    "gallery": {
+    "main": {
         "scenes": "List the gallery: one line a scene with what it teaches.",
     },
     "scene": {
@@ -26,6 +30,7 @@ COMMANDS = {
     },
     "forces": {
         "forces": "Print who supplies power and who absorbs it: every force with its classes and its work over the run.",
+        "cams": "Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact.",
     },
     "recording": {
         "record": "Solve a scene and write a rerun recording (.rrd).",
@@ -50,13 +55,8 @@ COMMANDS = {
         "laws": "Print motion laws with their peak factors Cv, Ca, Cj and the steps of their derivatives; "
         "plot them over each other.",
     },
-    "cams": {
-        "cams": "Print the limits, contact forces and stresses of a scene's cams, and the least springs that keep contact.",
-    },
-    "hard": {
-        "hard": "Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.",
-    },
     "accuracy": {
+        "hard": "Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.",
         "accuracy": "Measure what accuracy costs: error against time at a ladder of settings of each dial and method.",
         "effects": "Measure what each effect and load does to the answer, beside its price in time; suggest those worth having.",
     },
@@ -84,6 +84,15 @@ def load_command(name: str) -> Any:
     module = next(module for module, commands in COMMANDS.items() if name in commands)
     single.command(name)(getattr(import_module(f"mechviz.commands.{module}"), name))
     return get_command(single)
+
+
+def scenes(names: Annotated[bool, typer.Option("--names", help="bare names only, one a line, for scripts")] = False) -> None:
+    """List the gallery: one line a scene with what it teaches."""
+    entries = gallery()
+    width = max(len(e.name) for e in entries)
+    with orderly():
+        for e in entries:
+            print(e.name if names else f"{e.name:<{width}}  {e.teaches}")
 
 
 def _listed() -> None:

@@ -48,7 +48,7 @@ def record(
         if live is not None and loaded.simulation is None:
             fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
         run = None if live is not None else solve(loaded, frames, cycles, accuracy)
-        with interruptible("rerun", "mechviz.picture.meshes"):
+        with interruptible("rerun", "mechviz.meshes"):
             if run is None:
                 run = _solve_live(loaded, frames, cycles, accuracy, path, live or 0)
             with progress_bar("recording") as bar:

@@ -138,7 +138,7 @@ def _recording(source: str, frames: int | None, cycles: int | None, most: int | 
     """The recording that is meant, or one made of the scene, with ``most`` of its frames where a number is given."""
     if not is_recording(source):
         run = solve(load_scene(source), frames, cycles)
-        with interruptible("rerun", "mechviz.picture.meshes"), progress_bar("recording") as bar:
+        with interruptible("rerun", "mechviz.meshes"), progress_bar("recording") as bar:
             return recorded(run, bar, bar.stage, most=most)
     if frames is not None or cycles is not None:
         fail(f"{source} is a recording, whose frames and cycles are what they are. Give a scene with --frames and --cycles.")

@@ -81,7 +81,7 @@ def vibrations(
         loaded = load_scene(scene)
         found = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, found)))
-        with interruptible(*(() if output is None else ("rerun", "mechviz.picture.meshes"))):
+        with interruptible(*(() if output is None else ("rerun", "mechviz.meshes"))):
             if csv is not None:
                 say(f"{vibrations_csv(found, csv)} written.")
             if mode is not None and output is not None:

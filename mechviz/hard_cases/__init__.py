@@ -1,1 +1,14 @@
-"""Hard cases: places where mechanisms are hard, with what is expected there."""
+"""The suite of hard cases: places where mechanisms are hard, each with what is expected there, independently of what computes it.
+
+Modules with their ``CASES``, and two with the mechanisms that they share with the tests.
+"""
+
+from mechviz.hard_cases import cams, constraints, dynamics, friction, friction_motion, input, linkages, published
+from mechviz.hard_cases.case import Case
+
+MODULES = (linkages, constraints, published, cams, friction, friction_motion, dynamics, input)
+
+
+def all_cases(only: str | None = None) -> tuple[Case, ...]:
+    """The cases of all families, or of one, in order."""
+    return tuple(c for m in MODULES for c in m.CASES if only in (None, c.family))

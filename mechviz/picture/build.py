@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mechviz.accuracy.kept import PROFILE
+from mechviz.meshes.solids import Solids, build_solids
+from mechviz.quantities.items import links_of
+
+if TYPE_CHECKING:
+    from mechviz.runs import Run
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
 from numpy.typing import NDArray
 
+from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.arrows import Arrows, arrows_of, key_of
-from mechviz.picture.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses
 from mechviz.picture.overlays import overlay_nodes
 from mechviz.picture.proportions import ARC_RADIUS, about_z, arc_height, arrow_height, path_height
@@ -18,11 +28,11 @@ from mechviz.picture.springs import Coil, find_coils
 from mechviz.picture.strut_glyphs import find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks
 from mechviz.quantities.vectors import point_name
-from mechviz.scene.bodies.shapes import lumps_of
 from mechviz.scene.convert import Converter
+from mechviz.scene.kinds.bodies import lumps_of
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 
@@ -30,6 +40,8 @@ Real = NDArray[np.float64]
 Single = NDArray[np.float32]
 Heights = Mapping[str, float]
 
+LOOKS = 721
+"""Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
 LINES = {
     "torsion spring": (196, 214, 236),
     "damper": (168, 176, 188),
@@ -254,3 +266,12 @@ def _in_space(xy: Real, height: float) -> Single:
     out = np.full((*xy.shape[:-1], 3), height, np.float32)
     out[..., :2] = xy
     return out
+
+
+def solids_of(run: Run) -> Solids:
+    """Meshes of all links, in layers that do not collide during the run."""
+    motion = run.motion
+    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
+    dials = run.kept
+    poses = {link: motion.pose(link)[frames] for link in links_of(motion)}
+    return build_solids(motion.mechanism, poses, chord=dials.chord, profile=dials.profile or PROFILE)

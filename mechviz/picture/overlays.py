@@ -15,7 +15,7 @@ from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
 from mechviz.picture.strut_glyphs import strut_ends
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.heights import Heights
+    from mechviz.meshes.heights import Heights
     from mechviz.runs import Run
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.spec.loads import Spring
-from mechviz.picture.meshes.kinds.coils import coil_shell
+from mechviz.meshes.kinds.coils import coil_shell
 from mechviz.picture.proportions import looks
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

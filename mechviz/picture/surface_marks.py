@@ -17,8 +17,8 @@ from mechcore.spec.mechanism import CamPair
 from mechviz.picture.proportions import about_z
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.kinds.bands import Loop
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.kinds.bands import Loop
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

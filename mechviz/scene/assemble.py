@@ -13,9 +13,7 @@ from mechcore.reduction.bodies import Body
 from mechcore.spec.clearance import with_clearances
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
-from mechviz.scene.bodies.masses import links_that_cannot_turn, mass_properties
 from mechviz.scene.convert import Converter
-from mechviz.scene.drawn import drawn_bodies, drawn_links
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.accuracy import accuracy_faults
 from mechviz.scene.kinds.couplings import check_couplings
@@ -26,6 +24,7 @@ from mechviz.scene.kinds.joints import KINDS, PairDocument
 from mechviz.scene.kinds.load_specs import load_specs
 from mechviz.scene.kinds.reachable import REACHABLE, with_swings
 from mechviz.scene.kinds.studies import needs_inertia, studies_of
+from mechviz.scene.masses import drawn_bodies, drawn_links, links_that_cannot_turn, mass_properties
 from mechviz.scene.placement import place_links
 from mechviz.scene.recovery import Reading
 from mechviz.scene.references import (

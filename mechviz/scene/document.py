@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mechcore.spec.mechanism import ANSWERS, EFFECTS
-from mechviz.scene.bodies.shapes import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.fields import (
     Angle,
     Duration,
@@ -28,6 +27,7 @@ from mechviz.scene.fields import (
     refuse,
 )
 from mechviz.scene.kinds.accuracy import AccuracyEntry
+from mechviz.scene.kinds.bodies import LumpDocument, MassDocument, MassEntry
 from mechviz.scene.kinds.free_motion import Method, Tolerance, WatchDocument
 from mechviz.scene.kinds.friction import FrictionDefaults
 from mechviz.scene.kinds.joints import PairDocument

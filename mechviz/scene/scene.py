@@ -15,12 +15,12 @@ from mechcore.errors import Fault
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
 from mechviz.scene.assemble import assemble
-from mechviz.scene.bodies.shapes import MassDocument
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import FORMER, Place, SceneDocument, with_values
 from mechviz.scene.faults import SceneError, in_file_order
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.accuracy import accuracy_of
+from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.reading import find_scene, parse_toml, read_text
 from mechviz.scene.recovery import Reading, read_document
 from mechviz.scene.simulation import SimulationSpec

@@ -21,8 +21,8 @@ from mechviz.accuracy.fit import achieved, duration, fit_frames, provider
 from mechviz.accuracy.kept import PROFILE, plane_cams, profile_away
 from mechviz.accuracy.quantities import quantities
 from mechviz.accuracy.words import ORDERS
-from mechviz.picture.meshes.kinds.cam_profiles import profile_points
-from mechviz.picture.solids import solids_of
+from mechviz.meshes.kinds.cam_profiles import profile_points
+from mechviz.picture.build import solids_of
 from mechviz.runs import Run, run_scene
 from mechviz.studies.timing import Timed, timed
 

@@ -6,13 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.forces.kinetostatics import Forces
+from mechviz.quantities.items import joints_of
+
+if TYPE_CHECKING:
+    from mechviz.scene.units import Units
+
+from typing import TYPE_CHECKING
+
 from mechcore.branches.assembly import all_modes
 from mechcore.effects.plan import Plan
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.crossings import belt_events, belt_grip
 from mechcore.forces.friction.events import friction_events
-from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.kinetostatics import solve_forces
 from mechcore.forces.load_events import idle_table, load_events
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.compiled import Compiled
@@ -276,3 +284,24 @@ def plan_lines(plan: Plan) -> list[str]:
     lines.append("left out")
     lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.skipped]
     return lines
+
+
+def statics_lines(forces: Forces, units: Units) -> list[str]:
+    """Reaction of every joint on its second link and effort of every drive; over time those of the frame where it is largest."""
+    motion = forces.motion
+    driven = [drive.pair for drive in motion.mechanism.drives]
+    rows: list[tuple[str, ...]] = [("joint", "on", "Fx", "Fy", "force", "couple", "drive")]
+    for joint in joints_of(motion):
+        reaction = forces.reaction(joint.name)
+        effort = forces.effort(joint.name) if joint.name in driven else None
+        size = np.hypot(reaction[:, 0], reaction[:, 1])
+        largest = int(np.argmax(size if size.any() or effort is None else np.abs(effort)))
+        x, y, couple = reaction[largest]
+        small = 1e-13 * float(size.max(initial=0.0))
+        shown = [units.show(v if abs(v) > small else 0.0, "force") for v in (x, y, size[largest])]
+        turn = units.show(couple, "torque")
+        drive = "" if effort is None else units.show(effort[largest], "force" if joint.unit == "m" else "torque")
+        rows.append((joint.name, joint.links[1], *shown, turn, drive))
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    when = "reactions" if motion.frames == 1 else "reactions, of each joint at the frame where it is largest"
+    return [when, *("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)]

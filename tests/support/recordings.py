@@ -16,11 +16,11 @@ import mechviz
 from mechcore.motion.solve import default_times, solve_motion
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism
+from mechviz.meshes.solids import Solids
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
 from mechviz.picture.arrows import arrows_of
-from mechviz.picture.meshes.solids import Solids
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.quantities.vectors import Moment, Scales, Vector
 from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene

@@ -14,7 +14,7 @@ from sections import section
 from mechcore.joints.parts import build_pairs
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import CamPair, Link, Mechanism, Pair
-from mechviz.picture.meshes.solids import Solids
+from mechviz.meshes.solids import Solids
 
 FRAMES = 48
 

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from mechviz.files import replacing
 from mechviz.outputs.exports.gltf_marks import ARROWS, Mark, Shape, find_marks
-from mechviz.picture.build import picture_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import about_z
-from mechviz.picture.solids import solids_of
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

@@ -38,7 +38,7 @@ from mechviz.picture.surface_marks import held
 from mechviz.quantities.vectors import FAMILIES
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

@@ -13,10 +13,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mechviz.files import OutputError, replacing
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

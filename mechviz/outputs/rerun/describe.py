@@ -21,7 +21,7 @@ from mechviz.runs import Run, Stage, package_version
 
 if TYPE_CHECKING:
     from mechcore.kinematics.model import Model
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.picture.nodes import Picture
 
 

@@ -23,7 +23,7 @@ from mechviz.picture.overlays import overlay_box
 from mechviz.quantities.items import Table
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
 

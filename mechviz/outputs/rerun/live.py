@@ -22,13 +22,12 @@ from mechviz.outputs.rerun.plots import plot_styles
 from mechviz.outputs.rerun.stream_file import Part, live_file
 from mechviz.outputs.rerun.streams import Timelines, link_streams, magnification, table_streams, view_statics
 from mechviz.outputs.rerun.writer import describe_run
-from mechviz.picture.build import bare_picture
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import bare_picture, solids_of
 from mechviz.running import Running
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 

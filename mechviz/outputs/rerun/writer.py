@@ -29,17 +29,16 @@ from mechviz.outputs.rerun.nodes import LEGEND_ROOM, extent
 from mechviz.outputs.rerun.paths import entity
 from mechviz.outputs.rerun.stream_file import Part, recording_file
 from mechviz.outputs.rerun.streams import Stream, Timelines, magnification, picture_stride
-from mechviz.picture.build import picture_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import drawings_of
 from mechviz.picture.nodes import Arrow, Picture
 from mechviz.picture.overlays import overlay_box
-from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import events_of, line_of
 from mechviz.quantities.vectors import FORCE_FAMILIES
 from mechviz.runs import Run, Stage, stopwatch
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.solids import Solids
+    from mechviz.meshes.solids import Solids
 
 
 BLOCK = 2000

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,16 @@ from mechcore.accuracy import Accuracy
 from mechcore.joints.parts import build_pairs
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Mechanism
-from mechviz.editor.comparison import alike
+from mechviz.meshes.solids import Solids
 from mechviz.outputs.rerun.diagrams import find_diagrams
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, ViewModel
 from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warped_body
 from mechviz.picture.arrows import arrows_of
-from mechviz.picture.build import picture_of, solid_nodes
+from mechviz.picture.build import picture_of, solid_nodes, solids_of
 from mechviz.picture.constructions import drawings_of
-from mechviz.picture.meshes.solids import Solids
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.nodes import Mesh
-from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import events_of
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run
@@ -150,3 +148,20 @@ def _kept(old: Scales, new: Scales) -> Scales:
     names = ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre")
     kept = {n: getattr(old, n) for n in names if low <= getattr(new, n) / getattr(old, n) <= high and getattr(old, n) != 1.0}
     return replace(new, **kept)
+
+
+def alike(a: Any, b: Any) -> bool:
+    """Whether a and b are equal in all their parts; what is neither data nor a value is alike only itself."""
+    if a is b:
+        return True
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    if is_dataclass(a):
+        return all(alike(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, Mapping):
+        return a.keys() == b.keys() and all(alike(value, b[key]) for key, value in a.items())
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(alike, a, b))
+    return bool(a == b)

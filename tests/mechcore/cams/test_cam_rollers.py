@@ -8,7 +8,7 @@ import pytest
 import mechviz
 from mechcore.cams.placed_spatial import roller_angle, roller_speed
 from mechcore.forces.cam_rating import contact_force, placed_cams
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.picture.surface_marks import find_rollers
 from mechviz.runs import run_scene
 

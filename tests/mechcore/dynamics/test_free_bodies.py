@@ -14,8 +14,7 @@ from mechcore.laws.timed import Free
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Planar
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.picture.build import picture_of
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.runs import run_scene
 from recordings import vectors_of
 

@@ -139,9 +139,9 @@ def test_nodes_and_windows_of_the_integrator():
 @pytest.mark.parametrize("scene", ["gear-train", "crank-rocker"])
 def test_chords_are_as_near_to_circles_as_is_asked(scene, monkeypatch):
     """The middles of the sides of the largest circle lie at most the chord's distance inside it; no more sides than that needs."""
-    from mechviz.picture.meshes import solids as made
-    from mechviz.picture.meshes.model import largest_circle
-    from mechviz.picture.solids import solids_of
+    from mechviz.meshes import solids as made
+    from mechviz.meshes.model import largest_circle
+    from mechviz.picture.build import solids_of
 
     models = []
     draft = made.draft_pieces
@@ -159,7 +159,7 @@ def test_chords_are_as_near_to_circles_as_is_asked(scene, monkeypatch):
 
 
 def test_profile_points_of_a_cam():
-    from mechviz.picture.solids import solids_of
+    from mechviz.picture.build import solids_of
 
     run = run_scene(load("cam-roller"), frames=36)
     few, many = (solids_of(dataclasses.replace(run, accuracy=Accuracy(profile=n))).links["cam"].faces for n in (180, 2160))

@@ -20,8 +20,7 @@ from mechviz.studies import ladder_cache as cache
 from mechviz.studies import timing
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.ladder import Point, cheapest, ladder, pareto
-from mechviz.studies.ladder_diagram import PANEL, diagram
-from mechviz.studies.ladder_recording import write_rrd
+from mechviz.studies.ladder_diagram import PANEL, diagram, write_rrd
 from mechviz.studies.timing import Timed, side_by_side, timed
 
 

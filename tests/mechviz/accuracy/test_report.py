@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES
-from mechviz.hard_cases.suite import all_cases
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 sys.path.append(str(Path(__file__).resolve().parents[3] / "benchmarks" / "peers"))

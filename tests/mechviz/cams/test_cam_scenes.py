@@ -13,7 +13,7 @@ from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.picture.meshes.solids import build_solids
+from mechviz.meshes.solids import build_solids
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
 from mechviz.studies.report import check_lines

@@ -13,8 +13,8 @@ from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.picture.meshes.kinds.spatial_cams import Spin, spin_transforms
-from mechviz.picture.meshes.solids import build_solids
+from mechviz.meshes.kinds.spatial_cams import Spin, spin_transforms
+from mechviz.meshes.solids import build_solids
 
 SCENES = ["cam-barrel", "cam-barrel-rib", "cam-end", "cam-barrel-arm", "cam-globoid"]
 

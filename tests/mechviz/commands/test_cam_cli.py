@@ -15,7 +15,7 @@ import mechviz
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.commands.main import app
 from mechviz.outputs.exports.cam_profiles import cam_outlines
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.cams.files import read_dxf
 

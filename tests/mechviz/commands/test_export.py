@@ -12,7 +12,7 @@ import trimesh
 
 import mechviz
 from mechviz.outputs.exports.tables import ExportError, export_csv, export_parquet, export_stl, wide_table
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
 from recordings import made

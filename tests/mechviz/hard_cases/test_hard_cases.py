@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 import mechviz.hard_cases.input
 from mechviz.commands.main import app
+from mechviz.hard_cases import all_cases
 from mechviz.hard_cases.case import FAMILIES, Case, Check, Outcome, compare, judged
-from mechviz.hard_cases.suite import all_cases
 
 CASES = all_cases()
 

@@ -11,8 +11,8 @@ from shapely.geometry import Point, Polygon, box
 
 import mechviz
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.picture.meshes.outline import key_outline, keyed_bore, keyway_reach
-from mechviz.picture.meshes.solids import build_solids
+from mechviz.meshes.outline import key_outline, keyed_bore, keyway_reach
+from mechviz.meshes.solids import build_solids
 
 
 def built(name: str, frames: int = 9):

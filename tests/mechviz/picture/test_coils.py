@@ -10,13 +10,13 @@ import trimesh
 from page_content import content
 
 import mechviz
+from mechviz.meshes.kinds.coils import SIDES, coil_shell
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.rerun.numbers import numbers_in
 from mechviz.outputs.rerun.read_picture import picture_in
-from mechviz.picture.meshes.kinds.coils import SIDES, coil_shell
+from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.solids import solids_of
 from mechviz.picture.springs import find_coils
 from mechviz.runs import run_scene
 from recordings import made

@@ -14,9 +14,8 @@ import mechviz
 from mechviz.commands.main import app
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.exports.gltf_marks import ARROWS, find_marks
-from mechviz.picture.build import picture_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.proportions import HEAD, TURNS
-from mechviz.picture.solids import solids_of
 from mechviz.quantities.vectors import FAMILIES
 from mechviz.runs import run_scene
 from recordings import vectors_of

@@ -16,8 +16,8 @@ from solid_checks import FRAMES, Poses, check_shapes, in_world, mechanism, meeti
 
 import mechviz
 from mechcore.spec.mechanism import Mechanism, Prismatic, Revolute
-from mechviz.picture.meshes.layers.order import Post, order_layers
-from mechviz.picture.meshes.solids import Solids, build_solids, stl_bytes
+from mechviz.meshes.layers.order import Post, order_layers
+from mechviz.meshes.solids import Solids, build_solids, stl_bytes
 from mechviz.scene.folder import gallery_names
 from recordings import ran, solids
 

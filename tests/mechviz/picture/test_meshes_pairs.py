@@ -14,10 +14,10 @@ from solid_checks import FRAMES, check_shapes, in_world, meeting_links, moved, p
 import mechviz
 from mechcore.joints.parts import build_pairs
 from mechcore.spec.mechanism import Mechanism
-from mechviz.picture.meshes.kinds.teeth import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
-from mechviz.picture.meshes.model import build_model
-from mechviz.picture.meshes.shading import BELT, PIN
-from mechviz.picture.meshes.solids import Solids, build_solids
+from mechviz.meshes.kinds.teeth import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
+from mechviz.meshes.model import build_model
+from mechviz.meshes.shading import BELT, PIN
+from mechviz.meshes.solids import Solids, build_solids
 from mechviz.scene.builder import SceneBuilder
 
 TURN: Mapping[str, Any] = {"speed": "60 rpm"}

@@ -8,10 +8,9 @@ import pytest
 import mechviz
 from mechcore.spec.loads import Damper, GasSpring
 from mechviz.outputs.viewer.world.lines import segments
-from mechviz.picture.build import picture_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines
 from mechviz.picture.proportions import SPIRAL
-from mechviz.picture.solids import solids_of
 from mechviz.picture.strut_glyphs import find_strut_glyphs, spiral_strips, strut_strips
 from mechviz.runs import run_scene
 from recordings import made, vectors_of

@@ -108,7 +108,7 @@ def fraction(picture: np.ndarray, color: tuple[int, ...], near: float = 0.06) ->
 )
 def test_a_recording_shows_the_mechanism(tmp_path, name, view, families):
     from mechviz.outputs.rerun.nodes import COLORS
-    from mechviz.picture.solids import solids_of
+    from mechviz.picture.build import solids_of
 
     m = made(name)
     with viewer(tmp_path) as v:

@@ -10,12 +10,11 @@ from mechcore.motion.events import Event
 from mechviz.outputs.rerun.blueprint import calm_range, legend_place, make_blueprint, opening_timeline, spans_of_plots
 from mechviz.outputs.rerun.families import FAMILIES, Content, Family, find_statics, find_streams
 from mechviz.outputs.rerun.streams import Static, Stream, picture_stride
-from mechviz.picture.build import picture_of
+from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import drawings_of
 from mechviz.picture.nodes import Arrow
 from mechviz.picture.overlays import overlay_box
 from mechviz.picture.proportions import arrow_height, path_height
-from mechviz.picture.solids import solids_of
 from mechviz.quantities.events import peak_events
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import round_value

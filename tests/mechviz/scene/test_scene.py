@@ -576,7 +576,7 @@ def test_the_core_loads_without_what_only_some_mechanisms_need():
 
 
 def test_solids_are_made_without_the_library_that_only_exports_need():
-    code = "from mechviz.picture.solids import solids_of\nfrom mechviz.runs import run_scene\nimport mechviz"
+    code = "from mechviz.picture.build import solids_of\nfrom mechviz.runs import run_scene\nimport mechviz"
     loaded = modules_after(f"{code}\nsolids_of(run_scene(mechviz.load('crank-rocker'), frames=8))")
     assert "shapely" in loaded and not loaded & {"rerun", "viser", "trimesh"}
 

@@ -17,11 +17,11 @@ from mechcore.laws.indicator import Compressor
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.bodies import SOLIDS
 from mechviz.commands.main import app
+from mechviz.meshes.solids import build_solids
 from mechviz.outputs.rerun.plots import study_outputs
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.constructions import drawings_of
-from mechviz.picture.meshes.solids import build_solids
 from mechviz.runs import run_scene
 from mechviz.scene.scene import json_schema
 from mechviz.studies.balance import balance_scene

@@ -15,9 +15,8 @@ from mechcore.accuracy import Accuracy
 from mechcore.motion.events import Event
 from mechviz import scene
 from mechviz.editor.history import Draft, History
-from mechviz.editor.limits import assembles, reachable
 from mechviz.editor.parameters import find_choices, find_parameters
-from mechviz.editor.worker import Latest
+from mechviz.editor.worker import Latest, assembles, reachable
 from mechviz.outputs.rerun.diagrams import Diagram as Chart
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -37,7 +36,7 @@ from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAYS
 from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.quantities.catalogue import Health
 from mechviz.runs import run_scene
 from mechviz.scene.document import value_at, with_values

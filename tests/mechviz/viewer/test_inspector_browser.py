@@ -37,7 +37,7 @@ from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
 from mechviz.outputs.viewer.world.camera import PRESETS
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.picture.solids import solids_of
+from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
 from mechviz.studies import ladder as ladder_module

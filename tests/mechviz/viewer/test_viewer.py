@@ -25,6 +25,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.spec.loads import Torque
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Revolute
 from mechviz import scene
+from mechviz.meshes.solids import build_solids
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.callbacks import finite
@@ -40,7 +41,6 @@ from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
 from mechviz.outputs.viewer.world.stage import grid_cell
 from mechviz.picture.constructions import drawings_of
-from mechviz.picture.meshes.solids import build_solids
 from mechviz.quantities import vectors
 from mechviz.runs import Run, run_scene
 from recordings import vectors_of

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mechcore.cams.placed import PlacedCam
 from mechcore.forces.cam_rating import placed_cams
+from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.outputs.viewer.view_model import Body, Piece
-from mechviz.picture.meshes.kinds.cam_profiles import profile_points
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion

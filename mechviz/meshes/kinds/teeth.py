@@ -14,7 +14,7 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
-from mechviz.picture.meshes.outline import polygons, rounded
+from mechviz.meshes.outline import polygons, rounded
 
 ADDENDUM = 1.0
 DEDENDUM = 1.25

@@ -16,15 +16,15 @@ from shapely.ops import unary_union
 
 from mechcore.joints.base import Builder, point_of
 from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
-from mechviz.picture.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
-from mechviz.picture.meshes.kinds.spatial_cam_edges import around, circle, core_rings, edge, rib
-from mechviz.picture.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
-from mechviz.picture.meshes.shading import PIN
+from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
+from mechviz.meshes.kinds.spatial_cam_edges import around, circle, core_rings, edge, rib
+from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
+from mechviz.meshes.shading import PIN
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial
-    from mechviz.picture.meshes.layers.stack import Levels
-    from mechviz.picture.meshes.model import Model
+    from mechviz.meshes.layers.stack import Levels
+    from mechviz.meshes.model import Model
 
 
 Real = NDArray[np.float64]

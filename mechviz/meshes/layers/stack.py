@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from mechviz.picture.meshes.draft import Draft, Neck, Piece
-from mechviz.picture.meshes.kinds.wheels_drawn import webs
-from mechviz.picture.meshes.layers.order import Post, order_layers
-from mechviz.picture.meshes.layers.sweep import Sweeps
-from mechviz.picture.meshes.model import Model, Proportions
-from mechviz.picture.meshes.outline import disc
+from mechviz.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes.kinds.wheels_drawn import webs
+from mechviz.meshes.layers.order import Post, order_layers
+from mechviz.meshes.layers.sweep import Sweeps
+from mechviz.meshes.model import Model, Proportions
+from mechviz.meshes.outline import disc
 
 _RAIL = 1.0  # what it costs to have rails one layer further from the back
 _CARRIER = 9.0  # and the arm of a planetary gear or the web of a ring, which would hide the wheels

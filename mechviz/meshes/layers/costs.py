@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.layers.order import Post
+    from mechviz.meshes.layers.order import Post
 
 
 Layers = NDArray[np.int16]

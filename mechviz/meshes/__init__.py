@@ -6,7 +6,7 @@ solids.links["crank"].mesh        # trimesh, watertight, metres, in the link's o
 ```
 """
 
-from mechviz.picture.meshes.heights import Heights
-from mechviz.picture.meshes.solids import Solid, Solids, build_solids, stl_bytes
+from mechviz.meshes.heights import Heights
+from mechviz.meshes.solids import Solid, Solids, build_solids, stl_bytes
 
 __all__ = ["Heights", "Solid", "Solids", "build_solids", "stl_bytes"]

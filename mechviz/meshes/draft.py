@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from shapely.geometry import Polygon
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.picture.meshes.extrude import Profile
+from mechviz.meshes.extrude import Profile
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.model import Model
+    from mechviz.meshes.model import Model
 
 
 @dataclass(frozen=True, eq=False)

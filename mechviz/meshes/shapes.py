@@ -15,10 +15,10 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.picture.meshes import outline
-from mechviz.picture.meshes.draft import Draft, Neck, Piece, joined
-from mechviz.picture.meshes.kinds.cams import draw_cams, group_cams
-from mechviz.picture.meshes.kinds.fittings import (
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.kinds.cams import draw_cams, group_cams
+from mechviz.meshes.kinds.fittings import (
     draw_slots,
     draw_telescopes,
     group_slots,
@@ -27,9 +27,9 @@ from mechviz.picture.meshes.kinds.fittings import (
     lug,
     slot_of,
 )
-from mechviz.picture.meshes.kinds.inverse_cams import draw_inverse
-from mechviz.picture.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
-from mechviz.picture.meshes.model import Guide, Model
+from mechviz.meshes.kinds.inverse_cams import draw_inverse
+from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
+from mechviz.meshes.model import Guide, Model
 
 
 def draft_pieces(model: Model) -> Draft:

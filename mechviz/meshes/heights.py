@@ -11,8 +11,8 @@ import shapely
 
 from mechcore.joints.parts import build_pairs
 from mechcore.spec.mechanism import Mechanism, Vec2
-from mechviz.picture.meshes.extrude import Part
-from mechviz.picture.meshes.model import Model
+from mechviz.meshes.extrude import Part
+from mechviz.meshes.model import Model
 
 _NEAR = 0.25  # of half a plate's width: parts this near to a point carry it
 _FLAT = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.affinity import scale
+from shapely.geometry import Polygon
 
 from mechcore.spec.mechanism import Mechanism
-from mechviz.picture.meshes.extrude import Part, Shell, joined_shells
-from mechviz.picture.meshes.heights import Heights, find_heights
-from mechviz.picture.meshes.kinds.bands import Loop
-from mechviz.picture.meshes.kinds.spatial_cams import Spin, spatial_parts
-from mechviz.picture.meshes.kinds.wheels_drawn import find_loop
-from mechviz.picture.meshes.layers.stack import Levels, poses_of, stack_pieces
-from mechviz.picture.meshes.layers.sweep import Sweeps
-from mechviz.picture.meshes.model import Model, build_model, largest_circle
-from mechviz.picture.meshes.parts import make_parts
-from mechviz.picture.meshes.shading import Color, crisp, face_normals, link_colors
-from mechviz.picture.meshes.shapes import draft_pieces
+from mechviz.meshes.extrude import Part, Shell, joined_shells
+from mechviz.meshes.heights import Heights, find_heights
+from mechviz.meshes.kinds.bands import Loop
+from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
+from mechviz.meshes.kinds.wheels_drawn import find_loop
+from mechviz.meshes.layers.stack import Levels, poses_of, stack_pieces
+from mechviz.meshes.layers.sweep import Sweeps
+from mechviz.meshes.model import Model, build_model, largest_circle
+from mechviz.meshes.parts import make_parts
+from mechviz.meshes.shading import Color, crisp, face_normals, link_colors
+from mechviz.meshes.shapes import draft_pieces
 
 if TYPE_CHECKING:
     import trimesh
 
 
+SEGMENTS = 512  # sides of a full circle: 0.003 % of its area is missing
+FLAT = ("plate", "wheel", "block", "rail")
 DEEPEST = 0.12  # all layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
 
 
@@ -227,3 +231,22 @@ def _rim(solid: Solid) -> np.ndarray:
     """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
     xy = np.concatenate([shell.vertices[:, :2] for shell in solid.shells])
     return shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy)))
+
+
+def drawn_outlines(
+    mechanism: Mechanism, poses: Mapping[str, np.ndarray] | None, links: Collection[str]
+) -> dict[str, list[Polygon]]:
+    """Flat parts of ``links`` in the links' frames [m], with the holes for their pins and their cut-outs.
+
+    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.
+    """
+    model = build_model(mechanism, poses, SEGMENTS)
+    draft = draft_pieces(model)
+    parts = make_parts(model, draft, stack_pieces(model, draft))
+    out: dict[str, list[Polygon]] = {name: [] for name in links}
+    for part in parts:
+        if part.link in out and part.kind in FLAT:
+            shape = part.space[0].outline
+            whole = [shape] if isinstance(shape, Polygon) else list(shape.geoms)
+            out[part.link] += [scale(p, model.size, model.size, origin=(0.0, 0.0)) for p in whole]
+    return out

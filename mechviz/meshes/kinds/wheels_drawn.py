@@ -12,12 +12,12 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.picture.meshes import outline
-from mechviz.picture.meshes.draft import Draft, Neck, Piece
-from mechviz.picture.meshes.kinds.bands import Loop
-from mechviz.picture.meshes.kinds.teeth import ADDENDUM, DEDENDUM, external_wheel, rack_teeth, ring_teeth
-from mechviz.picture.meshes.kinds.wheels import Band, RackBar, Track, Wheel
-from mechviz.picture.meshes.model import Model, place
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes.kinds.bands import Loop
+from mechviz.meshes.kinds.teeth import ADDENDUM, DEDENDUM, external_wheel, rack_teeth, ring_teeth
+from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
+from mechviz.meshes.model import Model, place
 
 _GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
 _FLANGE = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt

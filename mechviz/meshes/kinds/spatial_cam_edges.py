@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.picture.meshes.extrude import Shell
+from mechviz.meshes.extrude import Shell
 
 if TYPE_CHECKING:
     from mechcore.cams.placed_spatial import PlacedSpatial

@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.picture.meshes.layers.costs import Costs, Layers, improve_many, packed
+from mechviz.meshes.layers.costs import Costs, Layers, improve_many, packed
 
 _CLASH = 1000.0
 _FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash

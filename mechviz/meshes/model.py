@@ -12,11 +12,11 @@ from mechcore.joints.base import Builder, Joint
 from mechcore.joints.parts import build_pairs
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamPair, Link, Mechanism, PinSlot, Prismatic, Rolling, Vec2
-from mechviz.picture.meshes.kinds.cam_profiles import CamDrawing, cam_extents, find_cams
-from mechviz.picture.meshes.kinds.cylinders import Telescope, find_telescopes
-from mechviz.picture.meshes.kinds.inverse_cams import InverseDrawing, find_inverse
-from mechviz.picture.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
-from mechviz.picture.meshes.kinds.wheels import Wheels, find_wheels
+from mechviz.meshes.kinds.cam_profiles import CamDrawing, cam_extents, find_cams
+from mechviz.meshes.kinds.cylinders import Telescope, find_telescopes
+from mechviz.meshes.kinds.inverse_cams import InverseDrawing, find_inverse
+from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
+from mechviz.meshes.kinds.wheels import Wheels, find_wheels
 
 _SAME = 1e-6  # points closer than this share one axle
 _WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism

@@ -14,12 +14,12 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.picture.meshes.draft import Draft, Piece
-from mechviz.picture.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
-from mechviz.picture.meshes.kinds.spatial_cams import turrets_reach
-from mechviz.picture.meshes.layers.stack import Levels
-from mechviz.picture.meshes.model import Axle, Model
-from mechviz.picture.meshes.outline import (
+from mechviz.meshes.draft import Draft, Piece
+from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
+from mechviz.meshes.kinds.spatial_cams import turrets_reach
+from mechviz.meshes.layers.stack import Levels
+from mechviz.meshes.model import Axle, Model
+from mechviz.meshes.outline import (
     clean,
     disc,
     key_outline,
@@ -29,7 +29,7 @@ from mechviz.picture.meshes.outline import (
     pedestal,
     polygons,
 )
-from mechviz.picture.meshes.shading import BELT, PIN
+from mechviz.meshes.shading import BELT, PIN
 
 _HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
 _GROOVE = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate

@@ -14,8 +14,8 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from shapely.geometry import Point, Polygon
 
-from mechviz.picture.meshes.outline import clean
-from mechviz.picture.meshes.shading import Color
+from mechviz.meshes.outline import clean
+from mechviz.meshes.shading import Color
 
 Profile = tuple[tuple[float, float], ...]
 

@@ -16,10 +16,10 @@ from shapely.ops import unary_union
 
 from mechcore.cams.closures import breadth
 from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
-from mechviz.picture.meshes import outline
-from mechviz.picture.meshes.draft import Draft, Neck, Piece, joined
-from mechviz.picture.meshes.kinds.cam_profiles import CamDrawing
-from mechviz.picture.meshes.model import Model
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.kinds.cam_profiles import CamDrawing
+from mechviz.meshes.model import Model
 
 _SAMPLES = 1080  # points of a profile
 _ROLLER = 256  # sides of a roller: it has to touch as exactly as the profile

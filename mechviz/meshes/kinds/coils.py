@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechviz.picture.meshes.extrude import Shell
+from mechviz.meshes.extrude import Shell
 
 Real = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from shapely.geometry import LineString, Point, Polygon
 
 from mechcore.joints.base import Builder
 from mechcore.spec.mechanism import CamPair, Mechanism, Vec2
-from mechviz.picture.meshes import outline
-from mechviz.picture.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece
 
 if TYPE_CHECKING:
-    from mechviz.picture.meshes.model import Model
+    from mechviz.meshes.model import Model
 
 
 _SAMPLES = 1080  # points of a flank

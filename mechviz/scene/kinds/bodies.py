@@ -4,17 +4,18 @@ masses."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
+import numpy as np
+import shapely
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from mechcore.errors import MechanismError
 from mechcore.reduction.areas import Area, area_of, circle, plate, rounded_hull
 from mechcore.reduction.bodies import SOLIDS, Body, solid
-from mechviz.scene.bodies.cutting import misplaced, plate_of, polygon_of
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import Angle, Density, Mass, Number, Point, Size, Table, Text, Unknown, is_whole, refuse
 
@@ -28,7 +29,9 @@ SolidName = Literal[
     "ellipsoid", "cone", "box", "cube", "torus",
 ]  # fmt: skip
 if set(get_args(SolidName)) != set(SOLIDS):
-    raise ImportError("mechviz.scene.bodies.shapes.SolidName and mechcore.reduction.bodies.SOLIDS name different solids")
+    raise ImportError("mechviz.scene.kinds.bodies.SolidName and mechcore.reduction.bodies.SOLIDS name different solids")
+STEPS = 64  # chords of an arc
+CLOSE = 2e-3  # of a hole's radius: arcs are chords here, and a hole may touch the outline
 _KINDS = ("solid", "plate", "polygon", "mesh", "drawn")
 _SIZES = ("length", "angle", "radius", "bore", "section", "height", "a", "b", "c")
 
@@ -337,3 +340,35 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
     factor = density if density is not None else (mass or 0.0) / volume
     x, y, _ = (float(v) * unit for v in mesh.center_mass)
     return Body(volume * factor, (x, y), float(mesh.moment_inertia[2, 2]) * unit**5 * factor)
+
+
+def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shapely.Polygon | None:
+    """An outline with its arcs as chords, or None where it crosses itself or has no area."""
+    z = np.array([complex(*c) for c in corners])
+    ring: list[complex] = []
+    for a, b, bulge in zip(z, np.roll(z, -1), bulges or [0.0] * len(z), strict=False):
+        ring.append(a)
+        if bulge and a != b:
+            angle = 4.0 * math.atan(bulge)
+            centre = 0.5 * (a + b) + 0.5j * (b - a) / math.tan(0.5 * angle)
+            ring += list(centre + (a - centre) * np.exp(1j * angle * np.arange(1, STEPS) / STEPS))
+    shape = shapely.Polygon([(p.real, p.imag) for p in ring]) if len(ring) > 2 else shapely.Polygon()
+    return shape if shape.is_valid and shape.area > 0.0 else None
+
+
+def plate_of(points: Sequence[Vec2], radius: float) -> shapely.Polygon | None:
+    """A plate with round ends about points."""
+    known = [p for p in points if all(map(math.isfinite, p))]
+    return shapely.MultiPoint(known).convex_hull.buffer(radius, quad_segs=STEPS) if known and radius > 0.0 else None
+
+
+def misplaced(material: shapely.Polygon, holes: Sequence[tuple[Vec2, float]]) -> Iterator[tuple[int, str]]:
+    """Numbers of holes (centre, radius) that cannot be cut, with what is wrong."""
+    for k, (centre, radius) in enumerate(holes):
+        if not all(map(math.isfinite, (*centre, radius))):
+            continue
+        if not material.covers(shapely.Point(centre).buffer((1.0 - CLOSE) * radius, quad_segs=STEPS)):
+            yield k, "the hole reaches out of the plate."
+        for i, (other, size) in enumerate(holes[:k]):
+            if math.dist(centre, other) < (1.0 - CLOSE) * (radius + size):
+                yield k, f"the hole overlaps hole {i + 1}: material would be taken away twice."

@@ -7,10 +7,10 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon
 
 from mechcore.spec.mechanism import Vec2
-from mechviz.picture.meshes import outline
-from mechviz.picture.meshes.draft import Draft, Neck, Piece, joined
-from mechviz.picture.meshes.kinds.cylinders import Telescope
-from mechviz.picture.meshes.model import Model, Slot, Weldment
+from mechviz.meshes import outline
+from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.kinds.cylinders import Telescope
+from mechviz.meshes.model import Model, Slot, Weldment
 
 _SEAM = 0.05  # width of the seam between plates that are welded, in half widths of a plate
 

@@ -1,1 +1,0 @@
-"""Bodies of links: masses that follow from shapes."""
