@@ -115,10 +115,45 @@ def _trapezoidal_velocity(run_up: float, braking: float) -> MotionCurve:
     return acceleration_zones((0.0, a, 0.0, max(1.0 - a - b, 0.0), 0.0, b, 0.0))
 
 
-def _modified_constant_velocity(coast: float) -> MotionCurve:
-    """Neklutin: sine over a quarter of each end, cosine over the rest; half of the range at constant velocity is MCV50."""
-    end = 0.5 * (1.0 - _share(coast, "coast", "modified-constant-velocity"))
-    return acceleration_zones((0.25 * end, 0.0, 0.75 * end, coast, 0.75 * end, 0.0, 0.25 * end))
+def _coasting(law: str, sine: float, constant: float, cosine: float) -> Callable[[float], MotionCurve]:
+    """A rise with constant velocity over the share ``coast`` of its range: shares of the sine, constant and cosine zones of
+    either end."""
+
+    def make(coast: float) -> MotionCurve:
+        end = 0.5 * (1.0 - _share(coast, "coast", law))
+        a, b, c = sine * end, constant * end, cosine * end
+        return acceleration_zones((a, b, c, coast, c, b, a))
+
+    return make
+
+
+def _trapezoidal(ramp: float) -> MotionCurve:
+    a = _share(ramp, "ramp", "trapezoidal")
+    if a > 0.25:
+        raise MechanismError(Fault("trapezoidal.ramp", f"four ramps of {a:g} exceed the range.", "Give at most 0.25."))
+    top = 1.0 / (0.5 * (0.5 - a))  # the velocity at the middle is 2 by symmetry
+    rows = [
+        (a, (0.0, top / a)),
+        (0.5 - 2.0 * a, (top,)),
+        (2.0 * a, (top, -top / a)),
+        (0.5 - 2.0 * a, (-top,)),
+        (a, (-top, top / a)),
+    ]
+    rows = [row for row in rows if row[0] > 0.0]
+    knots = np.concatenate([[0.0], np.cumsum([length for length, _ in rows])])
+    return _at_rest_at_the_end(MotionCurve.of(knots.tolist(), [poly for _, poly in rows]).integrated().integrated())
+
+
+def _sine_squared() -> MotionCurve:
+    waves = np.array([[4.0 * np.pi, 0.0, -4.0]])  # 8 sin^2(2 pi x) = 4 - 4 cos(4 pi x)
+    halves = (Piece(0.5, np.array([4.0]), waves), Piece(0.5, np.array([-4.0]), -waves * (-1.0, 1.0, 1.0)))
+    return _at_rest_at_the_end(MotionCurve(halves).integrated().integrated())
+
+
+def three_harmonics(first: float, second: float) -> MotionCurve:
+    """Acceleration ``A1 sin 2 pi x + A2 sin 4 pi x + A3 sin 6 pi x``; A3 follows from the stroke: A1 + A2/2 + A3/3 = 2 pi."""
+    amplitudes = (first, second, 3.0 * (2.0 * np.pi - first - 0.5 * second))
+    return harmonic_sum(1.0, {2 * k: -a / (2.0 * np.pi * k) ** 2 for k, a in enumerate(amplitudes, 1)}, {})
 
 
 def _freudenstein_135() -> MotionCurve:
@@ -138,21 +173,61 @@ RISES: dict[str, Rise] = {
     "double-harmonic": Rise(
         lambda: harmonic_sum(0.0, {}, {1: 0.5, 2: -0.125}), "acceleration zero at the start, steps at the end (rise-return)", {}
     ),
-    "triple-harmonic": Rise(
+    "cosine-1-3": Rise(
         lambda: harmonic_sum(0.0, {}, {1: 9.0 / 16.0, 3: -1.0 / 16.0}),
-        "three harmonics cos k pi x with no acceleration at either end (the second vanishes)",
+        "cos pi x and cos 3 pi x, no acceleration at either end",
+        {},
+    ),
+    "three-harmonics": Rise(
+        three_harmonics,
+        "acceleration of sin 2 pi x, sin 4 pi x, sin 6 pi x; first and second: two amplitudes, the third follows",
+        {"first": 2.0 * np.pi, "second": 0.0},
+    ),
+    "triple-harmonic-modified-trapezoid": Rise(
+        lambda: three_harmonics(6.04, 0.0), "triple harmonic of amplitudes 6.04, 0, 0.7296: close to the modified trapezoid", {}
+    ),
+    "triple-harmonic-modified-sine": Rise(
+        lambda: three_harmonics(5.1968, 1.769),
+        "triple harmonic of amplitudes 5.1968, 1.769, 0.6057: close to the modified sine",
+        {},
+    ),
+    "triple-harmonic-zero-jerk": Rise(
+        lambda: three_harmonics(2.25 * np.pi, 0.0),
+        "triple harmonic 3 pi sin^3(2 pi x): no jerk at the ends and where the acceleration changes its sign",
         {},
     ),
     "cycloidal": Rise(lambda: harmonic_sum(1.0, {2: -0.5 / np.pi}, {}), "x - sin(2 pi x)/(2 pi)", {}),
     "modified-trapezoid": Rise(lambda: scca(0.25, 0.5, 0.25), "least peak acceleration with finite jerk among the common laws", {}),
     "modified-sine": Rise(lambda: scca(0.25, 0.0, 0.75), "low peak velocity and torque", {}),
     "modified-constant-velocity": Rise(
-        _modified_constant_velocity, "constant velocity over the share coast (0.5: MCV50)", {"coast": 0.5}
+        _coasting("modified-constant-velocity", 0.25, 0.0, 0.75),
+        "modified sine with constant velocity over the share coast (Neklutin; 0.5: MCV50)",
+        {"coast": 0.5},
     ),
+    "cycloidal-constant-velocity": Rise(
+        _coasting("cycloidal-constant-velocity", 0.5, 0.0, 0.5),
+        "cycloidal with constant velocity over the share coast",
+        {"coast": 0.5},
+    ),
+    "modified-trapezoid-constant-velocity": Rise(
+        _coasting("modified-trapezoid-constant-velocity", 0.25, 0.5, 0.25),
+        "modified trapezoid with constant velocity over the share coast",
+        {"coast": 0.5},
+    ),
+    "trapezoidal": Rise(
+        _trapezoidal, "trapezoids of acceleration, each ramp over the share ramp (0.125: one eighth)", {"ramp": 0.125}
+    ),
+    "sine-squared": Rise(_sine_squared, "acceleration 8 sin^2(2 pi x): no jerk at the ends and in the middle", {}),
     "scca": Rise(
         scca, "sine-constant-cosine acceleration, shares b, c, d of the range", {"sine": 0.25, "constant": 0.5, "cosine": 0.25}
     ),
+    "2-3": Rise(lambda: _poly(0, 0, 3, -2), "polynomial with the velocity zero at the ends, constant jerk (cubic)", {}),
     "3-4-5": Rise(lambda: _poly(0, 0, 0, 10, -15, 6), "polynomial with velocity and acceleration zero at the ends", {}),
+    "3-4-5-6": Rise(
+        lambda: _poly(0, 0, 0, 8, -12, 6, -1),
+        "rise of a rise and return 64 (x^3 - 3 x^4 + 3 x^5 - x^6): acceleration steps at its end",
+        {},
+    ),
     "4-5-6-7": Rise(lambda: _poly(0, 0, 0, 0, 35, -84, 70, -20), "polynomial with jerk zero at the ends too", {}),
     "5-6-7-8-9": Rise(
         lambda: _poly(0, 0, 0, 0, 0, 126, -420, 540, -315, 70), "polynomial with the fourth derivative zero at the ends too", {}
@@ -171,10 +246,13 @@ RISES: dict[str, Rise] = {
     ),
 }
 
+FORMER_NAMES = {"triple-harmonic": "cosine-1-3"}
+"""Former names of laws, which are read as the present ones for ever: the literature calls other laws triple harmonics."""
+
 
 def rise(name: str, **parameters: float) -> MotionCurve:
     """A law of the catalogue, 0 -> 1 over 0 -> 1. Raises ``MechanismError`` for an unknown name or parameter."""
-    entry = RISES.get(name)
+    entry = RISES.get(FORMER_NAMES.get(name, name))
     if entry is None:
         near = difflib.get_close_matches(name, RISES, 1, 0.5)
         hint = f"Did you mean '{near[0]}'?" if near else f"Known are {', '.join(RISES)}."

@@ -55,11 +55,50 @@ def test_the_reference_laws_to_all_digits(row):
         ("5-6-7-8-9", 315 / 128, 9.37198, 78.75),
         ("freudenstein", 2.0, 5.38559, 16 * PI**2 * 9 / 28),
         ("parabolic", 2.0, 4.0, np.inf),
+        ("2-3", 1.5, 6.0, 12.0),
+        ("3-4-5-6", 1.7173, 6.0, 48.0),  # Norton's rise and return of 1 in over 180 deg at 15 rad/s: 547 in/s^2
+        ("trapezoidal", 2.0, 16 / 3, 128 / 3),
+        ("cycloidal-constant-velocity", 4 / 3, 8 * PI / 3, 32 * PI**2 / 3),
+        ("modified-trapezoid-constant-velocity", 4 / 3, 32 * PI / (3 * (PI + 2)), 256 * PI**2 / (3 * (PI + 2))),
+        ("sine-squared", 2.0, 8.0, 16 * PI),
+        ("triple-harmonic-zero-jerk", 2.0, 3 * PI, 18 * PI**2 * 2 / (3 * np.sqrt(3))),
     ],
 )
 def test_peak_factors_of_the_literature(name, cv, ca, cj):
     f = peak_factors(rise(name))
     assert (f.velocity, f.acceleration, f.jerk) == pytest.approx((cv, ca, cj), rel=2e-5)
+
+
+@pytest.mark.parametrize(("coast", "cv", "ca"), [(0.2, 1.528, 5.999), (1 / 3, 1.404, 6.616), (0.5, 1.275, 8.013)])
+def test_modified_sines_with_constant_velocity_have_the_printed_factors(coast, cv, ca):
+    """The table of sine-constant-cosine laws with constant velocity in PSMotion's handbook."""
+    f = peak_factors(rise("modified-constant-velocity", coast=coast))
+    assert (f.velocity, f.acceleration) == pytest.approx((cv, ca), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "printed"),
+    [  # amplitudes of the acceleration in PSMotion's handbook
+        ("triple-harmonic-modified-trapezoid", (6.04, 0.0, 0.7296)),
+        ("triple-harmonic-modified-sine", (5.1968, 1.769, 0.6057)),
+        ("triple-harmonic-zero-jerk", (9 * PI / 4, 0.0, -3 * PI / 4)),
+        ("three-harmonics", (2 * PI, 0.0, 0.0)),
+    ],
+)
+def test_triple_harmonics_have_the_printed_amplitudes(name, printed):
+    """By the discrete Fourier transform of the acceleration."""
+    a = rise(name)(np.arange(64) / 64, 2)[2]
+    np.testing.assert_allclose(-2.0 / 64 * np.fft.fft(a).imag[1:5], (*printed, 0.0), atol=5e-5)
+
+
+def test_laws_whose_jerk_vanishes_at_the_crossover():
+    for name in ("triple-harmonic-zero-jerk", "sine-squared"):
+        np.testing.assert_allclose(rise(name)([0.0, 0.5, 1.0], 3)[2:], 0.0, atol=1e-12)
+        assert jumps(rise(name), (0, 1, 2, 3), tolerance=1e-12) == []
+
+
+def test_a_former_name_of_a_law_is_still_read():
+    np.testing.assert_array_equal(rise("triple-harmonic")([0.3], 2), rise("cosine-1-3")([0.3], 2))
 
 
 @pytest.mark.parametrize("name", RISES)
