@@ -219,7 +219,7 @@ class Bristles:
         return np.stack([(i["k"] * (i["u_rate"] * t - x) - friction) / i["m"], bending], axis=1)
 
     def slopes(self, q, v, t, a):
-        return differences(self, q, v, t, a)
+        return differences(self, q, v, t, a, (np.full(2, 1e-7), np.full(2, 1e-7)))
 
 
 def test_stick_slip_with_bristles():

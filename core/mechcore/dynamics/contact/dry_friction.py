@@ -17,7 +17,15 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.dynamics.equations.chart import differences, jacobian_of
-from mechcore.dynamics.equations.reduced import constrained, free_of, moving, reduced_equations, with_rates, with_states
+from mechcore.dynamics.equations.reduced import (
+    constrained,
+    free_of,
+    moving,
+    reduced_equations,
+    steps_of_differences,
+    with_rates,
+    with_states,
+)
 from mechcore.effects.base import Wrench, sum_up
 from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
@@ -118,7 +126,7 @@ class DrySystem:
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each."""
-        return differences(self, q, v, t, a)
+        return differences(self, q, v, t, a, steps_of_differences(self.compiled, q, v, a))
 
     def solve(self, q: Real, v: Real, t: Real) -> Dry:
         """Accelerations and friction. Raises `MechanismError` where no acceleration is in balance with the friction it causes."""

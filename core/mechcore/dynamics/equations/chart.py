@@ -68,14 +68,14 @@ class Chart:
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
         """Derivatives of the accelerations by position and speed (n, f, f) each, by differences, all in one call."""
-        return differences(self, q, v, t, a)
+        return differences(self, q, v, t, a, steps_of_differences(self.compiled, q, v, a))
 
 
-def differences(system: Any, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
-    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences, all in one call."""
+def differences(system: Any, q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]) -> tuple[Real, Real]:
+    """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
     n, f = q.shape
     many_q, many_v = np.tile(q, (2 * f, 1)), np.tile(v, (2 * f, 1))
-    step_q, step_v = steps_of_differences(system.compiled, q, v, a)
+    step_q, step_v = steps
     for k in range(f):
         many_q[k * n : (k + 1) * n, k] += step_q[k]
         many_v[(f + k) * n : (f + k + 1) * n, k] += step_v[k]
