@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.branches.modes import KEYS, TWO_MODES, WORDS, orientation, other_modes, stated_modes, stated_sign
 from mechcore.branches.sketch import sketched_angle, sketched_slide
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Block, Model
 from mechcore.kinematics.positions import initial_state
-from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_angle, as_length
 
-TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 _MOST_CHOICES = 2  # groups whose modes are told in all combinations
-
-_OTHER = {
-    "left": ("side", "right"), "right": ("side", "left"), "ahead": ("branch", "behind"), "behind": ("branch", "ahead"),
-    "open": ("assembly", "crossed"), "crossed": ("assembly", "open"),
-}  # fmt: skip
-"""Assembly modes: the key that states each, and the other one."""
-
-WORDS = {"theta_theta": ("left", "right"), "theta_slide": ("ahead", "behind"), "arm_slide": ("ahead", "behind")}
 
 
 @dataclass(frozen=True)
@@ -44,17 +35,13 @@ class Assembly:
 def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> Assembly:
     """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show; ``others``:
     where a group does not fit, the remedy names another assembly mode in which it does."""
-    m = model.mechanism
     faults: list[Fault] = []
-    known_names = {b.name for b in model.blocks}
-    stated = _stated(model)
-    used = set(stated.values())
+    stated = stated_modes(model)
     constants = [0.0] * len(model.relations)
     state = initial_state(model, [np.float64(q) for q in drives], constants)
     modes: list[float] = []
     starts: dict[str, Real] = {}
     for block in model.blocks:
-        pair = stated.get(block.name)
         mode = 0.0
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
@@ -65,7 +52,7 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
                 if block.kind != "theta_slide" and bl.span(model, block, state) <= 1e-14 * model.size:
                     faults.append(_unspanned(block))
                     break
-                mode, fault = _mode(model, block, state, pair)
+                mode, fault = _mode(model, block, state, stated.get(block.name, ()))
                 faults += fault
                 bl.place(model, block, state, mode)
             elif block.relations and block.kind != "general":
@@ -87,49 +74,26 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
                     )
                     break
         modes.append(mode)
-    for pair in m.modes:
-        if pair not in used:
-            near = ", ".join(sorted(known_names)) or "none"
-            faults.append(
-                Fault(
-                    f"joints.{pair}",
-                    f"an assembly mode ('{m.modes[pair]}') is stated here, but this pair decides nothing.",
-                    f"Pairs at which a group can be put together in two ways: {near}.",
-                )
-            )
+    faults += _idle_modes(model, stated)
     if faults:
         raise MechanismError(faults)
     starts |= {f"angle {g}": np.asarray(bl.real_angle(model, state, g)) for g in model.multi_turn}
     return Assembly(modes=tuple(modes), starts=starts, constants=tuple(constants), state=state)
 
 
-def _stated(model: Model) -> dict[str, str]:
-    """Block -> pair at which the mechanism states its mode: the block's own pair, or another one at its unknown links."""
-    found: dict[str, str] = {}
-    of_group = {g: block for block in model.blocks for g in block.angles}
-    own = {block.name for block in model.blocks}
-    for pair in model.mechanism.modes:
-        if pair in own:
-            found[pair] = pair
-            continue
-        if pair not in model.joint_index:
-            continue
-        groups = [model.angles.group[k] for k in model.ends[model.joint_index[pair]]]
-        blocks = [of_group[g] for g in groups if g in of_group]
-        for block in blocks:
-            if block.kind != "theta_theta" and block.name not in model.mechanism.modes:
-                found.setdefault(block.name, pair)
-    return found
-
-
-def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
-    """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
-    the pair ``beside``."""
-    for pair, word in mechanism.modes.items():
-        if pair != beside and word in _OTHER:
-            key, other = _OTHER[word]
-            remedy = f', or take the other mode at {pair}, {key} = "{other}"'
-            yield replace(mechanism, modes={**mechanism.modes, pair: other}), remedy
+def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault]:
+    """The faults of assembly modes at pairs that no group is known by and that decide none of two modes."""
+    used = {pair for pairs in stated.values() for pair in pairs} | {block.name for block in model.blocks}
+    near = ", ".join(sorted(block.name for block in model.blocks if block.kind in TWO_MODES)) or "none"
+    return [
+        Fault(
+            f"joints.{pair}",
+            f"an assembly mode ('{word}') is stated here, but this pair decides nothing.",
+            f"Pairs at which a group can be put together in two ways: {near}.",
+        )
+        for pair, word in model.mechanism.modes.items()
+        if pair not in used
+    ]
 
 
 def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
@@ -155,7 +119,7 @@ def fitting_statements(model: Model, drives: Sequence[float]) -> str:
             assemble(replace(model, mechanism=replace(model.mechanism, sketch={}, modes=modes)), drives, others=False)
         except MechanismError:
             continue
-        found.append(" and ".join(f'{_OTHER[word][0]} = "{word}" at {pair}' for pair, word in modes.items()))
+        found.append(" and ".join(f'{KEYS[word]} = "{word}" at {pair}' for pair, word in modes.items()))
     return f", or state the assembly mode of the start instead: {' or '.join(found)} fits there" if found else ""
 
 
@@ -175,24 +139,10 @@ def _unspanned(block: Block) -> Fault:
     )
 
 
-def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[float, list[Fault]]:
-    """The sign of a block with two assembly modes."""
-    m = model.mechanism
-    words = WORDS[block.kind]
-    if pair is not None:
-        word = m.modes[pair]
-        if word in words:
-            sign = 1.0 if word == words[0] else -1.0
-            return (sign * _orientation(model, block, pair), [])
-        if word in ("open", "crossed") and block.kind == "theta_theta":
-            found = _open_mode(model, block, state)
-            if found is not None:
-                return (found if word == "open" else -found), []
-            message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
-        else:
-            message = f"'{word}' is not an assembly mode of this group."
-            remedy = f"Use {' or '.join(words)}."
-        return 1.0, [Fault(f"joints.{pair}", message, remedy)]
+def _mode(model: Model, block: Block, state: State, pairs: Sequence[str]) -> tuple[float, list[Fault]]:
+    """The sign of a block with two assembly modes, stated at ``pairs`` or else as it is sketched."""
+    if pairs:
+        return stated_sign(model, block, state, pairs)
     sketched = _sketched_mode(model, block, state)
     if sketched is not None:
         return sketched, []
@@ -200,8 +150,9 @@ def _mode(model: Model, block: Block, state: State, pair: str | None) -> tuple[f
     minus = _solution(model, block, state, -1.0)
     if all(abs(plus[k] - minus[k]) < 1e-12 for k in plus):
         return 1.0, []
-    key = "side" if words[0] == "left" else "branch"
-    sign = _orientation(model, block, block.name)
+    words = WORDS[block.kind]
+    key = KEYS[words[0]]
+    sign = orientation(model, block, block.name)
     where = dict(zip(words, _mode_words(model, block, state, (sign, -sign)), strict=True))
     options = ", or ".join(f'{key} = "{w}" (there {where[w]})' for w in words)
     return 1.0, [
@@ -269,71 +220,6 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     noise = 1e-12 * model.size
     x, y = (0.0 if abs(part) < noise else part for part in (complex(z).real, complex(z).imag))
     return f"x = {as_length(x, 4)}, y = {as_length(y, 4)}"
-
-
-def _orientation(model: Model, block: Block, pair: str) -> float:
-    """+1 if the words stated at ``pair`` mean the closed form's +1 mode, -1 if its -1 mode.
-
-    'left': seen from the first link's other pin to the second link's other pin, the pair lies on the left. The closed form has its
-    first unknown group first. 'ahead': of the two displacements along the guide the larger one.
-    """
-    if block.kind == "theta_theta":
-        first = model.angles.group[model.ends[model.joint_index[pair]][0]]
-        return 1.0 if first == block.angles[0] else -1.0
-    # arm_slide: mode +1 has the larger displacement; theta_slide: the displacement is what the link leaves over, so it is smaller
-    return 1.0 if block.kind == "arm_slide" else -1.0
-
-
-def _open_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode in which a four-bar's links do not cross at the start."""
-    u, v = block.angles
-    pins = []
-    for g, other in ((u, v), (v, u)):
-        for j, (p, q) in enumerate(model.ends):
-            groups = (model.angles.group[p], model.angles.group[q])
-            if g in groups and other not in groups and model.joints[j].slide is None:
-                known = q if groups[0] == g else p
-                pins.append((j, known))
-                break
-    if len(pins) != 2:
-        return None
-    (jb, kb), (jd, kd) = pins
-    hinge = next((j for j, e in enumerate(model.ends) if set(e) == {kb, kd} and model.joints[j].slide is None), None)
-    if hinge is None:
-        return None
-    inner = model.joint_index[block.name]
-
-    def crossing(mode: float) -> bool:
-        trial = state.copy()
-        with np.errstate(invalid="ignore", divide="ignore"):
-            bl.place(model, block, trial, mode)
-
-        def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
-            joint = model.joints[j]
-            base = model.joints[hinge]
-            p = joint.a if model.ends[j][0] == link else joint.b
-            h = base.a if model.ends[hinge][0] == link else base.b
-            return complex((p - h) * model.turn[link] * trial.rot[model.angles.spin[link]])
-
-        a, b, d = 0j, at(jb, kb), at(jd, kd)
-        coupler = next(k for k in model.ends[jb] if k != kb)
-        jc, jbt = model.joints[inner], model.joints[jb]
-        pc = jc.a if model.ends[inner][0] == coupler else jc.b
-        pb = jbt.a if model.ends[jb][0] == coupler else jbt.b
-        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.spin[coupler]])
-        return _segments_cross(a, b, c, d) or _segments_cross(b, c, d, a)
-
-    plus, minus = crossing(1.0), crossing(-1.0)
-    if plus == minus:
-        return None
-    return -1.0 if plus else 1.0
-
-
-def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
-    def turn(p: complex, q: complex, r: complex) -> float:
-        return ((q - p).conjugate() * (r - p)).imag
-
-    return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
 
 
 def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
@@ -502,7 +388,7 @@ def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list
         for block, mode in zip(model.blocks, assembly.modes, strict=True):
             found: list[tuple[Text, bool]] = []
             if block.kind in TWO_MODES:
-                sign = _orientation(model, block, block.name)
+                sign = orientation(model, block, block.name)
                 signs = (sign, -sign)
                 for word, s, text in zip(WORDS[block.kind], signs, _mode_words(model, block, state, signs), strict=True):
                     found.append((Text(f"{word}: {text}"), s == mode))

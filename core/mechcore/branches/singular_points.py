@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from mechcore.arrays import Flags, Real
+from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Block, Model
@@ -31,7 +32,6 @@ ROUNDING = 1e-14  # heights squared that differ by less within a window are one 
 WINDOW = 4  # samples on each side from which the instant is located
 FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
 BLUR = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
-TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mechcore.branches.modes import TWO_MODES, stated_modes
 from mechcore.kinematics.blocks import State
 from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Piecewise
@@ -63,9 +64,8 @@ def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] |
 
 def _decides(model: Model) -> bool:
     """Whether something about the assembly may follow from the sketch."""
-    stated = model.mechanism.modes
-    two = {block.name for block in model.blocks if block.kind in ("theta_theta", "theta_slide", "arm_slide")}
-    return bool(model.relations) or not two <= stated.keys() or any(block.kind == "general" for block in model.blocks)
+    two = {block.name for block in model.blocks if block.kind in TWO_MODES}
+    return bool(model.relations) or not two <= stated_modes(model).keys() or any(block.kind == "general" for block in model.blocks)
 
 
 def _sketched_drive(model: Model, name: str) -> float | None:

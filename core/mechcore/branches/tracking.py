@@ -16,7 +16,8 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
 from mechcore.branches.continuation import REGULAR, Drives, Track, follow
-from mechcore.branches.singular_points import TWO_MODES, Change, Changes, flat_instants, needs_span, rounding_of
+from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.singular_points import Change, Changes, flat_instants, needs_span, rounding_of
 from mechcore.kinematics import blocks as bl
 from mechcore.kinematics.model import Block, Model
 from mechcore.kinematics.patching import FAR, NODES, TAIL, make_patches, tail_of, unknowns_of

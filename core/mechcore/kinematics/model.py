@@ -400,8 +400,8 @@ def _blocks(
     placed = {c for r in rows for c in r}
     solved = {r for t in relations for r in t}
     between: dict[frozenset[int], int] = {}
-    for j, (p, q) in enumerate(ends):
-        between.setdefault(frozenset((turning.group[p], turning.group[q])), j)
+    for j in sorted(range(len(ends)), key=lambda j: j in sliding):  # a joint that slides closes another group than its two links
+        between.setdefault(frozenset(turning.group[k] for k in ends[j]), j)
     blocks = []
     for found, own_relations, (_, unknowns) in zip(rows, relations, order.blocks, strict=True):
         picked = [unknown[u] for u in unknowns]

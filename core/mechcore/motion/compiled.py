@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real
 from mechcore.branches.assembly import Assembly
-from mechcore.branches.singular_points import TWO_MODES, Changes, find_changes, needs_span, passages
+from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.singular_points import Changes, find_changes, needs_span, passages
 from mechcore.branches.tracking import Course, course_of
 from mechcore.branches.unwrapped import Frames, LinkAngles, UnwrappedAngles
 from mechcore.kinematics.model import Model

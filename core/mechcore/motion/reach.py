@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 
 from mechcore.arrays import Flags, Real
-from mechcore.branches.singular_points import TWO_MODES, flat_instants, rounding_of
+from mechcore.branches.modes import TWO_MODES
+from mechcore.branches.singular_points import flat_instants, rounding_of
 from mechcore.branches.tracking import STEP, walk
 from mechcore.kinematics.blocks import dead_point_margin
 from mechcore.kinematics.positions import place_all

@@ -264,6 +264,27 @@ def test_mode_faults_say_what_to_write():
     assert "2 at the start" in text and "[sketch]" in text
 
 
+@pytest.mark.parametrize(
+    ("build", "word", "pairs"),
+    [(four_bar, "left", "BDE"), (four_bar, "right", "BDE"), (four_bar, "crossed", "BDE")]
+    + [(slider_crank, word, "BCS") for word in ("ahead", "behind")],
+)
+def test_modes_mean_the_same_at_every_joint_that_their_group_places(build, word, pairs):
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, start=1.0) if build is four_bar else slider_crank(r=0.05, l=0.18, e=0.012)
+    time = np.linspace(0.0, 1.0, 5)
+    want = move(replace(m, modes={pairs[-2]: word}), time)
+    for pair in pairs:
+        got = move(replace(m, modes={pair: word}), time)
+        for link in want.model.links:
+            np.testing.assert_array_equal(got.pose(link), want.pose(link))
+    same = dict.fromkeys(pairs, word)
+    move(replace(m, modes=same), time)
+    other = {"left": "right", "right": "left", "crossed": "open", "ahead": "behind", "behind": "ahead"}[word]
+    key = {"left": "side", "right": "side", "crossed": "assembly"}.get(word, "branch")
+    text = faults_of(replace(m, modes={**same, pairs[-1]: other}))
+    assert f"joints.{pairs[-1]}.{key}: '{other}' contradicts '{word}' at {pairs[0]}" in text
+
+
 def test_stated_modes_mean_what_they_say():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, start=1.0)
     for word, left in (("left", True), ("right", False), ("open", True), ("crossed", False)):

@@ -1,0 +1,148 @@
+"""Assembly modes as a mechanism states them: which group a joint decides, and what the words mean there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mechcore.errors import Fault
+from mechcore.kinematics import blocks as bl
+from mechcore.kinematics.blocks import State
+from mechcore.kinematics.model import Block, Model
+from mechcore.spec.mechanism import Mechanism
+
+TWO_MODES = ("theta_theta", "theta_slide", "arm_slide")
+WORDS = {"theta_theta": ("left", "right"), "theta_slide": ("ahead", "behind"), "arm_slide": ("ahead", "behind")}
+OTHER = {"left": "right", "right": "left", "ahead": "behind", "behind": "ahead", "open": "crossed", "crossed": "open"}
+KEYS = {
+    "left": "side", "right": "side", "ahead": "branch", "behind": "branch", "open": "assembly", "crossed": "assembly",
+}  # fmt: skip
+"""The key that states each assembly mode."""
+
+
+def stated_modes(model: Model) -> dict[str, list[str]]:
+    """Block of two modes -> the pairs at which the mechanism states its mode, any of those that the block places.
+
+    A pair belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
+    """
+    last = {unknown: k for k, block in enumerate(model.blocks) if block.contours for unknown in block.unknowns}
+    found: dict[str, list[str]] = {}
+    for pair in model.mechanism.modes:
+        j = model.joint_index.get(pair)
+        if j is None:
+            continue
+        unknowns = [("slide", j), *(("angle", model.angles.group[k]) for k in model.ends[j])]
+        k = max(last.get(x, -1) for x in unknowns)
+        if k >= 0 and model.blocks[k].kind in TWO_MODES:
+            found.setdefault(model.blocks[k].name, []).append(pair)
+    return found
+
+
+def stated_sign(model: Model, block: Block, state: State, pairs: Sequence[str]) -> tuple[float, list[Fault]]:
+    """The sign of a block of two modes as it is stated at ``pairs``, and the faults of words that do not fit it or each other."""
+    modes = model.mechanism.modes
+    signs, faults = [], []
+    for pair in pairs:
+        sign, fault = _sign(model, block, state, pair, modes[pair])
+        signs.append(sign)
+        faults += fault
+        if not faults and sign != signs[0]:
+            why = f"'{modes[pair]}' contradicts '{modes[pairs[0]]}' at {pairs[0]}: both say how the same group is put together."
+            faults.append(Fault(f"joints.{pair}.{KEYS[modes[pair]]}", why, "Keep one of them."))
+    return signs[0], faults
+
+
+def _sign(model: Model, block: Block, state: State, pair: str, word: str) -> tuple[float, list[Fault]]:
+    """The sign of a block of two modes by the word at one pair."""
+    words = WORDS[block.kind]
+    if word in words:
+        return (1.0 if word == words[0] else -1.0) * orientation(model, block, pair), []
+    if word in ("open", "crossed") and block.kind == "theta_theta":
+        found = _open_mode(model, block, state)
+        if found is not None:
+            return (found if word == "open" else -found), []
+        message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
+    else:
+        message = f"'{word}' is not an assembly mode of this group."
+        remedy = f"Use {' or '.join(words)}."
+    return 1.0, [Fault(f"joints.{pair}", message, remedy)]
+
+
+def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
+    """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
+    the pair ``beside``."""
+    for pair, word in mechanism.modes.items():
+        if pair != beside and word in OTHER:
+            other = OTHER[word]
+            remedy = f', or take the other mode at {pair}, {KEYS[word]} = "{other}"'
+            yield replace(mechanism, modes={**mechanism.modes, pair: other}), remedy
+
+
+def orientation(model: Model, block: Block, pair: str) -> float:
+    """+1 if the words stated at ``pair`` mean the closed form's +1 mode, -1 if its -1 mode.
+
+    'left': seen from the first link's other pin to the second link's other pin, the pair between the two links lies on the left;
+    first and second are those of that pair, wherever the word stands. The closed form has its first unknown group first. 'ahead':
+    of the two displacements along the guide the larger one.
+    """
+    if block.kind == "theta_theta":
+        groups = [model.angles.group[k] for k in model.ends[model.joint_index[pair]]]
+        if set(groups) != set(block.angles):
+            return orientation(model, block, block.name)
+        return 1.0 if groups[0] == block.angles[0] else -1.0
+    # arm_slide: mode +1 has the larger displacement; theta_slide: the displacement is what the link leaves over, so it is smaller
+    return 1.0 if block.kind == "arm_slide" else -1.0
+
+
+def _open_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode in which a four-bar's links do not cross at the start."""
+    u, v = block.angles
+    pins = []
+    for g, other in ((u, v), (v, u)):
+        for j, (p, q) in enumerate(model.ends):
+            groups = (model.angles.group[p], model.angles.group[q])
+            if g in groups and other not in groups and model.joints[j].slide is None:
+                known = q if groups[0] == g else p
+                pins.append((j, known))
+                break
+    if len(pins) != 2:
+        return None
+    (jb, kb), (jd, kd) = pins
+    hinge = next((j for j, e in enumerate(model.ends) if set(e) == {kb, kd} and model.joints[j].slide is None), None)
+    if hinge is None:
+        return None
+    inner = model.joint_index[block.name]
+
+    def crossing(mode: float) -> bool:
+        trial = state.copy()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bl.place(model, block, trial, mode)
+
+        def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
+            joint = model.joints[j]
+            base = model.joints[hinge]
+            p = joint.a if model.ends[j][0] == link else joint.b
+            h = base.a if model.ends[hinge][0] == link else base.b
+            return complex((p - h) * model.turn[link] * trial.rot[model.angles.spin[link]])
+
+        a, b, d = 0j, at(jb, kb), at(jd, kd)
+        coupler = next(k for k in model.ends[jb] if k != kb)
+        jc, jbt = model.joints[inner], model.joints[jb]
+        pc = jc.a if model.ends[inner][0] == coupler else jc.b
+        pb = jbt.a if model.ends[jb][0] == coupler else jbt.b
+        c = b + complex((pc - pb) * model.turn[coupler] * trial.rot[model.angles.spin[coupler]])
+        return _segments_cross(a, b, c, d) or _segments_cross(b, c, d, a)
+
+    plus, minus = crossing(1.0), crossing(-1.0)
+    if plus == minus:
+        return None
+    return -1.0 if plus else 1.0
+
+
+def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
+    def turn(p: complex, q: complex, r: complex) -> float:
+        return ((q - p).conjugate() * (r - p)).imag
+
+    return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
