@@ -5,7 +5,8 @@
 ``catalogue``: the rise laws of the literature (``rise("cycloidal")``), all normalised 0 -> 1 over 0 -> 1;
 ``harmonics``: families behind them (sine-constant-cosine acceleration, sums of harmonics); ``conditions``: polynomials and
 B-splines from boundary conditions, measured tables smoothed, laws given by acceleration or velocity;
-``program``: rises, dwells and returns over a turn, and drives that follow a master angle (several axes on one master);
+``segment_laws``: what joins the states at the two ends of a segment (polynomials, splines, given accelerations and velocities,
+least peaks); ``program``: segments over a turn or over time, and drives that follow a master angle (several axes on one master);
 ``factors``: jumps, extremes and the peak factors Cv, Ca, Cj; ``optimal``: laws of least peak acceleration, jerk or force;
 ``signals``: sine, step, ramp and chirp, which loads and the speeds of drives follow.
 """
@@ -23,7 +24,20 @@ from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, ris
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
 from mechcore.laws.optimal import Optimum, least_peak
-from mechcore.laws.program import Follow, Segment, constant_breadth, program
+from mechcore.laws.program import Follow, Segment, constant_breadth, over_time, program
+from mechcore.laws.segment_laws import (
+    Dwell,
+    GivenAcceleration,
+    GivenPosition,
+    GivenVelocity,
+    LeastPeak,
+    NormalisedLaw,
+    Polynomial,
+    SegmentLaw,
+    Spline,
+    fourier_curve,
+    joined_table,
+)
 from mechcore.laws.signals import Chirp, Ramp, Signal, SignalPosition, SignalSpeed, Sine, Step
 from mechcore.laws.timed import (
     ConstantSpeed,
@@ -43,36 +57,48 @@ __all__ = [
     "Chirp",
     "Condition",
     "ConstantSpeed",
+    "Dwell",
     "Extreme",
     "Follow",
+    "GivenAcceleration",
+    "GivenPosition",
+    "GivenVelocity",
     "Jump",
     "Law",
+    "LeastPeak",
     "MotionCurve",
+    "NormalisedLaw",
     "Optimum",
     "Oscillation",
     "PeakFactors",
     "Piecewise",
+    "Polynomial",
     "Ramp",
     "Rest",
     "Segment",
+    "SegmentLaw",
     "Signal",
     "SignalPosition",
     "SignalSpeed",
     "Sine",
     "Smoothing",
+    "Spline",
     "Step",
     "Table",
     "TableLaw",
     "acceleration_zones",
     "constant_breadth",
     "extremes",
+    "fourier_curve",
     "from_acceleration",
     "from_velocity",
     "harmonic_sum",
+    "joined_table",
     "jumps",
     "least_peak",
     "measured_table",
     "moves",
+    "over_time",
     "peak",
     "peak_factors",
     "polynomial_law",

@@ -36,8 +36,8 @@ class Optimum:
 def least_peak(
     goal: Goal = "acceleration",
     *,
-    start: Sequence[float] = (0.0, 0.0, 0.0),
-    end: Sequence[float] = (1.0, 0.0, 0.0),
+    start: Sequence[float | None] = (0.0, 0.0, 0.0),
+    end: Sequence[float | None] = (1.0, 0.0, 0.0),
     over: float = 1.0,
     limits: Mapping[int, float] | None = None,
     smooth: int | None = None,
@@ -49,7 +49,7 @@ def least_peak(
 ) -> Optimum:
     """The rise over ``over`` between two states with the least peak of the goal.
 
-    ``start``, ``end``: (value, velocity, acceleration, ...) with respect to the master; what is left out is free.
+    ``start``, ``end``: (value, velocity, acceleration, ...) with respect to the master; what is left out, or None, is free.
     ``limits``: {order: largest size} of other derivatives. ``smooth``: the derivative held constant over the steps (all below
     are continuous); default the goal's own (bang-bang), 3 for force. Goal "force": the contact force
     ``mass s'' + stiffness s + load`` (mass in force per unit of s'', that is m w^2), whose largest value is made least while it
@@ -80,6 +80,8 @@ def least_peak(
     eq, eq_value = [], []
     for k, given in ((0, start), (n, end)):
         for i, value in enumerate(given):
+            if value is None:
+                continue
             eq.append(np.append(state[k, i], 0.0))
             eq_value.append(value * over**i)
     low: list[Real] = []

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import rise
-from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps
-from mechcore.laws.timed import ConstantSpeed, Law, polynomial_through
+from mechcore.laws.segment_laws import Dwell, NormalisedLaw, Polynomial, SegmentLaw, Spline, State
+from mechcore.laws.timed import ConstantSpeed, Law, Piecewise
 
 Triple = tuple[Real, Real, Real]
 
@@ -23,66 +24,161 @@ Triple = tuple[Real, Real, Real]
 class Segment:
     """One segment of a program over the range ``over`` (> 0, radians of the master, or any unit used throughout).
 
-    ``to``: the value at its end; ``None`` is a dwell. A sequence (value, velocity, acceleration, jerk) prescribes derivatives
-    with respect to the master too and needs ``law="polynomial"``, which joins the states at both ends by the least degree.
-    ``law``: a name of the catalogue or any curve 0 -> 1; ``mirrored``: run as 1 - s(1 - x), acceleration and
-    deceleration exchanged. ``curve``: instead of both, a curve whose own change of value is added, stretched to ``over``
-    along the angle only.
+    ``to``: the value at its end, or its state (value, velocity, acceleration, jerk) with respect to the master, ``None`` is free;
+    velocity and acceleration are zero unless said otherwise. Without it the law says the end; without a law it is a dwell.
+    ``law``: a name of the catalogue, "polynomial", a curve 0 -> 1, or any `SegmentLaw`; default cycloidal, of a state polynomial.
+    ``mirrored``: a named law or a curve run as 1 - s(1 - x), acceleration and deceleration exchanged.
     """
 
     over: float
-    to: float | Sequence[float] | None = None
-    law: str | MotionCurve = "cycloidal"
+    to: float | Sequence[float | None] | None = None
+    law: str | MotionCurve | SegmentLaw | None = None
     mirrored: bool = False
-    curve: MotionCurve | None = None
+
+    def made(self) -> SegmentLaw:
+        """Its law. Raises ``MechanismError`` where the catalogue has none of that name."""
+        law = self.law
+        if law is None:
+            law = "polynomial" if isinstance(self.to, Sequence) else "cycloidal" if self.to is not None else Dwell()
+        if self.to is None and isinstance(law, str | MotionCurve):
+            return Dwell()
+        if law == "polynomial":
+            return Polynomial()
+        if isinstance(law, str | MotionCurve):
+            return NormalisedLaw(rise(law) if isinstance(law, str) else law, self.mirrored)
+        return law
 
 
-def _state(to: float | Sequence[float]) -> tuple[float, ...]:
-    return tuple(map(float, to)) if isinstance(to, Sequence) else (float(to),)
+def _state(to: float | Sequence[float | None]) -> State:
+    given = tuple(to) if isinstance(to, Sequence) else (to,)
+    return given + (0.0,) * (3 - len(given))
 
 
 def program(
-    segments: Sequence[Segment], start: float | Sequence[float] = 0.0, at: float = 0.0, repeats: bool = True
+    segments: Sequence[Segment], start: float | Sequence[float | None] = 0.0, at: float = 0.0, repeats: bool = True
 ) -> MotionCurve:
     """Segments one after the other, from the value (or state) ``start`` at the master angle ``at`` on.
 
     ``repeats``: continued periodically over the total range; what a cycle gains is added to the next one. Jumps between
-    segments are allowed and found by ``jumps``.
+    segments are allowed and found by ``jumps``. What is free in the states follows from the laws beside it that have their own
+    shape, and between polynomials and splines from the least integral of the squared jerk: quintics then join with continuous
+    third and fourth derivative.
     """
     if not segments:
         raise MechanismError(Fault("program", "it has no segments.", "Give at least one."))
-    state = _state(start)
-    pieces: list[Piece] = []
+    states: list[State] = [_state(start)]
+    laws: list[SegmentLaw] = []
     for k, segment in enumerate(segments):
         path = f"program[{k}]"
         if not (np.isfinite(segment.over) and segment.over > 0.0):
             raise MechanismError(Fault(f"{path}.over", f"{segment.over:g} is no range.", "Give a positive one."))
-        value = state[0]
-        if segment.curve is not None:
-            part = segment.curve.scaled(0.0, segment.over, value, 1.0)
-            state = (value + segment.curve.advance,)
-        elif segment.to is None:
-            part = MotionCurve((Piece(segment.over, np.array([value]), np.zeros((0, 3))),))
-            state = (value,)
-        else:
-            end = _state(segment.to)
-            if segment.law == "polynomial":
-                order = max(len(state), len(end), 3)  # velocity and acceleration zero unless said otherwise
-                a, b = (s + (0.0,) * (order - len(s)) for s in (state, end))
-                part = MotionCurve.of((0.0, segment.over), [polynomial_through(0.0, a, segment.over, b)])
-            elif len(end) > 1:
-                raise MechanismError(
-                    Fault(f"{path}.to", f"{list(end)}: a velocity at its end.", "Only law = 'polynomial' takes derivatives.")
-                )
-            else:
-                shape = rise(segment.law) if isinstance(segment.law, str) else segment.law
-                if abs(shape.advance) < 1e-12:
-                    raise MechanismError(Fault(f"{path}.law", "the curve returns to its start.", "Give it as curve = ..."))
-                shape = shape.mirrored() if segment.mirrored else shape
-                part = shape.scaled(0.0, segment.over, value, (end[0] - value) / shape.advance)
-            state = end
-        pieces += part.pieces
-    return MotionCurve(tuple(pieces), at, repeats)
+        laws.append(law := segment.made())
+        before = states[-1][0]
+        own = None if before is None else law.end(before)
+        if segment.to is None and own is None:
+            raise MechanismError(Fault(f"{path}.to", "the law does not say where the segment ends.", "Give to = ..."))
+        states.append(_state(own or 0.0) if segment.to is None else _state(segment.to))
+        if not law.meets and any(v is not None for v in states[-1][1:]) and isinstance(segment.to, Sequence):
+            raise MechanismError(
+                Fault(f"{path}.to", f"{list(segment.to)}: a velocity at its end.", "Only law = 'polynomial' takes derivatives.")
+            )
+    overs = [segment.over for segment in segments]
+    curves = _filled(laws, states, overs, repeats)
+    return MotionCurve(tuple(p for c in curves for p in c.pieces), at, repeats)
+
+
+def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], repeats: bool) -> list[MotionCurve]:
+    """The curves of the segments, after what is free in ``states`` has been found (they are changed)."""
+    n = len(laws)
+    curves: dict[int, MotionCurve] = {}
+
+    def known(k: int, order: int, value: float) -> None:
+        states[k] = (*states[k][:order], value, *states[k][order + 1 :])
+
+    def pass_on() -> None:
+        """Ends of curves that are made, and the other end of the cycle, decide what is free beside them."""
+        for k in range(n + 1):
+            for order, value in enumerate(states[k]):
+                sides = [(curves.get(k - 1), -1), (curves.get(k), 0)]
+                if repeats and order:
+                    sides += [(curves.get(n - 1), -1)] * (k == 0) + [(curves.get(0), 0)] * (k == n)
+                for curve, end in sides:
+                    if value is None and states[k][order] is None and curve is not None:
+                        piece = curve.pieces[end]
+                        known(k, order, float(piece.at(piece.length if end else 0.0, order)[order]))
+                other = states[n if k == 0 else 0] if k in (0, n) and repeats and order else ()
+                if states[k][order] is None and len(other) > order and (there := other[order]) is not None:
+                    known(k, order, there)
+
+    for k, law in enumerate(laws):
+        if not law.meets:
+            curves[k] = law.join(states[k], states[k + 1], overs[k])
+            pass_on()
+    pass_on()
+    unknown = [
+        (k, order)
+        for k in range(n + 1)
+        for order, value in enumerate(states[k])
+        if value is None and any(0 <= i < n and isinstance(laws[i], Polynomial | Spline) for i in (k - 1, k))
+    ]
+    for place, value in zip(unknown, _least_jerk(laws, states, overs, unknown, repeats), strict=True):
+        known(*place, value)
+    for k, law in enumerate(laws):
+        if k not in curves:
+            curves[k] = law.join(states[k], states[k + 1], overs[k])
+            pass_on()
+    return [curves[k] for k in range(n)]
+
+
+def _least_jerk(
+    laws: list[SegmentLaw], states: list[State], overs: list[float], unknown: list[tuple[int, int]], repeats: bool
+) -> list[float]:
+    """Values of the unknown entries (knot, order) of states for the least integral of the squared jerk."""
+    if not unknown:
+        return []
+    n = len(laws)
+    shared = [(0, o) if repeats and k == n and o and (0, o) in unknown else (k, o) for k, o in unknown]
+    columns = {place: c for c, place in enumerate(dict.fromkeys(shared))}
+    nodes, weights = np.polynomial.legendre.leggauss(12)  # exact up to degree 23
+    rows: list[Real] = []
+    for k, law in enumerate(laws):
+        if not isinstance(law, Polynomial | Spline):
+            continue
+        h = overs[k]
+        mine = [(i, p) for i, p in enumerate(unknown) if p[0] in (k, k + 1)]
+        zero = [[0.0 if v is None else v for v in states[j]] for j in (k, k + 1)]
+
+        def jerk(ends: list[list[float]], law: SegmentLaw = law, h: float = h) -> Real:
+            curve = law.join(tuple(ends[0]), tuple(ends[1]), h)
+            out = []
+            for p in curve.pieces:
+                value = np.empty((1, nodes.size))
+                p.fill(0.5 * p.length * (nodes + 1.0), value, 3)
+                out.append(value[0] * np.sqrt(0.5 * p.length * weights))
+            return np.concatenate(out)
+
+        base = jerk(zero)
+        block = np.zeros((base.size, len(columns) + 1))
+        block[:, -1] = -base
+        for i, (j, order) in mine:
+            unit = [row.copy() for row in zero]
+            size = h ** (1 - order)
+            unit[j - k][order] += size
+            block[:, columns[shared[i]]] += (jerk(unit) - base) / size
+        rows.append(block)
+    table = np.vstack(rows)
+    scale = np.abs(table[:, :-1]).max(axis=0)
+    scale[scale == 0.0] = 1.0
+    found = np.linalg.lstsq(table[:, :-1] / scale, table[:, -1], rcond=1e-13)[0] / scale
+    return [float(found[columns[place]]) for place in shared]
+
+
+def over_time(curve: MotionCurve) -> Law:
+    """A program as a law of time: its master angle is the time [s]."""
+    if any(len(p.waves) for p in curve.pieces):
+        return Follow(curve, ConstantSpeed(0.0, 1.0))
+    knots, polys = curve.knots - curve.start, [tuple(map(float, p.poly)) for p in curve.pieces]
+    return Piecewise(knots=tuple(map(float, knots)), coefficients=tuple(polys), advance=curve.advance)
 
 
 def constant_breadth(half: MotionCurve) -> MotionCurve:

@@ -1,0 +1,215 @@
+"""Laws of one segment of a motion program: each makes the curve over the segment's range from the states at its two ends.
+
+A state is (value, velocity, acceleration, jerk ...) with respect to the master, as far as it is prescribed; ``None`` is free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechcore.errors import Fault, MechanismError
+from mechcore.laws.boundary_conditions import Condition, from_acceleration, polynomial_law, spline_law
+from mechcore.laws.curve import MotionCurve, Piece
+from mechcore.laws.optimal import Goal, least_peak
+
+State = tuple[float | None, ...]
+
+
+class SegmentLaw(Protocol):
+    """Any law of a segment."""
+
+    @property
+    def meets(self) -> bool:
+        """Whether it meets velocities, accelerations ... at the ends; else its own shape decides them."""
+        ...
+
+    def end(self, start: float) -> float | None:
+        """The value at the end where the law itself says it, from that at the start; None where it is prescribed."""
+        ...
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        """The curve from one state to the other, its values as they are, over 0 ... ``over``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class NormalisedLaw:
+    """A normalised law, stretched from the value at the start to that at the end; ``mirrored``: run as 1 - s(1 - x)."""
+
+    curve: MotionCurve
+    mirrored: bool = False
+    meets: bool = field(default=False, init=False)
+
+    def end(self, start: float) -> float | None:
+        return None
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        if abs(self.curve.advance) < 1e-12:
+            raise MechanismError(Fault("law", "the curve returns to its start.", "Give it as a table of positions."))
+        shape = self.curve.mirrored() if self.mirrored else self.curve
+        return shape.scaled(0.0, over, _value(start), (_value(end) - _value(start)) / shape.advance)
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """The value stays."""
+
+    meets: bool = field(default=False, init=False)
+
+    def end(self, start: float) -> float | None:
+        return start
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        return MotionCurve((Piece(over, np.array([_value(start)]), np.zeros((0, 3))),))
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """The polynomial of least degree through both states and any conditions between them (at distances from the start)."""
+
+    conditions: tuple[Condition, ...] = ()
+    powers: tuple[int, ...] | None = None
+    meets: bool = field(default=True, init=False)
+
+    def end(self, start: float) -> float | None:
+        return None
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        return polynomial_law(_conditions(start, end, over, self.conditions), self.powers)
+
+
+@dataclass(frozen=True)
+class Spline:
+    """A B-spline through both states and conditions between them (at distances from the start)."""
+
+    conditions: tuple[Condition, ...]
+    degree: int = 5
+    meets: bool = field(default=True, init=False)
+
+    def end(self, start: float) -> float | None:
+        return None
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        return spline_law(_conditions(start, end, over, self.conditions), self.degree)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenAcceleration:
+    """A given acceleration, integrated twice; the values at both ends decide.
+
+    The velocity at the start follows from them; with ``scaled`` it is the prescribed one, and the size of the acceleration
+    follows. Without a value at the end the law returns to where it starts.
+    """
+
+    curve: MotionCurve
+    scaled: bool = False
+    meets: bool = field(default=False, init=False)
+
+    def end(self, start: float) -> float | None:
+        return None if self.scaled else start
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        value, change = _value(start), _value(end) - _value(start)
+        if not self.scaled:
+            twice = self.curve.integrated(0.0).integrated(0.0).advance
+            return from_acceleration(self.curve, value, (change - twice) / over)
+        velocity = (start[1] if len(start) > 1 else None) or 0.0
+        gain = self.curve.integrated(0.0).integrated(0.0).advance
+        if abs(gain) < 1e-12 * over**2 * max(np.abs(self.curve(np.linspace(0.0, over, 65), 0)).max(), 1e-300):
+            raise MechanismError(Fault("law.acceleration", "it leads nowhere: no size of it reaches the end.", "Change its shape."))
+        return from_acceleration(_times(self.curve, (change - velocity * over) / gain), value, velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenVelocity:
+    """A given velocity, integrated once; where the value at the end is prescribed, the size of the velocity follows."""
+
+    curve: MotionCurve
+    meets: bool = field(default=False, init=False)
+
+    def end(self, start: float) -> float | None:
+        return start + self.curve.integrated(0.0).advance
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        value, change, own = _value(start), _value(end) - _value(start), self.curve.integrated(0.0).advance
+        if own == change:
+            return self.curve.integrated(value)
+        if abs(own) < 1e-12 * over * max(np.abs(self.curve(np.linspace(0.0, over, 65), 0)).max(), 1e-300):
+            raise MechanismError(Fault("law.velocity", "it leads nowhere: no size of it reaches the end.", "Change its shape."))
+        return _times(self.curve, change / own).integrated(value)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenPosition:
+    """The positions themselves, such as a measured table: a curve over the segment's range."""
+
+    curve: MotionCurve
+    meets: bool = field(default=False, init=False)
+
+    def end(self, start: float) -> float | None:
+        return float(self.curve.pieces[0].at(0.0, 0)[0]) + self.curve.advance
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        return self.curve
+
+
+@dataclass(frozen=True)
+class LeastPeak:
+    """The law between the states with the least peak of a derivative; see `least_peak`.
+
+    ``limits``: largest sizes of other derivatives, by order, as factors of stroke over range to that power.
+    """
+
+    goal: Goal = "acceleration"
+    limits: Mapping[int, float] = field(default_factory=dict)
+    smooth: int | None = None
+    steps: int = 64
+    meets: bool = field(default=True, init=False)
+
+    def end(self, start: float) -> float | None:
+        return None
+
+    def join(self, start: State, end: State, over: float) -> MotionCurve:
+        stroke = _value(end) - _value(start)
+        size = stroke or max([abs(v or 0.0) * over**k for s in (start, end) for k, v in enumerate(s) if k], default=0.0) or 1.0
+        first, last = ([None if v is None else v * over**k / size for k, v in enumerate(s)] for s in (start, end))
+        first[0], last[0] = 0.0, stroke / size
+        found = least_peak(self.goal, start=first, end=last, limits=self.limits, smooth=self.smooth, steps=self.steps)
+        return found.curve.scaled(0.0, over, _value(start), size)
+
+
+def _value(state: State) -> float:
+    if state[0] is None:
+        raise MechanismError(Fault("to", "a free position beside a law that starts or ends there.", "Give it."))
+    return state[0]
+
+
+def _conditions(start: State, end: State, over: float, inner: Sequence[Condition]) -> list[Condition]:
+    ends = [Condition(at, v, k) for at, state in ((0.0, start), (over, end)) for k, v in enumerate(state) if v is not None]
+    return [*ends, *inner]
+
+
+def _times(curve: MotionCurve, factor: float) -> MotionCurve:
+    return MotionCurve(tuple(p.scaled(1.0, factor) for p in curve.pieces), curve.start)
+
+
+def joined_table(at: ArrayLike, values: ArrayLike, steps: bool = False) -> MotionCurve:
+    """Straight lines between points, or ``steps``: each value holds up to the next argument. Two rows at one argument jump."""
+    x, y = np.asarray(at, float), np.asarray(values, float)
+    if x.size < 2 or y.size != x.size or np.any(np.diff(x) < 0.0) or not x[-1] > x[0]:
+        raise MechanismError(Fault("law.at", "the arguments do not grow.", "Put the rows in increasing order."))
+    keep = np.diff(x) > 0.0
+    slopes = np.zeros(x.size - 1) if steps else np.divide(np.diff(y), np.diff(x), out=np.zeros(x.size - 1), where=keep)
+    knots = np.append(x[:-1][keep], x[-1])
+    return MotionCurve.of(knots.tolist(), [(a, b) for a, b in zip(y[:-1][keep], slopes[keep], strict=True)])
+
+
+def fourier_curve(length: float, mean: float, harmonics: Sequence[tuple[float, float, float]]) -> MotionCurve:
+    """``mean + sum (a sin(2 pi k x / length) + b cos(2 pi k x / length))`` over 0 ... ``length``, for rows (k, a, b)."""
+    waves = np.array([[2.0 * np.pi * k / length, a, b] for k, a, b in harmonics], float).reshape(-1, 3)
+    return MotionCurve((Piece(length, np.array([mean]), waves),))
