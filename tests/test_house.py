@@ -25,6 +25,8 @@ LAYERS = {
 }  # fmt: skip
 
 MOST_LAZY = 3  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines)
+VISER = "mechviz.outputs.viewer.viser_adapter"  # the only module that uses viser's insides
+MOST_OF_VISER = 10  # lines of it that do
 MOST_UNTYPED = 29  # modules of mechcore that call arrays Any
 
 
@@ -127,3 +129,19 @@ def test_types_of_arrays_are_defined_once() -> None:
     core = {name: path.read_text(encoding="utf-8") for name, path in modules().items() if name.startswith("mechcore.")}
     assert not [name for name, text in core.items() if "\nReal = " in text and name != "mechcore.arrays"]
     assert len([name for name, text in core.items() if "\nArray = Any\n" in text]) <= MOST_UNTYPED
+
+
+def test_the_insides_of_viser_are_used_in_one_module() -> None:
+    """Beside ``viser.infra``: its private modules, and attributes with an underscore of anything but our own ``self``."""
+    for name, path in modules().items():
+        if not name.startswith("mechviz.outputs.viewer"):
+            continue
+        lines: set[int] = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "viser":
+                inside = "infra" in f"{node.module}.{[a.name for a in node.names]}" or any(a.name[0] == "_" for a in node.names)
+                lines |= {node.lineno} if inside else set()
+            elif isinstance(node, ast.Attribute) and node.attr[0] == "_" and node.attr[:2] != "__":
+                own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+                lines |= set() if own else {node.lineno}
+        assert not lines or (name == VISER and len(lines) <= MOST_OF_VISER), f"{name}: lines {sorted(lines)}"

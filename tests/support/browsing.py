@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from viser._messages import RunJavascriptMessage
+
+from mechviz.outputs.viewer.viser_adapter import run_script
 
 _marks = itertools.count(1)
 
@@ -109,9 +110,7 @@ def caught_up(viewer: Any, page: Any) -> None:
     what is then not there is not on its way either."""
     assert viewer.player.wait()
     mark = next(_marks)
-    message = RunJavascriptMessage(source=f"window.mechvizMark = {mark};")
-    message.redundancy_key = lambda: "mark of a test"  # type: ignore[method-assign]  # only the newest is kept for later pages
-    viewer.server._websock_server.queue_message(message)  # among all others, hence after those before it
+    run_script(viewer.server, f"window.mechvizMark = {mark};", "mark of a test")  # among all others, hence after those before it
     viewer.server.flush()
     page.wait_for_function("mark => window.mechvizMark >= mark", arg=mark)
 

@@ -55,7 +55,7 @@ class Viewer:
         self._growth: Growth | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
         show = _read(shown) if isinstance(shown, Recording) else None
-        self.server = start_server(port, "mechviz")
+        self.server, self.guard = start_server(port, "mechviz")
         try:
             if isinstance(shown, Recording):
                 assert show is not None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 
 import viser
-from viser import _messages
+
+from mechviz.outputs.viewer.viser_adapter import run_script
 
 # viser listens to hotkeys at the root element and moves the camera on arrow keys and letters at the document, which comes after it.
 # - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
@@ -122,7 +123,7 @@ PROMPT = """
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
     source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{CURSOR}{PROMPT}"
-    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
+    run_script(server, source, "page")
 
 
 # viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
@@ -140,5 +141,4 @@ for (const tab of document.querySelectorAll("[role=tab]")) {
 def open_tab(client: viser.ClientHandle | None, name: str) -> None:
     """Open a tab in one browser: viser has no call for it."""
     if client is not None:
-        source = OPEN_TAB.replace("NAME", json.dumps(name))
-        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        run_script(client, OPEN_TAB.replace("NAME", json.dumps(name)), "open tab")

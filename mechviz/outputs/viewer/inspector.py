@@ -26,9 +26,10 @@ from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.panels.tracing import traced_at, with_traced
 from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.server import report, send_now
+from mechviz.outputs.viewer.server import report
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import send_now, uuid_of
 from mechviz.outputs.viewer.world.hover import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 
@@ -188,11 +189,11 @@ class Inspector:
             others = [*self.timeline.tracks(), *self.plots.tracks(), *self.closer.tracks()]
             return Tracks(
                 self.show.time,
-                self.timeline.slider._impl.uuid,
+                uuid_of(self.timeline.slider),
                 *scene,
                 tuple(t for t in others if isinstance(t, NumberTrack)),
                 tuple(t for t in others if isinstance(t, PlotTrack)),
-                self.diagrams.seen._impl.uuid,
+                uuid_of(self.diagrams.seen),
             )
 
     def glance(self, frame: int) -> None:

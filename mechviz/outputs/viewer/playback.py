@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import viser
 from numpy.typing import NDArray
-from viser import _messages
+
+from mechviz.outputs.viewer.viser_adapter import run_script
 
 LARGEST = 16_000_000  # bytes of a motion that are sent to a browser
 SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="utf-8")
@@ -179,12 +180,8 @@ class BrowserPlayback:
         """Stop at a frame."""
         with self._lock:
             self._state = None
-            message = _messages.RunJavascriptMessage(
-                source=f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});"
-            )
-            # among the messages to all browsers, so that it comes before what is drawn next; only the last one is kept for new ones
-            message.redundancy_key = lambda: "mechviz playback"
-            self.server._websock_server.queue_message(message)
+            # among the messages to all browsers, so that it comes before what is drawn next
+            run_script(self.server, f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});", "stop")
 
     def greet(self, client: viser.ClientHandle, clock: float) -> None:
         """A browser has come: let it play along."""
@@ -203,19 +200,14 @@ class BrowserPlayback:
         sent = self._sent.get(client.client_id)
         if sent is None:
             sent = self._sent[client.client_id] = _Sent()
-            self._run(client, SCRIPT)
+            run_script(client, SCRIPT, "playback")
         if sent.version != self._version:
             if not self._text:
                 self._text = self._tracks.text()
             sent.version = self._version
-            self._run(client, f"window.mechvizPlayback.load({self._text});")
+            run_script(client, f"window.mechvizPlayback.load({self._text});", "load")
         clock, rate, loop = self._state
-        self._run(client, f"window.mechvizPlayback.play({clock!r}, {rate!r}, {json.dumps(loop)});")
-
-    @staticmethod
-    def _run(client: viser.ClientHandle, source: str) -> None:
-        """To one browser, and not kept for those that come later."""
-        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        run_script(client, f"window.mechvizPlayback.play({clock!r}, {rate!r}, {json.dumps(loop)});", "play")
         client.flush()
 
 

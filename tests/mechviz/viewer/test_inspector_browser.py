@@ -35,6 +35,7 @@ from mechviz import scene
 from mechviz.outputs.viewer import app
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import PRESETS
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.build import solids_of
@@ -134,7 +135,7 @@ def test_a_typed_length_changes_solids_poses_plots_and_forces(viewer, page, erro
     assert _width(viewer) > before + 0.015
     until(page, lambda: page.evaluate(EXTENT, NODES[0]) == pytest.approx(_width(viewer), abs=1e-4), "a longer crank")
     assert np.abs(viewer.run.forces.effort("A")).max() != pytest.approx(peak, rel=1e-3)
-    uuid = viewer.plots.slots[0].chart._impl.uuid
+    uuid = uuid_of(viewer.plots.slots[0].chart)
     largest = np.abs(viewer.run.forces.effort("A")).max()
     until(page, lambda: np.abs(page.evaluate(DATA, uuid)).max() == pytest.approx(largest), "the new torque in the plot")
     assert not errors

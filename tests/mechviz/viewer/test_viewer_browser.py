@@ -30,6 +30,7 @@ from browsing import (
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import Curves
+from mechviz.outputs.viewer.viser_adapter import buffer_of, uuid_of
 from mechviz.outputs.viewer.world.arrows import arc_path
 from mechviz.outputs.viewer.world.camera import fit_view
 from mechviz.outputs.viewer.world.solids import link_path
@@ -171,7 +172,7 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
     assert viewer.studio.wait(rested=True)  # what each effect contributes has been found and told
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
-    buffer = viewer.server._websock_server._broadcast_buffer
+    buffer = buffer_of(viewer.server)
     first = page.evaluate("() => window.mechvizPlayback.frames")
     before = buffer.message_counter
     until(page, lambda: page.evaluate("() => window.mechvizPlayback.frames") >= first + 5, "some frames")
@@ -182,7 +183,7 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
         assert np.abs(np.array(page.evaluate(POSE, link_path(link))) - _pose_of_core(viewer, link, 123)).max() < 1e-6
     torque = viewer.run.forces.effort("A")[123]
     page.get_by_text(f"{torque:.5g} N m".replace("-", "−")).first.wait_for()
-    assert page.evaluate(CURSOR, viewer.plots.slots[0].chart._impl.uuid) == pytest.approx([123.0, 123.0])
+    assert page.evaluate(CURSOR, uuid_of(viewer.plots.slots[0].chart)) == pytest.approx([123.0, 123.0])
     assert traffic == [0] and viewer.player.aside
     viewer.pause()
     _until_drawn(viewer, page)
@@ -281,7 +282,7 @@ def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
     assert heap() - before < 1e6, "of the page, of which a frame must not keep the places of its arrows"
     viewer.pause()
     _until_drawn(viewer, page)
-    kept = viewer.server._websock_server._broadcast_buffer.message_from_id
+    kept = buffer_of(viewer.server).message_from_id
     before = len(kept)
     for frame in range(200):
         viewer.inspector.draw(frame, True)
@@ -307,7 +308,7 @@ def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch)
 
 @pytest.mark.parametrize("frame", [0, 91, 360])
 def test_scrubbing_brings_the_frame_and_its_poses(viewer, page, frame):
-    box = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] ~ div input')
+    box = page.locator(f'[id="{uuid_of(viewer.timeline.slider)}"] ~ div input')
     box.fill(str(frame))
     until(page, lambda: viewer.frame == frame, "the frame")
     _until_drawn(viewer, page)
@@ -328,7 +329,7 @@ def test_keys_play_and_step_without_turning_the_camera(viewer, page):
     until(page, lambda: viewer.playing, "space plays")
     page.keyboard.press("Space")
     until(page, lambda: not viewer.playing, "space pauses")
-    thumb = page.locator(f'[id="{viewer.timeline.slider._impl.uuid}"] [role=slider]')
+    thumb = page.locator(f'[id="{uuid_of(viewer.timeline.slider)}"] [role=slider]')
     viewer.set_frame(10)
     _until_drawn(viewer, page)
     thumb.focus()
@@ -447,7 +448,7 @@ def test_marks_go_and_come_back_and_a_plot_runs_against_time(viewer, page):
         page.get_by_role("option", name=choice, exact=True).click()
         slots = viewer.plots.slots
         for slot in slots:
-            until(page, lambda s=slot, x=last: page.evaluate(abscissa, s.chart._impl.uuid) == pytest.approx(x), f"against {choice}")
+            until(page, lambda s=slot, x=last: page.evaluate(abscissa, uuid_of(s.chart)) == pytest.approx(x), f"against {choice}")
 
 
 def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
@@ -461,7 +462,7 @@ def test_a_family_of_arrows_goes_and_comes_back(viewer, page):
     assert not page.evaluate(SEEN, "/vectors/velocity")
     page.get_by_label("Velocity", exact=True).check()
     until(page, lambda: page.evaluate(SEEN, "/vectors/velocity"), "velocities")
-    size = page.locator(f'[id="{viewer.switches.sizes["Size of velocities"]._impl.uuid}"] ~ div input')
+    size = page.locator(f'[id="{uuid_of(viewer.switches.sizes["Size of velocities"])}"] ~ div input')
     caught_up(viewer, page)
     before = viewer.server.scene.get_handle_by_name("/vectors/velocity").points.copy()
     size.fill("2")
@@ -485,10 +486,10 @@ def test_arrows_grow_and_the_legend_says_so(viewer, page):
         return float(np.linalg.norm(points[:, 1] - points[:, 0], axis=1).max())
 
     before = longest()
-    page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("2")
+    page.locator(f'[id="{uuid_of(viewer.switches.size)}"] ~ div input').fill("2")
     until(page, lambda: longest() == pytest.approx(2.0 * before, rel=1e-5), "arrows twice as long")
     page.get_by_text("Scale: 50 N").first.wait_for(state="attached")
-    page.locator(f'[id="{viewer.switches.size._impl.uuid}"] ~ div input').fill("1")
+    page.locator(f'[id="{uuid_of(viewer.switches.size)}"] ~ div input').fill("1")
     until(page, lambda: longest() == pytest.approx(before, rel=1e-5), "arrows as before")
 
 
@@ -496,11 +497,11 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
     slot, first = viewer.plots.slots[0], viewer.plots.slots[0].quantity.title
     for frame in (45, 270):
         viewer.set_frame(frame)
-        until(page, lambda f=frame: page.evaluate(CURSOR, slot.chart._impl.uuid) == pytest.approx([f, f]), "the cursor")
-    page.locator(f'[id="{slot.choice._impl.uuid}"]').click()
+        until(page, lambda f=frame: page.evaluate(CURSOR, uuid_of(slot.chart)) == pytest.approx([f, f]), "the cursor")
+    page.locator(f'[id="{uuid_of(slot.choice)}"]').click()
     page.get_by_role("option", name="joint B: reaction [N]").click()
     until(page, lambda: slot.quantity.label == "joint B: reaction", "the new quantity")
-    uuid = slot.chart._impl.uuid
+    uuid = uuid_of(slot.chart)
     page.wait_for_function("uuid => !!window.__viserTestpoints.uplots[uuid]?.chart", arg=uuid)
     until(page, lambda: page.evaluate(CURSOR, uuid) == pytest.approx([270, 270]), "the cursor of the new plot")
     curve = page.evaluate("uuid => Array.from(window.__viserTestpoints.uplots[uuid].chart.data[1])", uuid)
@@ -509,7 +510,7 @@ def test_the_cursor_of_a_plot_moves_and_another_quantity_can_be_chosen(viewer, p
 
 
 def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeypatch, errors):
-    uuid = viewer.timeline.slider._impl.uuid
+    uuid = uuid_of(viewer.timeline.slider)
     for value in ("NaN", "Infinity", "-1e300", "'x'", "null"):
         page.evaluate(
             f"uuid => window.__viserMutable.sendMessage({{type: 'GuiUpdateMessage', uuid, updates: {{value: {value}}}}})", uuid
@@ -640,7 +641,7 @@ def test_a_plot_of_many_frames_is_drawn_point_by_point(viewer, page):
 
 
 def _first_chart(viewer: Viewer) -> str:
-    return str(viewer.plots.slots[0].chart._impl.uuid)
+    return uuid_of(viewer.plots.slots[0].chart)
 
 
 def test_plans_stand_beside_the_mechanism_and_a_switch_hides_them(browser):

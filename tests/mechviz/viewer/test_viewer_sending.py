@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,17 +9,15 @@ import msgspec
 import numpy as np
 import pytest
 import viser
-import zstandard
+from viewer_sockets import PATIENCE, messages, opened, replay, sockets
 from viser import _messages
-from websockets.sync.client import ClientConnection, connect
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.server import SharedBuffer, send_now
-from mechviz.outputs.viewer.world.solids import link_path, place
+from mechviz.outputs.viewer.viser_adapter import SharedBuffer, buffer_of, place, send_now, uuid_of
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 
-PATIENCE = 30.0  # [s]
 POSES = ("SetPositionMessage", "SetOrientationMessage")
 
 
@@ -31,53 +28,17 @@ def viewer() -> Iterator[Viewer]:
         yield shown
 
 
-@contextlib.contextmanager
-def sockets(viewer: Viewer, count: int) -> Iterator[list[ClientConnection]]:
-    """Browsers of which only the sockets are there, after all that was before them."""
-    with contextlib.ExitStack() as stack:
-        protocol: Any = f"viser-v{viser.__version__}"
-        opened = [
-            stack.enter_context(connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None))
-            for _ in range(count)
-        ]
-        for socket in opened:
-            while "ReplayDoneMessage" not in types(messages(socket)):
-                pass
-        yield opened
-
-
-def messages(socket: ClientConnection) -> list[dict[str, Any]]:
-    return decoded(socket.recv(timeout=PATIENCE))
-
-
-def decoded(data: Any) -> list[dict[str, Any]]:
-    size, packed = (int.from_bytes(data[k : k + 8], "little") for k in (0, 8))
-    inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + packed], max_output_size=size)
-    return list(msgspec.msgpack.decode(inner)["messages"])
-
-
-def types(found: list[dict[str, Any]]) -> set[str]:
-    return {m["type"] for m in found}
-
-
-def buffer_of(viewer: Viewer) -> SharedBuffer:
-    buffer = viewer.server._websock_server._broadcast_buffer
-    assert isinstance(buffer, SharedBuffer)
-    return buffer
-
-
 # -- poses ------------------------------------------------------------------------------------------------------------
 def test_messages_are_those_of_viser_and_only_of_nodes_that_moved(viewer):
     nodes = [viewer.server.scene.add_frame(f"/test/{k}", show_axes=False) for k in range(3)]
-    buffer, still = buffer_of(viewer), np.array([1.0, 0.0, 0.0, 0.0])
+    buffer, still = buffer_of(viewer.server), np.array([1.0, 0.0, 0.0, 0.0])
     turned = np.array([0.6, 0.0, 0.0, 0.8])
     assert place(viewer.server, [(node, np.zeros(3), still) for node in nodes]) == 0, "they stand there already"
     assert place(viewer.server, [(nodes[0], np.array([1, 2, 3]), turned), (nodes[1], np.zeros(3), None)]) == 2
     assert nodes[0].position.tolist() == [1.0, 2.0, 3.0] and nodes[0].wxyz.tolist() == turned.tolist()
     for ours in [buffer.message_from_id[buffer.message_counter - k] for k in (1, 2)]:
-        kind = type(ours).__mro__[1]
-        theirs = kind(ours.name, ours.position if kind is _messages.SetPositionMessage else ours.wxyz)
-        assert kind.__name__ in POSES and ours.redundancy_key() == theirs.redundancy_key()
+        theirs = getattr(_messages, ours.kind)(ours.name, ours.values)
+        assert ours.kind in POSES and ours.redundancy_key() == theirs.redundancy_key()
         assert msgspec.msgpack.encode(ours.as_serializable_dict([])) == msgspec.msgpack.encode(theirs.as_serializable_dict([]))
         assert ours.entity_state_key() == theirs.entity_state_key() == ("scene", "/test/0")
     for node in nodes:
@@ -99,7 +60,7 @@ def test_what_is_not_a_number_is_not_sent_and_what_follows_is(viewer):
 
 
 def test_only_the_newest_pose_of_a_node_is_kept_and_all_of_a_frame_are_queued_under_one_lock(viewer, monkeypatch):
-    buffer = buffer_of(viewer)
+    buffer = buffer_of(viewer.server)
     viewer.set_frame(3)
     kept = len(buffer.message_from_id)
     pushed: list[Any] = []
@@ -108,13 +69,13 @@ def test_only_the_newest_pose_of_a_node_is_kept_and_all_of_a_frame_are_queued_un
     for frame in range(4, 44):
         viewer.inspector.draw(frame, False)
     assert len(buffer.message_from_id) == kept
-    assert pushed and not [m for m in pushed if isinstance(m, (_messages.SetPositionMessage, _messages.SetOrientationMessage))]
+    assert pushed and not [m for m in pushed if getattr(m, "kind", "") in POSES]
 
 
 # -- sockets ----------------------------------------------------------------------------------------------------------
 def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
     viewer.set_frame(0)
-    with sockets(viewer, 1) as (socket,):
+    with sockets(viewer.port, 1) as (socket,):
         viewer.set_frame(12)
         found = messages(socket)
         moved = {(m["type"], m["name"]) for m in found if m["type"] in POSES}
@@ -129,14 +90,14 @@ def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
 
 
 def test_all_browsers_get_the_same_bytes_which_are_made_once(viewer):
-    buffer = buffer_of(viewer)
-    with sockets(viewer, 4) as opened:
+    buffer = buffer_of(viewer.server)
+    with sockets(viewer.port, 4) as browsers:
         assert send_now(viewer.server, PATIENCE)
         made, sent = buffer.encodings, buffer.sendings
         for frame in (5, 15, 25, 35):
             viewer.set_frame(frame)
             assert send_now(viewer.server, PATIENCE)
-            first, *others = [socket.recv(timeout=PATIENCE) for socket in opened]
+            first, *others = [socket.recv(timeout=PATIENCE) for socket in browsers]
             assert all(other == first for other in others)
         assert (buffer.encodings - made, buffer.sendings - sent) == (4, 16)
 
@@ -144,11 +105,8 @@ def test_all_browsers_get_the_same_bytes_which_are_made_once(viewer):
 def test_a_browser_that_comes_later_is_told_where_everything_is_now(viewer):
     viewer.set_frame(7)
     viewer.set_frame(31)
-    protocol: Any = f"viser-v{viser.__version__}"
-    with connect(f"ws://127.0.0.1:{viewer.port}", subprotocols=[protocol], max_size=None) as socket:
-        found: list[dict[str, Any]] = []
-        while "ReplayDoneMessage" not in types(found):
-            found += messages(socket)
+    with opened(viewer.port) as socket:
+        found = replay(socket)
         for link in ("crank", "coupler", "rocker"):
             said = [m for m in found if m["type"] == "SetOrientationMessage" and m["name"] == link_path(link)]
             angle = viewer.run.motion.pose(link)[31, 2]
@@ -159,18 +117,18 @@ def test_a_browser_that_comes_later_is_told_where_everything_is_now(viewer):
 
 
 def test_a_browser_that_comes_after_hours_of_play_does_not_ask_for_each_message_that_has_been_replaced(viewer):
-    buffer = buffer_of(viewer)
+    buffer = buffer_of(viewer.server)
     kept = len(buffer.message_from_id)
     buffer.message_counter += 10**12
-    with sockets(viewer, 1) as (socket,):
+    with sockets(viewer.port, 1) as (socket,):
         viewer.set_frame(9)
         assert any(m["type"] == "SetOrientationMessage" and m["name"] == link_path("crank") for m in messages(socket))
         assert abs(len(buffer.message_from_id) - kept) <= 5
 
 
 def test_who_has_changed_a_value_is_not_told_of_it_and_others_are(viewer):
-    buffer, uuid = buffer_of(viewer), viewer.timeline.slider._impl.uuid
-    with sockets(viewer, 2) as opened:
+    buffer, uuid = buffer_of(viewer.server), uuid_of(viewer.timeline.slider)
+    with sockets(viewer.port, 2) as browsers:
         own = min(buffer.generator_cursors)
         made = buffer.encodings
         message = _messages.GuiUpdateMessage(uuid, {"value": 17})
@@ -178,15 +136,15 @@ def test_who_has_changed_a_value_is_not_told_of_it_and_others_are(viewer):
         viewer.server._websock_server.queue_message(message)
         viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"hint": "for all"}))
         assert send_now(viewer.server, PATIENCE)
-        said = [[m["updates"] for m in messages(socket) if m.get("uuid") == uuid] for socket in opened]
+        said = [[m["updates"] for m in messages(socket) if m.get("uuid") == uuid] for socket in browsers]
         assert sorted(said, key=len) == [[{"hint": "for all"}], [{"value": 17}, {"hint": "for all"}]]
         assert buffer.encodings - made == 2
 
 
 def test_nothing_of_a_piece_goes_before_it_is_whole(viewer):
-    buffer = buffer_of(viewer)
-    uuid = viewer.timeline.slider._impl.uuid
-    with sockets(viewer, 1) as (socket,):
+    buffer = buffer_of(viewer.server)
+    uuid = uuid_of(viewer.timeline.slider)
+    with sockets(viewer.port, 1) as (socket,):
         with viewer.server.atomic():
             viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"value": 1}))
             assert not send_now(viewer.server, 0.05), "it waits for the rest"
@@ -197,13 +155,13 @@ def test_nothing_of_a_piece_goes_before_it_is_whole(viewer):
 
 
 def test_nobody_is_waited_for_when_nobody_is_there(viewer):
-    with sockets(viewer, 2):
+    with sockets(viewer.port, 2):
         pass
     assert send_now(viewer.server, PATIENCE)
 
 
 def test_while_it_plays_numbers_change_now_and_then(viewer, monkeypatch):
-    timeline, buffer = viewer.timeline, buffer_of(viewer)
+    timeline, buffer = viewer.timeline, buffer_of(viewer.server)
     monkeypatch.setattr("mechviz.outputs.viewer.panels.timeline.RATE", 1e-9)
     viewer.set_frame(2)
     for frame in range(3, 20):
@@ -222,8 +180,7 @@ def test_another_server_of_viser_keeps_its_own_way():
     plain.start()
     try:
         assert not isinstance(plain._broadcast_buffer, SharedBuffer)
-        protocol: Any = f"viser-v{viser.__version__}"
-        with connect(f"ws://127.0.0.1:{plain._port}", subprotocols=[protocol]) as socket:
+        with opened(plain._port) as socket:
             plain.queue_message(_messages.GuiUpdateMessage("a", {"value": 3}))
             assert messages(socket)[0]["updates"] == {"value": 3}
     finally:

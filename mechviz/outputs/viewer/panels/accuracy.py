@@ -16,6 +16,7 @@ from mechviz.outputs.rerun.describe import accuracy_words
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.callbacks import Callback
 from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.studies.ladder import Point, ladder, pareto
 from mechviz.studies.ladder_diagram import diagram, setting_words
 
@@ -103,7 +104,7 @@ class AccuracyTab:
         figure, words = diagram(
             self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE
         )
-        code = escape(PICK % json.dumps(self.choice._impl.uuid), quote=True)
+        code = escape(PICK % json.dumps(uuid_of(self.choice)), quote=True)
         svg = chart_svg(figure, words).partition("<svg ")[2]  # without the prolog of a file
         self.diagram.content = f'<div onclick="{code}"><svg style="width:100%;height:auto;cursor:pointer" {svg}</div>'
 

@@ -15,6 +15,7 @@ from viser import uplot
 
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import number
 from mechviz.quantities.catalogue import Axis, Quantity
 
@@ -275,7 +276,7 @@ class Slot:
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """How the cursor and the numbers move over the run."""
         assert self.chart is not None
-        yield self._curves.track(self.chart._impl.uuid)
+        yield self._curves.track(uuid_of(self.chart))
         for k in range(len(self.quantity.curves)):
             values = np.where(np.abs(self._values[:, k]) <= self._least, 0.0, self._values[:, k])
             yield NumberTrack(f"{self._label}:{k}", values, None, f" {self.quantity.unit}")

@@ -11,6 +11,7 @@ import viser
 from mechviz.outputs.viewer.callbacks import Callback, finite
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import PRESETS, reset_to
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES
@@ -44,7 +45,7 @@ class Switches:
         with tab:
             self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()), hint=CAMERAS)
             self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
-            reset_to(server, self.cameras._impl.uuid, PRESETS["front"].label)
+            reset_to(server, uuid_of(self.cameras), PRESETS["front"].label)
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
                 for name in FAMILIES:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.world.solids import Posed, link_path
+from mechviz.outputs.viewer.viser_adapter import Posed
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Mesh
 
 Real = NDArray[np.float64]

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import viser
 from numpy.typing import NDArray
-from viser import _messages
+
+from mechviz.outputs.viewer.viser_adapter import run_script
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
 FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
@@ -114,8 +115,7 @@ def set_first_view(server: viser.ViserServer, bounds: NDArray[np.float64]) -> No
 
 def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
     """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
-    source = RESET.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label))
-    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=source))
+    run_script(server, RESET.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label)), "reset")
 
 
 class FittedCameras:
@@ -141,14 +141,18 @@ class FittedCameras:
             return
         # viser's default, and our first
         self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), fit_view(self._bounds, USUAL_ASPECT)]
-        changes = [0]
+        loop = self._server.get_event_loop()
+        timer: asyncio.TimerHandle | None = None
 
-        async def update(camera: Any) -> None:
-            changes[0] += 1
-            latest = changes[0]
-            await asyncio.sleep(SETTLING)
-            if latest == changes[0] and client.client_id in self._server.get_clients():
-                self._fit(client, camera)
+        def settle() -> None:
+            if client.client_id in self._server.get_clients():
+                self._fit(client, client.camera)
+
+        async def update(_: Any) -> None:
+            nonlocal timer
+            if timer is not None:
+                timer.cancel()
+            timer = loop.call_later(SETTLING, settle)
 
         client.camera.on_update(update)
 
@@ -172,8 +176,7 @@ class FittedCameras:
         self._presets[client.client_id] = preset
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
-        source = DRAGGING.replace("FLAT", json.dumps(preset == "flat"))
-        client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        run_script(client, DRAGGING.replace("FLAT", json.dumps(preset == "flat")), "dragging")
         self._set(client, fit_view(self._bounds, aspect, PRESETS[preset]))
 
     def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
@@ -202,18 +205,20 @@ class FittedCameras:
 def move_to(client: viser.ClientHandle, view: View) -> None:
     """Put a browser's camera to a view, wherever the browser last said that its camera was.
 
-    The setters of viser's camera send nothing if the camera is there already, by what the browser has told. A browser that is busy
-    drawing tells later, so that a click right after a turn of the mouse wheel would be lost: hence the messages themselves.
+    viser sends nothing to a camera that is there already, by what the browser has told. A browser that is busy drawing tells later,
+    so that a click right after a turn of the mouse wheel would be lost: hence each value is set to another one first, of which
+    nothing is sent, as only the last one counts.
     """
-    position, look_at = (tuple(float(x) for x in vector) for vector in (view.position, view.look_at))
-    up = (0.0, 1.0, 0.0)
-    queue = client._websock_connection.queue_message
+    camera, distance = client.camera, view.distance
+    nearest = min(MOST_NEAR * distance, 0.5 * camera.max_orbit_distance)
     with client.atomic():
-        queue(_messages.SetCameraFovMessage(view.fov, initial=False))
-        queue(_messages.SetCameraNearMessage(view.distance / 100.0, initial=False))
-        queue(_messages.SetCameraFarMessage(view.distance * 100.0, initial=False))
-        queue(_messages.SetCameraMinOrbitDistanceMessage(MOST_NEAR * view.distance))
-        queue(_messages.SetCameraUpDirectionMessage(up, initial=False))
-        queue(_messages.SetCameraPositionMessage(position))
-        queue(_messages.SetCameraLookAtMessage(look_at))
+        camera.fov, camera.near, camera.far = 0.5 * view.fov, distance, 2.0 * distance
+        camera.fov, camera.near, camera.far = view.fov, distance / 100.0, 100.0 * distance
+        camera.min_orbit_distance = 0.5 * nearest
+        camera.min_orbit_distance = nearest
+        camera.position = 2.0 * view.position - view.look_at
+        camera.look_at = 0.5 * (view.position + view.look_at)
+        camera.up_direction = (1.0, 0.0, 0.0)
+        camera.up_direction = (0.0, 1.0, 0.0)
+        camera.position, camera.look_at = view.position, view.look_at
     client.flush()

@@ -119,7 +119,7 @@ class PlanNodes:
         """Draw the constructions of ``show`` instead of those so far; of a recording as it holds them."""
         for construction in self.constructions.values():
             for node in construction.nodes:
-                if not node._impl.removed:  # it goes with the node that it lies below
+                if self._server.scene.get_handle_by_name(node.name) is node:  # it goes with the node that it lies below
                     node.remove()
         self.constructions = {}
         self.bounds: Real | None = None

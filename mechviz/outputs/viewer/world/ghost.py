@@ -9,8 +9,9 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.marks import path_segments
-from mechviz.outputs.viewer.world.solids import Posed, quaternions
+from mechviz.outputs.viewer.world.solids import quaternions
 
 Real = NDArray[np.float64]
 

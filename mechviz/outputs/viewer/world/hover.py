@@ -9,12 +9,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import viser
-from viser import _messages
 
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import run_script
 from mechviz.outputs.viewer.world.arrows import arc_path, arrows_by_family
 from mechviz.outputs.viewer.world.marks import dot_path, joint_groups, joint_path
 from mechviz.outputs.viewer.world.solids import link_path
@@ -69,6 +68,4 @@ class HoverNames:
         if names == self._names:
             return
         self._names = names
-        message: Any = _messages.RunJavascriptMessage(source=f"{SCRIPT}window.mechvizHover.names = {json.dumps(names)};")
-        message.redundancy_key = lambda: "mechviz hover"  # of those that are kept for new browsers only the last one counts
-        self._server._websock_server.queue_message(message)
+        run_script(self._server, f"{SCRIPT}window.mechvizHover.names = {json.dumps(names)};", "hover")

@@ -10,7 +10,8 @@ import viser
 from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.world.solids import Posed, link_path
+from mechviz.outputs.viewer.viser_adapter import Posed
+from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Points
 
 Real = NDArray[np.float64]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
 from mechviz.outputs.viewer.view_model import ViewModel
+from mechviz.outputs.viewer.viser_adapter import place
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.outputs.viewer.world.camera import FittedCameras, set_first_view
@@ -20,7 +21,7 @@ from mechviz.outputs.viewer.world.constructions import PlanNodes
 from mechviz.outputs.viewer.world.ghost import Ghost
 from mechviz.outputs.viewer.world.lines import LineNodes
 from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths
-from mechviz.outputs.viewer.world.solids import SolidNodes, place
+from mechviz.outputs.viewer.world.solids import SolidNodes
 from mechviz.outputs.viewer.world.stage import Stage
 from mechviz.picture.nodes import Body
 

@@ -1,0 +1,231 @@
+"""Messages that no page of the viewer sends change nothing, are not kept, and are counted; the picture goes on."""
+
+from __future__ import annotations
+
+import time
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from viewer_sockets import CAMERA, PATIENCE, opened, send, sockets
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+
+from mechviz import scene
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
+from mechviz.outputs.viewer.world.solids import link_path
+from mechviz.runs import run_scene
+
+SLIDER_VALUES = (
+    float("nan"),
+    float("inf"),
+    1e300,
+    -(2**62),
+    [1.0, 2.0],
+    [[]],
+    "no number",
+    "5",
+    None,
+    {"a": 1},
+    "x" * 9000,
+    True,
+    b"1",
+)
+UPDATES = ({"max": 5.0}, {"removed": True}, {"value": 7, "max": 9}, {}, [], None, 5)
+
+
+@pytest.fixture(scope="module")
+def viewer() -> Iterator[Viewer]:
+    with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
+        assert shown.studio.wait(rested=True)
+        yield shown
+
+
+@pytest.fixture()
+def browser(viewer: Viewer) -> Iterator[ClientConnection]:
+    with sockets(viewer.port, 1) as (socket,):
+        send(socket, CAMERA)
+        yield socket
+
+
+def update(control: Any, value: Any) -> dict[str, Any]:
+    return {"type": "GuiUpdateMessage", "uuid": uuid_of(control), "updates": {"value": value}}
+
+
+def answered(viewer: Viewer, browser: ClientConnection) -> None:
+    """Wait until all that was sent has been read, and the picture follows the slider."""
+    slider = viewer.timeline.slider
+    frame = 5 if slider.value != 5 else 6
+    send(browser, update(slider, frame))
+    until(lambda: viewer.frame == frame, "the slider")
+    assert viewer.player.wait() and slider.value == frame
+    node = viewer.server.scene.get_handle_by_name(link_path("crank"))
+    angle = viewer.run.motion.pose("crank")[frame, 2]
+    np.testing.assert_allclose(node.wxyz, [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], atol=1e-9)
+
+
+def until(condition: Any, what: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)
+
+
+def refused(viewer: Viewer) -> int:
+    return sum(viewer.guard.dropped.values())
+
+
+def test_a_page_of_ours_is_believed(viewer, browser):
+    before = refused(viewer)
+    answered(viewer, browser)
+    mesh = next(m.name for m in buffer_of(viewer.server).message_from_id.values() if m.__class__.__name__ == "MeshMessage")
+    send(browser, {"type": "SceneNodeClickMessage", "name": mesh, "instance_index": None, "owner": "", "modifier": None,
+                   "ray_origin": [0.0, 0.0, 3.0], "ray_direction": [0.0, 0.0, -1.0], "screen_pos": [0.5, 0.5]})  # fmt: skip
+    send(browser, {"type": "CommandTriggerMessage", "uuid": "none"})
+    send(browser, update(viewer.switches.dark, True))
+    send(browser, update(viewer.plots.slots[0].choice, viewer.plots.slots[0].choice.options[1]))
+    until(lambda: viewer.switches.dark.value, "the checkbox")
+    answered(viewer, browser)
+    assert refused(viewer) == before
+
+
+@pytest.mark.parametrize("value", SLIDER_VALUES, ids=repr)
+def test_values_that_do_not_fit_a_slider_change_nothing(viewer, browser, value):
+    before, slider = refused(viewer), viewer.timeline.slider
+    answered(viewer, browser)
+    shown = slider.value
+    send(browser, update(slider, value))
+    until(lambda: refused(viewer) == before + 1, "counted")
+    assert slider.value == shown
+    answered(viewer, browser)
+
+
+@pytest.mark.parametrize("updates", UPDATES, ids=repr)
+def test_only_the_value_of_a_control_can_be_set(viewer, browser, updates):
+    before, slider = refused(viewer), viewer.timeline.slider
+    send(browser, {"type": "GuiUpdateMessage", "uuid": uuid_of(slider), "updates": updates})
+    until(lambda: refused(viewer) == before + 1, "counted")
+    assert slider.max == 48
+    answered(viewer, browser)
+
+
+def test_each_kind_of_control_takes_its_own_values_only(viewer, browser):
+    controls: list[tuple[Any, tuple[Any, ...]]] = [
+        (viewer.plots.slots[0].choice, ("no such quantity", 3, True, None)),
+        (viewer.timeline.buttons, ("Explode", 0, True)),
+        (viewer.switches.dark, (1, "true", None, 0.0)),
+        (viewer.inspector.closer.choice, ("link nobody", b"link crank")),
+    ]
+    before, kept = refused(viewer), [control.value for control, _ in controls]
+    for control, values in controls:
+        for value in values:
+            send(browser, update(control, value))
+    answered(viewer, browser)
+    assert refused(viewer) == before + sum(len(values) for _, values in controls)
+    assert [control.value for control, _ in controls] == kept
+
+
+def upload(uuid: str, transfer: str) -> dict[str, Any]:
+    return {"type": "FileTransferStartUpload", "source_component_uuid": uuid, "transfer_uuid": transfer, "filename": "a.bin",
+            "mime_type": "", "part_count": 0, "size_bytes": 0}  # fmt: skip
+
+
+def test_no_control_takes_a_file(viewer, browser):
+    choice = viewer.plots.slots[0].choice
+    kept = choice.value
+    send(browser, upload(uuid_of(choice), "t"))
+    send(browser, upload(uuid_of(choice), "u") | {"part_count": 2, "size_bytes": 60_000})
+    send(browser, {"type": "FileTransferPart", "source_component_uuid": uuid_of(choice), "transfer_uuid": "u", "part_index": 0,
+                   "content": bytes(30_000)})  # fmt: skip
+    answered(viewer, browser)
+    assert choice.value == kept
+
+
+def test_no_client_can_ask_for_a_public_tunnel(viewer, browser, monkeypatch):
+    asked: list[Any] = []
+    for name in ("request_share_url", "disconnect_share_url"):
+        monkeypatch.setattr(viewer.server, name, lambda *_: asked.append(1))
+    send(browser, {"type": "ShareUrlRequest"})
+    send(browser, {"type": "ShareUrlDisconnect"})
+    answered(viewer, browser)
+    time.sleep(0.05)  # viser would ask from a thread of a pool
+    assert not asked
+
+
+def test_what_is_refused_is_neither_kept_nor_sent_to_others(viewer, browser):
+    buffer, before = buffer_of(viewer.server), refused(viewer)
+    answered(viewer, browser)
+    kept = len(buffer.message_from_id)
+    for k in range(500):
+        send(browser, {"type": "GuiFormDirtyMessage", "uuid": f"{k}"})
+    answered(viewer, browser)
+    assert refused(viewer) == before + 500 and len(buffer.message_from_id) == kept
+
+
+def test_bytes_that_are_no_message_are_counted(viewer, browser):
+    before = refused(viewer)
+    junk = (b"", b"\xc1", b"\x93" * 9000, b"\x80", b"\xa1x", bytes(300))
+    for data in junk:
+        send(browser, data)
+    for message in (
+        [],
+        {"type": None},
+        {"type": ["x"]},
+        {"type": "Message"},
+        {1: 2},
+        CAMERA | {"fov": None},
+        CAMERA | {"owner": ""},
+    ):
+        send(browser, message)
+    send(browser, CAMERA | {"look_at": CAMERA["position"]})
+    send(browser, {k: v for k, v in CAMERA.items() if k != "far"})
+    answered(viewer, browser)
+    assert refused(viewer) == before + len(junk) + 9
+
+
+def test_a_message_that_is_too_long_ends_its_own_connection(viewer, browser):
+    with opened(viewer.port) as hostile:
+        send(hostile, bytes(1_000_000))
+        with pytest.raises(ConnectionClosed):
+            while True:
+                hostile.recv(timeout=PATIENCE)
+    answered(viewer, browser)
+
+
+def test_a_flood_is_no_flood_of_lines(viewer, browser, caplog):
+    for _ in range(300):
+        send(browser, {"type": "GuiFormSubmitMessage", "uuid": "x"})
+    answered(viewer, browser)
+    assert len(caplog.records) <= 3
+
+
+def test_what_waits_for_a_browser_that_does_not_read_is_bounded(viewer):
+    buffer = SharedBuffer(viewer.server.get_event_loop(), persistent_messages=False)
+    for k in range(3 * MOST_WAITING):
+        buffer.push(RunJavascriptMessage("", f"{k}"))
+    assert [m.key for m in buffer.message_from_id.values()] == [f"{k}" for k in range(2 * MOST_WAITING, 3 * MOST_WAITING)]
+    for k in range(3 * MOST_WAITING):
+        buffer.push(RunJavascriptMessage(f"{k}", "one purpose"))
+    assert len(buffer.message_from_id) == MOST_WAITING and buffer.message_from_id.popitem()[1].source == f"{3 * MOST_WAITING - 1}"
+
+
+def test_what_was_removed_is_not_kept_for_ever(viewer, browser):
+    buffer = buffer_of(viewer.server)
+    sizes = []
+    for k in range(12_000):
+        viewer.server.gui.add_html(f"{k}").remove()
+        if k % 500 == 0:
+            answered(viewer, browser)
+            sizes.append(len(buffer.message_from_id))
+    assert max(sizes) < 8_000
+
+
+def test_the_page_loads_nothing_from_elsewhere(viewer):
+    with urllib.request.urlopen(viewer.url, timeout=PATIENCE) as answer:
+        policy = dict(part.split(" ", 1) for part in answer.headers["Content-Security-Policy"].split("; "))
+    assert policy["default-src"] == "'none'" and policy["img-src"] == "'self' data: blob:"
+    assert not [value for name, value in policy.items() if "http" in value or "*" in value]
+    assert f"ws://127.0.0.1:{viewer.port}" in policy["connect-src"]

@@ -1,0 +1,70 @@
+"""Browsers of which only the sockets are there, and messages such as pages, or somebody else, send."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import viser
+import zstandard
+from websockets.sync.client import ClientConnection, connect
+
+PATIENCE = 30.0  # [s]
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 3.0],
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 1.0, 0.0],
+    "fov": 0.3,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 700,
+    "image_width": 1100,
+}
+
+
+def opened(port: int) -> contextlib.AbstractContextManager[ClientConnection]:
+    """A socket as a page opens it."""
+    protocol: Any = f"viser-v{viser.__version__}"
+    return connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_size=None, close_timeout=0.5)
+
+
+@contextlib.contextmanager
+def sockets(port: int, count: int) -> Iterator[list[ClientConnection]]:
+    """Browsers of which only the sockets are there, after all that was before them."""
+    with contextlib.ExitStack() as stack:
+        found = [stack.enter_context(opened(port)) for _ in range(count)]
+        for socket in found:
+            replay(socket)
+        yield found
+
+
+def replay(socket: ClientConnection) -> list[dict[str, Any]]:
+    """All that a page is told when it opens."""
+    found: list[dict[str, Any]] = []
+    while "ReplayDoneMessage" not in types(found):
+        found += messages(socket)
+    return found
+
+
+def messages(socket: ClientConnection) -> list[dict[str, Any]]:
+    """The next messages that a browser gets."""
+    return decoded(socket.recv(timeout=PATIENCE))
+
+
+def decoded(data: Any) -> list[dict[str, Any]]:
+    size, packed = (int.from_bytes(data[k : k + 8], "little") for k in (0, 8))
+    inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + packed], max_output_size=size)
+    return list(msgspec.msgpack.decode(inner)["messages"])
+
+
+def types(found: list[dict[str, Any]]) -> set[str]:
+    return {m["type"] for m in found}
+
+
+def send(socket: ClientConnection, message: Any) -> None:
+    """What a page, or somebody else, sends: a message, or bytes as they are."""
+    socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
