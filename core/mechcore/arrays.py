@@ -1,4 +1,4 @@
-"""Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings."""
+"""Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings. Unit vectors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,3 +7,8 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+
+def unit_vectors(z: Complex) -> Complex:
+    """z over its length. NaN stays NaN without a warning, which the division of a complex NaN would give."""
+    return np.asarray(z * (1.0 / np.abs(z)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Real, unit_vectors
 from mechcore.cams.closures import InverseCam
 from mechcore.cams.followers import Roller
 from mechcore.cams.placed import ContactRows, PlacedCam, argument_of, on_knots, rows_by_parts, segment_of
@@ -179,7 +179,7 @@ class PlacedInverse(PlacedRoller):
         pin, n, away = self._at(motion)
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        push = direction / np.abs(direction) * np.where(np.real(multiplier) >= 0.0, 1.0, -1.0)
+        push = unit_vectors(direction) * np.where(np.real(multiplier) >= 0.0, 1.0, -1.0)
         world = self.world(motion)
         return self.place(motion, pin + self.cam.radius * push), direction * world
 
@@ -407,7 +407,7 @@ class PlacedSpatial(PlacedRoller):
         return ContactRows(
             angle=angle,
             place=np.asarray(self.place(motion, self._shadow(t.axis))),
-            normal=np.asarray(normal / np.abs(normal)),
+            normal=unit_vectors(normal),
             pressure_angle=np.where(lost, np.nan, flank.pressure_angle[:, 0]),
             radius=np.where(lost, np.nan, radius),
             eccentricity=np.full(angle.shape, np.nan),

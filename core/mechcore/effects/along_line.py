@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Complex, Real, unit_vectors
 from mechcore.effects.base import Configuration, Effect, Wrench
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
@@ -40,7 +40,7 @@ class Line(Effect):
                     f"loads.{self.name}", f"its two points meet at {when:.6g} s: no direction is left.", "Move one of the points."
                 )
             )
-        return vector / length
+        return unit_vectors(vector)
 
     def between(self, at: Configuration, force: Complex) -> list[Wrench]:
         """``force`` on the first link at its point, the opposite on the second link at the same point and line."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechcore.arrays import unit_vectors
 from mechcore.effects.argument import rate
 from mechcore.effects.base import Configuration, Effect, Wrench, pair_wrench
 from mechcore.spec.loads import Viscous
@@ -54,7 +55,7 @@ class ViscousFriction(Effect):
     def _cam(self, at: Configuration, relation: Relation) -> Wrench:
         first, second = (at.model.index[k] for k in relation.links)
         place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]  # a configuration is all that it looks at
-        tangent = 1j * normal / np.abs(normal)
+        tangent = 1j * unit_vectors(normal)
         arms = [place - at.origins[k] for k in (first, second)]
         speeds = [
             at.origin_velocities[k] + 1j * at.speeds.spin[at.model.angles.spin[k]] * arm

@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, unit_vectors
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import (
@@ -219,8 +219,7 @@ def _of_cam(
     if pair.second is not None and friction.radius:  # the second roller of a conjugate pair turns on a pin of the same radius
         factor = factor * np.where(np.real(flank) < 0.0, geometry.face.radius / pair.second[1], 1.0)
     place, direction = geometry.contact(motion, flank)
-    with np.errstate(invalid="ignore"):
-        along = 1j * direction / np.abs(direction)
+    along = 1j * unit_vectors(direction)
     spin = motion.model.angles.spin
     speed = [motion.origin_velocities[k] + 1j * motion.speeds.spin[spin[k]] * (place - motion.origins[k]) for k in links]
     rate = np.array(np.broadcast_to(np.real(np.conj(along) * (speed[1] - speed[0])), (motion.frames,)))
