@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -65,6 +66,12 @@ class History:
         self._at = 0
         self._clock = clock
         self._last: tuple[str, float] = "", -1e9
+
+    def copied(self) -> History:
+        """A history that goes its own way from here on."""
+        other = copy.copy(self)
+        other._drafts = list(self._drafts)
+        return other
 
     @property
     def opened(self) -> Draft:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import msgspec
+import numpy as np
 import viser
 import zstandard
 from websockets.sync.client import ClientConnection, connect
+
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.viser_adapter import uuid_of
+from mechviz.outputs.viewer.world.solids import link_path
 
 PATIENCE = 30.0  # [s]
 CAMERA = {
@@ -68,3 +74,26 @@ def types(found: list[dict[str, Any]]) -> set[str]:
 def send(socket: ClientConnection, message: Any) -> None:
     """What a page, or somebody else, sends: a message, or bytes as they are."""
     socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
+
+
+def update(control: Any, value: Any) -> dict[str, Any]:
+    return {"type": "GuiUpdateMessage", "uuid": uuid_of(control), "updates": {"value": value}}
+
+
+def answered(viewer: Viewer, browser: ClientConnection) -> None:
+    """Wait until all that was sent has been read, and the picture follows the slider."""
+    slider = viewer.timeline.slider
+    frame = 5 if slider.value != 5 else 6
+    send(browser, update(slider, frame))
+    until(lambda: viewer.frame == frame, "the slider")
+    assert viewer.player.wait() and slider.value == frame
+    node = viewer.server.scene.get_handle_by_name(link_path("crank"))
+    angle = viewer.run.motion.pose("crank")[frame, 2]
+    np.testing.assert_allclose(node.wxyz, [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], atol=1e-9)
+
+
+def until(condition: Any, what: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)

@@ -17,6 +17,7 @@ import numpy as np
 
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.browser import prepare_page
+from mechviz.outputs.viewer.callbacks import Changes
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
 from mechviz.outputs.viewer.inspector import Inspector, theme
 from mechviz.outputs.viewer.panels.plots import Plots
@@ -53,9 +54,12 @@ class Viewer:
     def __init__(self, shown: Run | Recording, port: int = 8080, folder: Path | None = None, *, growing: bool = False):
         self._studio: EditSession | None = None
         self._growth: Growth | None = None
+        self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
         show = _read(shown) if isinstance(shown, Recording) else None
         self.server, self.guard = start_server(port, "mechviz")
+        self.changes = Changes()
+        self.guard.admitted = self.changes.remember
         try:
             if isinstance(shown, Recording):
                 assert show is not None
@@ -86,6 +90,8 @@ class Viewer:
             except Exception as error:
                 report(self.server, "Opening the scene", error)
 
+        if self.opening is not None and self.opening.is_alive():
+            return
         self.opening = threading.Thread(target=solve, name="mechviz-opening", daemon=True)
         self.opening.start()
 
@@ -142,20 +148,31 @@ class Viewer:
         server = self.server
 
         def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
-            return safely(server, what, action)
+            return safely(server, self.changes, what, action)
 
         theme(server, dark=False)
         prepare_page(server, f"{show.title} · mechviz")
         playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.glance(frame))
         self.player = Player(
             show.time,
-            lambda frame, playing: self.inspector.draw(frame, playing),
-            lambda error: report(server, "Drawing", error),
+            self._draw,
+            self._undraw,
             remote=playback,
         )
         self.inspector = Inspector(server, show, self.player, self._studio, self._folder, callback, playback, note, edit)
         self.player.start()
         self.set_frame(show.opening)
+
+    def _draw(self, frame: int, playing: bool) -> None:
+        changes = self.changes.open()
+        self.inspector.draw(frame, playing)
+        self.changes.accept(changes)
+
+    def _undraw(self, error: Exception) -> None:
+        """A picture failed: go back to what was drawn last."""
+        report(self.server, "Drawing", error)
+        if self.changes.undo():
+            self.player.refresh()
 
     @property
     def studio(self) -> EditSession:

@@ -107,11 +107,12 @@ def is_value(control: Any, value: Any) -> bool:
 
 @dataclass
 class Guard:
-    """Decides on messages. ``control(uuid)`` and ``node(name)`` give what they are about, None if it is not there; ``dropped``
-    counts what was refused, by reason."""
+    """Decides on messages. ``control(uuid)`` and ``node(name)`` give what they are about, None if it is not there;
+    ``admitted(control)`` is told before a control gets another value; ``dropped`` counts what was refused, by reason."""
 
     control: Callable[[str], Any] = lambda uuid: None
     node: Callable[[str], Any] = lambda name: None
+    admitted: Callable[[Any], None] = lambda control: None
     dropped: Counter[str] = field(default_factory=Counter)
 
     def admits(self, data: bytes) -> bool:
@@ -140,8 +141,11 @@ class Guard:
             return f"{kind} with fields that no page of the viewer sends"
         if kind == "ViewerCameraMessage" and message["position"] == message["look_at"]:
             return "a camera that looks nowhere"
-        if kind == "GuiUpdateMessage" and not is_value(self.control(message["uuid"]), message["updates"]["value"]):
-            return "a value that does not fit its control"
+        if kind == "GuiUpdateMessage":
+            control = self.control(message["uuid"])
+            if not is_value(control, message["updates"]["value"]):
+                return "a value that does not fit its control"
+            self.admitted(control)
         if "name" in message and self.node(message["name"]) is None:
             return "a message about something that is not in the picture"
         return ""

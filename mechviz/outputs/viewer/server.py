@@ -15,6 +15,7 @@ import viser
 import websockets.asyncio.server
 from websockets.typing import Origin
 
+from mechviz.outputs.viewer.callbacks import Changes
 from mechviz.outputs.viewer.guard import MOST_BYTES, Guard
 from mechviz.outputs.viewer.viser_adapter import control_of, replaced, start
 
@@ -64,8 +65,8 @@ def stop_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
-def safely(server: viser.ViserServer, what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
-    """A callback for viser that runs ``action(event)`` in the order of the events; a failure is logged and shown to the user.
+def safely(server: viser.ViserServer, changes: Changes, what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
+    """A callback for viser that runs ``action(event)`` in the order of the events; a failure is logged, shown and undone.
 
     Events that the program itself causes by setting a value have no client and are ignored.
     """
@@ -74,7 +75,7 @@ def safely(server: viser.ViserServer, what: str, action: Callable[[Any], None]) 
         if event.client is None:
             return
         try:
-            action(event)
+            changes.run(action, event)
         except Exception as error:
             report(server, what, error, event.client)
 

@@ -147,11 +147,12 @@ class EditSession:
         with self._lock:
             pending, self._pending = self._pending, {}
         start = time.perf_counter()
-        draft, moved, remembered = self.history.present, None, True
+        history = self.history.copied()
+        draft, moved, remembered = history.present, None, True
         try:
             for what in pending.values():
                 if isinstance(what, str):
-                    draft = {"undo": self.history.undo, "redo": self.history.redo, "reset": self.history.reset}[what]()
+                    draft = {"undo": history.undo, "redo": history.redo, "reset": history.reset}[what]()
                     remembered = False
                 elif isinstance(what, _Value):
                     moved = what
@@ -161,15 +162,25 @@ class EditSession:
             draft, run = self._solved(draft)
             with self._lock:
                 show = show_of_run(run, self._built, self.show)
+                before = self.run, self.show
                 self.run, self.show = run, show
-                self._present(show)
+                try:
+                    self._present(show)
+                except Exception:
+                    self.run, self.show = before
+                    self._present(self.show)  # instead of the half of another one
+                    raise
             if remembered:
-                self.history.change(draft, "+".join(pending))
+                history.change(draft, "+".join(pending))
+            self.history = history
             self._tell(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
         except (MechanismError, ValueError) as error:
             self._tell(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
                 self._find_reach(moved, _words(error))
+        except Exception as error:
+            self._tell(Status(f"{type(error).__name__}: {error}", "+".join(pending)))
+            raise
 
     def _solved(self, draft: Draft) -> tuple[Draft, Run]:
         """A draft with its run. Its drive runs within its reach from now on if it cannot turn fully."""

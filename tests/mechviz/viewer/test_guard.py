@@ -7,16 +7,14 @@ import urllib.request
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import pytest
-from viewer_sockets import CAMERA, PATIENCE, opened, send, sockets
+from viewer_sockets import CAMERA, PATIENCE, answered, opened, send, sockets, until, update
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
-from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 
 SLIDER_VALUES = (
@@ -49,29 +47,6 @@ def browser(viewer: Viewer) -> Iterator[ClientConnection]:
     with sockets(viewer.port, 1) as (socket,):
         send(socket, CAMERA)
         yield socket
-
-
-def update(control: Any, value: Any) -> dict[str, Any]:
-    return {"type": "GuiUpdateMessage", "uuid": uuid_of(control), "updates": {"value": value}}
-
-
-def answered(viewer: Viewer, browser: ClientConnection) -> None:
-    """Wait until all that was sent has been read, and the picture follows the slider."""
-    slider = viewer.timeline.slider
-    frame = 5 if slider.value != 5 else 6
-    send(browser, update(slider, frame))
-    until(lambda: viewer.frame == frame, "the slider")
-    assert viewer.player.wait() and slider.value == frame
-    node = viewer.server.scene.get_handle_by_name(link_path("crank"))
-    angle = viewer.run.motion.pose("crank")[frame, 2]
-    np.testing.assert_allclose(node.wxyz, [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)], atol=1e-9)
-
-
-def until(condition: Any, what: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.002)
 
 
 def refused(viewer: Viewer) -> int:

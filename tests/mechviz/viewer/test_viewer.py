@@ -585,7 +585,7 @@ def test_a_failing_callback_is_logged_and_the_server_lives(viewer, caplog):
     def fail(_event):
         raise ValueError("out of order")
 
-    callback = safely(viewer.server, "Testing", fail)
+    callback = safely(viewer.server, viewer.changes, "Testing", fail)
     asyncio.run(callback(SimpleNamespace(client=None)))  # set by the program itself: not for callbacks
     assert not caplog.records
     told: list[tuple[str, str]] = []

@@ -55,15 +55,24 @@ class DetailPanel:
         self.show(0, False)
 
     def look_at(self, item: str) -> None:
-        """Show the values of an item; an unknown one changes nothing."""
-        if item in items_of(self._show):
-            self.item = item
-            self.slot.choice.options = self._titles()
-            self._plot(self._first().title)
-            self._read()
-            self._picked(item)
-        self.choice.value = self.item
-        self.show(self._frame, False)
+        """Show the values of an item; an unknown one changes nothing, nor does one that cannot be shown."""
+        before = self.item
+        try:
+            if item in items_of(self._show):
+                self._take(item)
+            self.choice.value = self.item
+            self.show(self._frame, False)
+        except Exception:
+            self._take(before)
+            self.choice.value = before
+            raise
+
+    def _take(self, item: str) -> None:
+        self.item = item
+        self.slot.choice.options = self._titles()
+        self._plot(self._first().title)
+        self._read()
+        self._picked(item)
 
     def update(self, show: ViewModel, frame: int) -> None:
         """Take another run."""

@@ -197,7 +197,6 @@ class Slot:
         with tab:
             self.choice = self._gui.add_dropdown(label, titles, initial_value=quantity.title)
             self._readout = self._gui.add_html("")
-        self._order: float | None = None
         self.chart: viser.GuiUplotHandle | None = None
         self.plot(quantity, axis, 0)
 
@@ -215,9 +214,7 @@ class Slot:
             horizontal["incrs"] = ANGLE_STEPS
         unit = "degrees" if quantity.unit == "°" else quantity.unit
         vertical: Any = uplot.Axis(label=unit, size=52, space=24, **fonts)
-        if self.chart is not None:
-            self._order = self.chart.order
-            self.chart.remove()
+        before = self.chart
         with self._tab:
             self.chart = self._gui.add_uplot(
                 data,
@@ -227,8 +224,10 @@ class Slot:
                 legend=uplot.Legend(show=False),
                 height=HEIGHT,
                 padding=(8, 14, 0, 0),
-                order=self._order,
+                order=None if before is None else before.order,
             )
+        if before is not None:
+            before.remove()
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 

@@ -49,12 +49,16 @@ class Saver:
         self.buttons = server.gui.add_button_group("Save", ("Scene", "Recording"))
         self.buttons.on_click(callback("Saving", lambda event: self._ask(event.client, self.buttons.value)))
         self.last: threading.Thread | None = None
+        self._dialogs: dict[int, viser.GuiModalHandle] = {}  # by browser, the one that is open
+        server.on_client_disconnect(lambda client: self._dialogs.pop(client.client_id, None))
 
     def _ask(self, client: viser.ClientHandle, what: str) -> None:
         """A dialog in the browser that asked: the name, and whether a file that is there may be replaced."""
         run, gui = self._run(), client.gui
+        self._close(client)
         ending = ".toml" if what == "Scene" else ".rrd"
         with gui.add_modal(f"Save the {what.lower()}") as dialog:
+            self._dialogs[client.client_id] = dialog
             gui.add_markdown(f"It goes into the folder `{self._folder}`.")
             name = gui.add_text("Name of the file", f"{run.scene.name}{ending}")
             warning = gui.add_markdown("")
@@ -68,13 +72,15 @@ class Saver:
                 warning.content = f"**`{target.name}` is there already.** Give another name, or replace it."
                 replace.visible = True
                 return
-            dialog.close()
+            self._close(client)
             scene, kept = saved_scene(self._opened, run.scene)
             if what == "Scene":
                 copies = [path.name for path in dump(scene, target, keep=True)]
                 words = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
                 words += f" Copied beside it: {', '.join(copies)}." if copies else ""
                 client.add_notification("Scene saved", words, color="green", auto_close_seconds=8.0)
+            elif self.last is not None and self.last.is_alive():
+                raise ValueError("another recording is being written: wait until it is there")
             else:
                 self.last = threading.Thread(
                     target=self._record, daemon=True, args=(client, dataclasses.replace(run, scene=scene), target)
@@ -83,7 +89,13 @@ class Saver:
 
         save.on_click(self._callback("Saving", lambda _: go(False)))
         replace.on_click(self._callback("Saving", lambda _: go(True)))
-        stop.on_click(self._callback("Closing the dialog", lambda _: dialog.close()))
+        stop.on_click(self._callback("Closing the dialog", lambda _: self._close(client)))
+
+    def _close(self, client: viser.ClientHandle) -> None:
+        """Close the dialog that is open in a browser."""
+        dialog = self._dialogs.pop(client.client_id, None)
+        if dialog is not None:
+            dialog.close()
 
     def _record(self, client: viser.ClientHandle, run: Run, target: Path) -> None:
         """Write a recording while the viewer goes on, with its progress as a note in the browser."""
